@@ -1,0 +1,1 @@
+"""Calibration of the model against measurements. Empty so far."""

@@ -1,0 +1,1 @@
+"""Golden-file harness: scenarios, goldens, the gate and its review."""

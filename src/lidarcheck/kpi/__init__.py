@@ -1,0 +1,1 @@
+"""KPIs of measured against simulated samples: pure functions of arrays."""

@@ -1,0 +1,1 @@
+"""The sensor model: from what a beam meets to its echoes."""

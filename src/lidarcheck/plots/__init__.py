@@ -1,0 +1,1 @@
+"""Pictures for people: pages and images. The only importer of matplotlib."""

@@ -1,0 +1,188 @@
+"""The reference sensor: its numbers, its beams, and the materials its light meets.
+
+Sensor frame, metres: X forward, Y left, Z up; azimuth positive to the left, elevation upward. A beam is
+(layer, point).
+"""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from dataclasses import dataclass, fields, replace
+from importlib import resources
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+
+__all__ = [
+    "FWHM_PER_SIGMA",
+    "LAYERS",
+    "LIGHT_SPEED_M_PER_NS",
+    "POINTS",
+    "VARIANTS",
+    "Bounds",
+    "Material",
+    "Sensor",
+    "azimuth_deg",
+    "beam_directions",
+    "elevation_deg",
+    "layer_of",
+    "point_of",
+]
+
+LIGHT_SPEED_M_PER_NS = 0.299792458
+FWHM_PER_SIGMA = 2.3548
+LAYERS = 520
+POINTS = 960
+VARIANTS = ("SMART", "SLIM")
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+class Bounds(NamedTuple):
+    """The closed interval a number may lie in, whether it is a whole number, and its unit."""
+
+    low: float
+    high: float
+    whole: bool
+    unit: str
+
+
+SENSOR_BOUNDS: dict[str, Bounds] = {
+    "spads": Bounds(1, 1000, True, "SPADs per point"),
+    "shots": Bounds(1, 100, True, "shots"),
+    "threshold": Bounds(0, 100_000, True, "detectors ON"),
+    "peak_saturation": Bounds(1, 100_000, True, "detectors ON"),
+    "on_bins": Bounds(1, 64, True, "bins"),
+    "dead_bins": Bounds(1, 64, True, "bins"),
+    "pulse_fwhm_ns": Bounds(0.01, 200.0, False, "ns"),
+    "background_per_ns": Bounds(0.0, 10.0, False, "avalanches per armed SPAD and ns"),
+    "signal_at_1m": Bounds(0.0, 1e9, False, "avalanches per SPAD and shot at 1 m"),
+    "bin_ns": Bounds(0.01, 10.0, False, "ns"),
+    "max_range_m": Bounds(1.0, 1000.0, False, "m"),
+    "max_echoes": Bounds(1, 16, True, "echoes"),
+    "time_offset_ns": Bounds(-1000.0, 1000.0, False, "ns"),
+    "range_resolution_m": Bounds(0.0, 1.0, False, "m"),
+}
+"""Every number of the sensor that a model file may override, with its allowed interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """The numbers of one sensor variant; units in the names, meanings in `sensors/*.toml`.
+
+    Build one with `Sensor.of("SMART", threshold=10)`. `UsageError` names a number that is out of its bounds.
+    """
+
+    variant: Literal["SMART", "SLIM"]
+    spads: int
+    shots: int
+    threshold: int
+    peak_saturation: int
+    on_bins: int
+    dead_bins: int
+    pulse_fwhm_ns: float
+    background_per_ns: float
+    signal_at_1m: float
+    bin_ns: float
+    max_range_m: float
+    max_echoes: int
+    time_offset_ns: float
+    range_resolution_m: float
+
+    def __post_init__(self) -> None:
+        for name, bounds in SENSOR_BOUNDS.items():
+            value = getattr(self, name)
+            if not bounds.low <= value <= bounds.high or (bounds.whole and value != int(value)):
+                kind = "a whole number" if bounds.whole else "a number"
+                raise UsageError(
+                    f"{name} = {value} is out of range",
+                    fix=f"use {kind} from {bounds.low:g} to {bounds.high:g} {bounds.unit}",
+                )
+        if self.dead_bins < self.on_bins:
+            raise UsageError(
+                f"dead_bins = {self.dead_bins} is below on_bins = {self.on_bins}",
+                fix="a SPAD cannot avalanche while its output is still ON; use dead_bins >= on_bins",
+            )
+
+    @classmethod
+    def of(cls, variant: str, **overrides: float) -> Sensor:
+        """The sensor of that variant, with numbers replaced by name."""
+        if variant not in VARIANTS:
+            raise UsageError(f"there is no sensor variant {variant!r}", fix='use "SMART" or "SLIM"')
+        return replace(_default(variant), **overrides)  # type: ignore[arg-type]
+
+    @property
+    def detectors(self) -> int:
+        """N: SPADs times shots, all independent."""
+        return self.spads * self.shots
+
+    @property
+    def bins(self) -> int:
+        """Number of bins of the trace: every bin that begins within `max_range_m`."""
+        return int(2.0 * self.max_range_m / LIGHT_SPEED_M_PER_NS / self.bin_ns) + 1
+
+    @property
+    def sigma_ns(self) -> float:
+        """Standard deviation of the Gaussian pulse."""
+        return self.pulse_fwhm_ns / FWHM_PER_SIGMA
+
+    def overrides(self) -> dict[str, float]:
+        """The numbers that differ from the variant's own."""
+        own = _default(self.variant)
+        return {
+            f.name: getattr(self, f.name)
+            for f in fields(self)
+            if f.name != "variant" and getattr(self, f.name) != getattr(own, f.name)
+        }
+
+
+@functools.cache
+def _default(variant: str) -> Sensor:
+    text = resources.files("lidarcheck").joinpath(f"sensors/{variant}.toml").read_text(encoding="utf-8")
+    numbers: dict[str, Any] = tomllib.loads(text)
+    return Sensor(variant=variant, **numbers)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a surface returns.
+
+    `reflectance` 0 ... 1; a retro-reflector multiplies it by `retro_gain`, at any incidence.
+    """
+
+    name: str
+    reflectance: float
+    kind: Literal["lambertian", "retro"] = "lambertian"
+    retro_gain: float = 1.0
+
+
+def elevation_deg(layer: npt.ArrayLike) -> FloatArray:
+    """Elevation of a layer [deg]; same shape."""
+    return (np.asarray(layer, dtype=np.float64) - 259.5) * 0.05
+
+
+def azimuth_deg(point: npt.ArrayLike) -> FloatArray:
+    """Azimuth of a point column [deg], positive to the left; same shape."""
+    return (np.asarray(point, dtype=np.float64) - 479.5) * 0.125
+
+
+def layer_of(elevation: npt.ArrayLike) -> IntArray:
+    """Nearest layer of an elevation [deg]; may lie outside 0 ... 519."""
+    return np.rint(np.asarray(elevation, dtype=np.float64) / 0.05 + 259.5).astype(np.int32)
+
+
+def point_of(azimuth: npt.ArrayLike) -> IntArray:
+    """Nearest point column of an azimuth [deg]; may lie outside 0 ... 959."""
+    return np.rint(np.asarray(azimuth, dtype=np.float64) / 0.125 + 479.5).astype(np.int32)
+
+
+def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
+    """Unit vectors of beams, shape (n, 3), in the sensor frame."""
+    phi = np.deg2rad(elevation_deg(layer))
+    theta = np.deg2rad(azimuth_deg(point))
+    return np.stack([np.cos(theta) * np.cos(phi), np.sin(theta) * np.cos(phi), np.sin(phi)], axis=-1)
