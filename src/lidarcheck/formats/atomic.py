@@ -1,0 +1,74 @@
+"""Writing a file whole or not at all: temporary file, fsync, rename."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from lidarcheck.errors import InputError
+
+__all__ = ["atomic_path", "atomic_write", "write_bytes", "write_text"]
+
+
+@contextlib.contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; when the block ends well it is synced and takes `path`'s place.
+
+    On any error or interrupt the temporary file is removed and `path` is as it was. The file keeps the permissions it
+    had; a symbolic link is followed, so the file it points at is replaced. `InputError` when it cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    temporary: Path | None = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        temporary.chmod(_mode(target))
+        _sync(temporary)
+        temporary.replace(target)
+        temporary = None
+        _sync(target.parent)
+    except OSError as error:
+        raise InputError(f"cannot write: {error.strerror or error}", file=path, fix="nothing was changed") from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """Like `atomic_path`, yielding the temporary file open for writing bytes."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        yield stream
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Replace the file's content at once."""
+    with atomic_write(path) as stream:
+        stream.write(content)
+
+
+def write_text(path: str | os.PathLike[str], content: str) -> None:
+    """Replace the file's content at once, UTF-8, newlines as given."""
+    write_bytes(path, content.encode("utf-8"))
+
+
+def _mode(target: Path) -> int:
+    if target.exists():
+        return target.stat().st_mode & 0o7777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

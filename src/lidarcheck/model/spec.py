@@ -1,0 +1,44 @@
+"""What a sensor model is: a sensor, its materials and effects, or somebody else's program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from lidarcheck.sensor import Material, Sensor
+
+__all__ = ["External", "Model"]
+
+
+@dataclass(frozen=True, slots=True)
+class External:
+    """Somebody else's sensor model, run in the built-in one's place.
+
+    `command` may hold `{ideal}`, `{ini}`, `{scan}` and `{seed}`; it runs in `directory` for at most `timeout_s`.
+    `ini` is the file that `{ini}` stands for.
+    """
+
+    command: tuple[str, ...]
+    directory: Path
+    ini: Path | None = None
+    timeout_s: float = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A sensor model as its file describes it; `file` is that file, for messages.
+
+    `effects` are configured effects in the order of the light's way (see `lidarcheck.effects`).
+    """
+
+    sensor: Sensor
+    materials: Mapping[int, Material] = field(default_factory=dict)
+    effects: tuple[Any, ...] = ()
+    external: External | None = None
+    file: Path | None = None
+
+    def with_sensor(self, **overrides: float) -> Model:
+        """The same model with numbers of its sensor replaced."""
+        return replace(self, sensor=replace(self.sensor, **overrides))  # type: ignore[arg-type]
