@@ -1,0 +1,239 @@
+"""Echoes that background alone makes, found without visiting every bin, and exactly so.
+
+Outside a pulse's window each detector avalanches with probability p per bin while it is armed. That process is a
+thinning of candidates: every (bin, detector) cell is a candidate with probability p, independently, and a candidate
+counts if the detector is armed. Candidate counts of blocks of `on - 1` bins are thus independent binomials, and no bin
+can see more detectors ON than two neighbouring blocks have candidates. As long as no two neighbours hold more than
+`threshold`, there is no echo, and one draw settles that for all blocks of a beam together. Only when it does not are
+counts drawn per block, and only when two neighbours are crowded are the candidates placed and thinned.
+
+Before the window the same holds backwards in time: a stationary renewal process is reversible, so the avalanches before
+the window follow from the state at its start as those behind it from the state at its end.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.jit import kernel
+from lidarcheck.model.streams import Stream, fill
+
+__all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_MOST = 64
+"""Largest candidate count of a block; where more is not negligible, the chain runs explicitly through all bins."""
+_CROWDED_SHARE = 0.2
+"""Expected crowded neighbours per beam above which the explicit chain is the faster way."""
+
+
+class Blocks(NamedTuple):
+    """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
+    neighbours may each hold without being crowded; `crowded[0]`: whether the explicit chain must run everywhere.
+    """
+
+    length: int
+    small: int
+    above: FloatArray
+    held: IntArray
+    cells: IntArray
+    crowded: npt.NDArray[np.bool_]
+
+
+@kernel
+def new_blocks(detectors: int, on: int, threshold: int, bins: int) -> Blocks:
+    """Blocks of a sensor, before a background rate is known."""
+    length = max(on - 1, 1)
+    return Blocks(
+        length,
+        threshold // 2,
+        np.zeros(_MOST + 1),
+        np.zeros(bins // length + 4, dtype=np.int64),
+        np.zeros(_MOST + 1, dtype=np.int64),
+        np.zeros(1, dtype=np.bool_),
+    )
+
+
+@kernel
+def _log_binomial_term(trials: int, k: int, per_bin: float) -> float:
+    """Logarithm of P(K = k) for `trials` cells of chance 1 - exp(-per_bin)."""
+    return (
+        math.lgamma(trials + 1.0)
+        - math.lgamma(k + 1.0)
+        - math.lgamma(trials - k + 1.0)
+        + k * math.log(-math.expm1(-per_bin))
+        - (trials - k) * per_bin
+    )
+
+
+@kernel
+def _tail(trials: int, above: int, per_bin: float) -> float:
+    """P(K > above), summed from the far end so that small tails keep their digits."""
+    total = 0.0
+    for k in range(min(trials, above + 4 * _MOST), above, -1):
+        total += math.exp(_log_binomial_term(trials, k, per_bin))
+    return min(total, 1.0)
+
+
+@kernel
+def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> None:
+    """Fill the table for a background rate; decide whether the explicit chain must run everywhere."""
+    cells = detectors * blocks.length
+    mean = cells * per_bin
+    if mean <= 0.0:
+        blocks.above[:] = 0.0
+        blocks.crowded[0] = False
+        return
+    if mean > 0.25 * _MOST:
+        blocks.crowded[0] = True
+        return
+    blocks.above[_MOST] = _tail(cells, _MOST, per_bin)
+    for c in range(_MOST - 1, -1, -1):
+        term = math.exp(_log_binomial_term(cells, c + 1, per_bin)) if c < cells else 0.0
+        blocks.above[c] = min(blocks.above[c + 1] + term, 1.0)
+    pairs = len(blocks.held) * _tail(2 * cells, threshold, per_bin)
+    blocks.crowded[0] = pairs > _CROWDED_SHARE or blocks.above[_MOST] > 1e-15
+
+
+@kernel
+def _count(blocks: Blocks, survival: float) -> int:
+    """Candidates of a block: the smallest c with P(more than c) below a uniform number in (0, 1]."""
+    c = 0
+    while c < _MOST and blocks.above[c] >= survival:
+        c += 1
+    return c
+
+
+@kernel
+def _draw_counts(blocks: Blocks, stream: Stream, draws: FloatArray, number: int, all_small: bool) -> None:
+    """Draw `held[:number]`, given that all of them are small, or that not all of them are."""
+    fill(stream, draws, number + 1)
+    tail = blocks.above[blocks.small]
+    first_large = number
+    if not all_small:
+        log_small = math.log1p(-tail)
+        some_large = -math.expm1(number * log_small)
+        first_large = min(int(math.log1p(-draws[number] * some_large) / log_small), number - 1)
+    for j in range(number):
+        if j < first_large:
+            blocks.held[j] = _count(blocks, 1.0 - draws[j] * (1.0 - tail))
+        elif j == first_large:
+            blocks.held[j] = _count(blocks, tail * (1.0 - draws[j]))
+        else:
+            blocks.held[j] = _count(blocks, 1.0 - draws[j])
+
+
+@kernel
+def _place(
+    numbers: Any,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    held: int,
+    bin_of_block: int,
+    step: int,
+    counts: IntArray,
+) -> None:
+    """Spread `held` candidates over the distinct cells of a block; they stand in `counts` until thinned."""
+    cells = numbers.detectors * blocks.length
+    taken = 0
+    while taken < held:
+        fill(stream, draws, 1)
+        cell = int(draws[0] * cells)
+        fresh = True
+        for j in range(taken):
+            fresh = fresh and blocks.cells[j] != cell
+        if fresh:
+            blocks.cells[taken] = cell
+            taken += 1
+            counts[numbers.pad + bin_of_block + step * (cell // numbers.detectors)] += 1
+
+
+@kernel
+def _thin(
+    numbers: Any, stream: Stream, draws: FloatArray, first: int, number: int, step: int, counts: IntArray
+) -> None:
+    """Keep the candidates whose detector is armed, from bin `first` on in the direction of `step`."""
+    for n in range(number):
+        index = numbers.pad + first + step * n
+        candidates = counts[index]
+        if candidates == 0:
+            continue
+        armed = numbers.detectors
+        for age in range(1, numbers.dead):
+            armed -= counts[index - step * age]
+        fill(stream, draws, candidates)
+        kept = 0
+        for j in range(candidates):
+            if draws[j] * (numbers.detectors - j) < armed - kept:
+                kept += 1
+        counts[index] = kept
+
+
+@kernel
+def _neighbours_crowded(blocks: Blocks, first: int, last: int, beside: int, threshold: int) -> bool:
+    """Whether two neighbours of `held[first:last]` exceed the threshold; `beside` avalanches stand before them."""
+    before = beside
+    for j in range(first, last):
+        if before + blocks.held[j] > threshold:
+            return True
+        before = blocks.held[j]
+    return False
+
+
+@kernel
+def is_quiet(
+    numbers: Any,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    quiet_draw: float,
+    begin: int,
+    end: int,
+    counts: IntArray,
+) -> bool:
+    """Whether no echo reaches beyond the window `begin` ... `end - 1`, whose avalanches are in `counts`.
+
+    If not, the avalanches before and behind it are added to `counts`, for a search through the whole trace.
+    """
+    threshold = numbers.threshold
+    bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
+    back = (bins_before + blocks.length - 1) // blocks.length
+    ahead = (numbers.bins - end + blocks.length - 1) // blocks.length
+    if back + ahead == 0:
+        return True
+    beside_begin = beside_end = on_at_end = 0
+    if begin > 0:
+        for k in range(max(begin - numbers.dead + 1, 1 - numbers.pad), begin):
+            beside_begin += counts[numbers.pad + k]
+    if end < numbers.bins:
+        for k in range(end - numbers.on, end):
+            on_at_end += counts[numbers.pad + k]
+        beside_end = on_at_end - counts[numbers.pad + end - numbers.on]
+    all_small = quiet_draw < math.exp((back + ahead) * math.log1p(-blocks.above[blocks.small]))
+    room = threshold - blocks.small
+    if all_small and beside_begin <= room and beside_end <= room and on_at_end <= threshold:
+        return True
+    _draw_counts(blocks, stream, draws, back + ahead, all_small)
+    if (
+        on_at_end <= threshold
+        and beside_begin <= threshold
+        and beside_end <= threshold
+        and not _neighbours_crowded(blocks, 0, back, beside_begin, threshold)
+        and not _neighbours_crowded(blocks, back, back + ahead, beside_end, threshold)
+    ):
+        return True
+    for j in range(back):
+        bin_of_block = begin - numbers.dead - j * blocks.length
+        _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
+    for j in range(ahead):
+        _place(numbers, blocks, stream, draws, blocks.held[back + j], end + j * blocks.length, 1, counts)
+    _thin(numbers, stream, draws, begin - numbers.dead, back * blocks.length, -1, counts)
+    _thin(numbers, stream, draws, end, ahead * blocks.length, 1, counts)
+    return False

@@ -1,0 +1,112 @@
+"""The way of the data through the model: what beams meet, the light, the avalanches, the echoes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.model.light import light_of
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+
+__all__ = ["echoes_of", "simulate"]
+
+_CHUNK = 2048
+"""Beams a thread takes at a time: small enough to share the work evenly, large enough to forget the taking."""
+
+
+def simulate(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, threads: int | None = None) -> Scan:
+    """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
+
+    The same `seed` and `frame` give the same bytes, for any number of threads and any order of rows. Beams without an
+    echo have no row. `threads`: all cores when None. Raises `InputError` for a material without an entry and
+    `ExternalModelError` when the model is an external program that fails.
+    """
+    check_seed(seed)
+    if model.external is not None:
+        from lidarcheck.model.external import run_external
+
+        return run_external(ideal, model.external, seed=seed)
+    light = light_of(ideal, model)
+    return echoes_of(light, model.sensor, seed=seed, frame=frame, threads=threads)
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that is no unsigned 64-bit number."""
+    if not 0 <= seed < 2**64:
+        raise UsageError(f"seed {seed} is out of range", fix="use a whole number from 0 to 18446744073709551615")
+
+
+def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, threads: int | None = None) -> Scan:
+    """The SPADs' echoes of the light that reaches each beam; see `simulate`."""
+    from lidarcheck.model import kernel, streams
+
+    n = len(light)
+    numbers = kernel.numbers_of(sensor)
+    room = sensor.max_echoes
+    echoes = kernel.Echoes(
+        count=np.zeros(n, dtype=np.int64),
+        centre=np.zeros((n, room)),
+        width=np.zeros((n, room), dtype=np.int64),
+        area=np.zeros((n, room), dtype=np.int64),
+        peak=np.zeros((n, room), dtype=np.int64),
+    )
+    beams = streams.beam_keys(light.layer, light.point)
+    per_bin = light.background_per_ns * sensor.bin_ns
+    # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
+    times = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
+
+    def run(start: int) -> None:
+        stop = min(start + _CHUNK, n)
+        stream = streams.new_stream(seed, "spads", frame)
+        kernel.simulate_beams(
+            numbers, stream, beams, per_bin, light.first_pulse, times, light.pulse_signal, start, stop, echoes
+        )
+
+    _share(run, range(0, n, _CHUNK), threads)
+    held = np.arange(room) < echoes.count[:, None]
+    row, slot = np.nonzero(held)
+    return _report(light.layer[row], light.point[row], slot, sensor, *(part[held] for part in echoes[1:]))
+
+
+def _share(run: Callable[[int], None], starts: range, threads: int | None) -> None:
+    """Run the chunks, on several threads where that helps."""
+    workers = min(threads or os.cpu_count() or 1, len(starts))
+    if workers <= 1:
+        for start in starts:
+            run(start)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(run, starts))
+
+
+def _report(
+    layer: npt.NDArray[np.int32],
+    point: npt.NDArray[np.int32],
+    slot: npt.NDArray[np.int64],
+    sensor: Sensor,
+    centre: npt.NDArray[np.float64],
+    width: npt.NDArray[np.int64],
+    area: npt.NDArray[np.int64],
+    peak: npt.NDArray[np.int64],
+) -> Scan:
+    """Echoes as the sensor reports them: range quantised, PEAK saturated, numbered from 1."""
+    time_ns = centre * sensor.bin_ns - sensor.time_offset_ns
+    range_m = 0.5 * LIGHT_SPEED_M_PER_NS * time_ns
+    if sensor.range_resolution_m > 0.0:
+        range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
+    return Scan.from_beams(
+        layer,
+        point,
+        range_m,
+        echo_number=(slot + 1).astype(np.int32),
+        width_ns=width * sensor.bin_ns,
+        area=area.astype(np.float64),
+        peak=np.minimum(peak, sensor.peak_saturation).astype(np.float64),
+    )

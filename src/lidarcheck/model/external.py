@@ -1,0 +1,174 @@
+"""Running somebody else's sensor model: ideal scan in, echoes out, through files."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import shlex
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from lidarcheck.errors import ExternalModelError, LidarcheckError, UsageError
+from lidarcheck.formats.config_words import nearest
+from lidarcheck.model.spec import External
+from lidarcheck.scan import IdealScan, Scan
+
+__all__ = ["PLACEHOLDERS", "check_command", "run_external"]
+
+PLACEHOLDERS = ("ideal", "ini", "scan", "seed")
+"""What a command may name in braces; `{{` and `}}` stand for the braces themselves."""
+
+_BRACES = re.compile(r"\{\{|\}\}|\{(?P<name>[^{}]*)\}|[{}]")
+_TAIL_BYTES = 8192
+_log = logging.getLogger(__name__)
+
+
+def check_command(command: Sequence[str], *, has_ini: bool) -> list[tuple[int | None, UsageError]]:
+    """The faults of a command's placeholders, each with the argument's index, None for the whole command."""
+    faults: list[tuple[int | None, UsageError]] = []
+    names = set()
+    for index, argument in enumerate(command):
+        for match in _BRACES.finditer(argument):
+            name = match["name"]
+            if name is None and match.group() in "{}":
+                faults.append((index, UsageError(f"a single brace in {argument!r}", fix="write {{ or }} for a brace")))
+            elif name is not None and name not in PLACEHOLDERS:
+                faults.append((index, _unknown(name)))
+            elif name is not None:
+                names.add(name)
+        if "\0" in argument or (index == 0 and not argument.strip()):
+            faults.append((index, UsageError(f"{argument!r} cannot be run", fix="name a program")))
+    if "scan" not in names and not faults:
+        faults.append((None, UsageError("command has no {scan}", fix="add {scan}, the file that it must write")))
+    if "ini" in names and not has_ini:
+        faults.append((None, UsageError("command uses {ini}, but there is no ini", fix='add ini = "FILE"')))
+    return faults
+
+
+def run_external(ideal: IdealScan, external: External, *, seed: int) -> Scan:
+    """Let an external model simulate one ideal scan.
+
+    Writes `ideal` as text to a temporary directory, replaces `{ideal}`, `{ini}`, `{scan}` and `{seed}` in the command,
+    runs it without a shell in `external.directory` and reads the scan that it wrote. On a timeout or an interrupt its
+    whole process group is killed. `ExternalModelError`, with the command and the last line of its standard error, when
+    it cannot be started, fails, takes longer than `timeout_s`, or leaves no readable scan.
+    """
+    from lidarcheck.formats import load_scan, save_ideal
+
+    for _, fault in check_command(external.command, has_ini=external.ini is not None):
+        raise fault
+    with _scratch() as directory:
+        files = {"ideal": directory / "ideal.txt", "scan": directory / "scan.txt", "seed": seed, "ini": external.ini}
+        save_ideal(ideal, directory / "ideal.txt")
+        command = [_filled(argument, files) for argument in external.command]
+        errors = _run(command, external, directory)
+        if errors:
+            _log.info("%s said: %s", external.command[0], errors)
+        scan = directory / "scan.txt"
+        if not scan.is_file() or scan.stat().st_size == 0:
+            what = "wrote an empty scan" if scan.exists() else "wrote no scan"
+            raise _failure(what, external, errors, "let it write its echoes to {scan}")
+        try:
+            return load_scan(scan)
+        except LidarcheckError as error:
+            where = f" at line {error.line}" if error.line else ""
+            raise _failure(f"wrote a malformed scan: {error.what}{where}", external, errors, error.fix) from error
+
+
+@contextlib.contextmanager
+def _scratch() -> Iterator[Path]:
+    """A temporary directory, gone afterwards."""
+    try:
+        scratch = tempfile.TemporaryDirectory(prefix="lidarcheck-", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise ExternalModelError(f"there is no temporary directory: {error.strerror}", fix="set TMPDIR") from error
+    with scratch as name:
+        yield Path(name)
+
+
+def _run(command: Sequence[str], external: External, directory: Path) -> str:
+    """Run to the end; what it said last on standard error."""
+    log = directory / "stderr.txt"
+    if not external.directory.is_dir():
+        raise _failure(f"cannot be started: there is no directory {external.directory}", external, "", "make it")
+    try:
+        with log.open("wb") as errors:
+            process = subprocess.Popen(
+                command,
+                cwd=external.directory,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                start_new_session=True,
+            )
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        fix = "check the command and its permissions"
+        if os.sep not in command[0] and (external.directory / command[0]).is_file():
+            fix = f"write ./{command[0]} for the file beside the model"
+        raise _failure(f"cannot be started: {reason}", external, "", fix) from None
+    with _group_killed_on_error(process):
+        try:
+            code = process.wait(timeout=external.timeout_s)
+        except subprocess.TimeoutExpired:
+            what = f"took longer than {external.timeout_s:g} s"
+            raise _failure(what, external, _tail(log), "raise timeout_s or make it faster") from None
+    said = _tail(log)
+    if code < 0:
+        raise _failure(f"was killed by {_signal_name(-code)}", external, said, "run the command by hand")
+    if code > 0:
+        raise _failure(f"ended with exit code {code}", external, said, "run the command by hand")
+    return said
+
+
+@contextlib.contextmanager
+def _group_killed_on_error(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """Whatever interrupts the block, the process and all that it started are gone afterwards."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
+
+
+def _filled(argument: str, values: Mapping[str, object]) -> str:
+    def replacement(match: re.Match[str]) -> str:
+        return match.group()[0] if match["name"] is None else str(values[match["name"]])
+
+    return _BRACES.sub(replacement, argument)
+
+
+def _failure(what: str, external: External, errors: str, fix: str) -> ExternalModelError:
+    said = f' (it said: "{errors}")' if errors else ""
+    return ExternalModelError(f"the external model {shlex.join(external.command)} {what}{said}", fix=fix)
+
+
+def _tail(log: Path) -> str:
+    """The last line that is not blank, made printable."""
+    with log.open("rb") as stream:
+        stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, stream.tell() - _TAIL_BYTES))
+        lines = stream.read().decode("utf-8", errors="replace").splitlines()
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return "".join(c if c.isprintable() else " " for c in last)[:200]
+
+
+def _unknown(name: str) -> UsageError:
+    near = nearest(name, PLACEHOLDERS)
+    known = ", ".join(f"{{{known}}}" for known in PLACEHOLDERS)
+    fix = f"did you mean {{{near}}}?" if near else f"placeholders are {known}; write {{{{ for a brace"
+    return UsageError(f"unknown placeholder {{{name}}}", fix=fix)
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"

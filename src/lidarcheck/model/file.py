@@ -1,0 +1,261 @@
+"""The model file: TOML with the variant, overrides of the sensor, materials and effects, or an external command."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
+
+from lidarcheck.errors import ConfigError, InputError, UsageError
+from lidarcheck.formats.atomic import write_text
+from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
+from lidarcheck.formats.config_words import dotted, shown
+from lidarcheck.model.external import check_command
+from lidarcheck.model.spec import External, Model
+from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
+
+__all__ = ["load_model", "save_model"]
+
+MATERIAL_ID_MAX = 2**31 - 1
+_ID = re.compile(r"0|[1-9][0-9]{0,9}")
+_BUILT_IN = ("variant", "sensor", "materials", "effects")
+
+
+def _check_id(text: str) -> str:
+    if not _ID.fullmatch(text) or int(text) > MATERIAL_ID_MAX:
+        raise ValueError("not a material's number")
+    return text
+
+
+def _sensor_field(bounds: Bounds) -> Any:
+    kind = int if bounds.whole else float
+    number = Field(ge=kind(bounds.low), le=kind(bounds.high), json_schema_extra={"unit": bounds.unit})
+    return (Annotated[kind, number] | None, None)
+
+
+_SensorTable: Any = create_model(
+    "_SensorTable",
+    __base__=Config,
+    **{name: _sensor_field(bounds) for name, bounds in SENSOR_BOUNDS.items()},
+)
+_MaterialId = Annotated[
+    str,
+    AfterValidator(_check_id),
+    Field(json_schema_extra={"words": f"a whole number from 0 to {MATERIAL_ID_MAX}"}),
+]
+
+
+class _MaterialTable(Config):
+    name: str = Field("", min_length=1, validate_default=False)
+    reflectance: float = Field(ge=0.0, le=1.0)
+    kind: Literal["lambertian", "retro"] = "lambertian"
+    retro_gain: float | None = Field(None, ge=0.0, le=1e6)
+
+    @model_validator(mode="after")
+    def _gain_belongs_to_retro(self) -> _MaterialTable:
+        if self.kind == "retro" and self.retro_gain is None:
+            raise ValueError("a retro-reflector has no retro_gain; add retro_gain, a number from 0 to 1e+06")
+        # A gain of 1 changes nothing, so a file that spells it out for every material is welcome.
+        if self.kind == "lambertian" and self.retro_gain not in (None, 1.0):
+            raise ValueError(
+                f'retro_gain = {self.retro_gain:g} on a lambertian surface; add kind = "retro" or remove it'
+            )
+        return self
+
+
+class _EffectTable(Config):
+    """Its parameters are the effect's own, so any further key is kept."""
+
+    model_config = ConfigDict(extra="allow")
+    name: str
+
+
+class _ModelTable(Config):
+    variant: Literal["SMART", "SLIM"]
+    sensor: _SensorTable = _SensorTable()
+    materials: dict[_MaterialId, _MaterialTable] = Field(default_factory=dict)
+    effects: tuple[_EffectTable, ...] = ()
+
+
+class _ExternalTable(Config):
+    command: tuple[str, ...] = Field(min_length=1)
+    ini: PathText | None = None
+    timeout_s: float = Field(600.0, gt=0.0, le=86_400.0, json_schema_extra={"unit": "s"})
+
+
+class _ExternalFile(Config):
+    external: _ExternalTable
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read a sensor model from TOML.
+
+    `InputError` when the file cannot be read, `ConfigError` with every fault, its line and its fix. Materials that a
+    scan needs and the table lacks are found when that scan is simulated.
+    """
+    data, lines = parse_toml(path)
+    return _external_model(data, lines) if "external" in data else _built_in_model(data, lines)
+
+
+def save_model(model: Model, path: str | os.PathLike[str]) -> None:
+    """Write a model so that `load_model` gives an equal one back; atomic.
+
+    Only numbers that differ from the variant's own are written. `UsageError` when an external model, whose command runs
+    in its file's directory, would move to another one; `ConfigError` when the model holds values that no file may have.
+    """
+    document = _external_document(model.external, Path(path)) if model.external else _document(model)
+    text = tomli_w.dumps(document)
+    parsed = tomllib.loads(text)
+    validate(parsed, LineIndex(Path(path)), _ExternalFile if model.external else _ModelTable)
+    write_text(path, text)
+
+
+def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
+    faults: list[InputError] = []
+    effects = _effects(data.get("effects"), lines, faults)
+    try:
+        table = validate(data, lines, _ModelTable)
+        sensor = _sensor(table, lines)
+    except ConfigError as error:
+        faults += error.faults
+    if faults:
+        raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
+    materials = {int(number): _material(number, entry) for number, entry in table.materials.items()}
+    return Model(sensor, materials, effects, file=lines.file)
+
+
+def _sensor(table: _ModelTable, lines: LineIndex) -> Sensor:
+    overrides: dict[str, float] = table.sensor.model_dump(exclude_none=True)
+    try:
+        return Sensor.of(table.variant, **overrides)
+    except UsageError as error:
+        named = [name for name in overrides if re.search(rf"\b{name}\b", error.what)]
+        fault = lines.fault(("sensor", *named[:1]), error.what, fix=error.fix)
+        raise ConfigError([fault]) from None
+
+
+def _material(number: str, table: _MaterialTable) -> Material:
+    gain = 1.0 if table.retro_gain is None else table.retro_gain
+    return Material(table.name or f"material_{number}", table.reflectance, table.kind, gain)
+
+
+def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tuple[Any, ...]:
+    """The configured effects; faults of their names, parameters and order are added to `faults`."""
+    tables = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    if not tables:
+        return ()
+    from lidarcheck import effects as catalogue
+
+    made, before = [], len(faults)
+    for index, table in enumerate(tables):
+        parameters = {key: value for key, value in table.items() if key != "name"}
+        if not isinstance(table.get("name"), str) or not _all_finite(parameters, ("effects", index), lines, faults):
+            continue
+        try:
+            made.append(catalogue.make(table["name"], parameters))
+        except UsageError as error:
+            faults.append(_effect_fault(error, index, parameters, lines))
+    if len(made) == len(tables) and len(faults) == before:
+        try:
+            catalogue.check_order(made)
+        except UsageError as error:
+            named = [i for i, table in enumerate(tables) if re.search(rf"\b{re.escape(table['name'])}\b", error.what)]
+            faults.append(lines.fault(("effects", *named[:1]), error.what, fix=error.fix))
+    return tuple(made)
+
+
+def _effect_fault(error: UsageError, index: int, parameters: Mapping[str, Any], lines: LineIndex) -> InputError:
+    """The fault at the line of the parameter that the error speaks of, else at the effect's."""
+    named = [key for key in parameters if re.search(rf"(?<!\w){re.escape(key)}(?!\w)", error.what)]
+    longest = max(named, key=len, default="name")
+    return lines.fault(("effects", index, longest), error.what, fix=error.fix)
+
+
+def _all_finite(value: object, path: Sequence[str | int], lines: LineIndex, faults: list[InputError]) -> bool:
+    if isinstance(value, float) and not math.isfinite(value):
+        faults.append(lines.fault(path, f"{dotted(path)} = {shown(value)} is not a finite number", fix="use a number"))
+        return False
+    entries: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    found = [_all_finite(entry, (*path, key), lines, faults) for key, entry in entries]
+    return all(found)
+
+
+def _external_model(data: dict[str, Any], lines: LineIndex) -> Model:
+    both = [key for key in _BUILT_IN if key in data]
+    faults = [
+        lines.fault(
+            (key,), f"{key} stands beside [external]", fix=f"[external] replaces it; remove {key} or [external]"
+        )
+        for key in both
+    ]
+    try:
+        table = validate({key: data[key] for key in data if key not in both}, lines, _ExternalFile).external
+        faults += _command_faults(table, lines)
+    except ConfigError as error:
+        faults += error.faults
+    if faults:
+        raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
+    directory = lines.file.absolute().parent
+    external = External(table.command, directory, table.ini and directory / table.ini, table.timeout_s)
+    return Model(Sensor.of(VARIANTS[0]), external=external, file=lines.file)
+
+
+def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
+    faults = []
+    for index, error in check_command(table.command, has_ini=table.ini is not None):
+        place = ("external", "command") if index is None else ("external", "command", index)
+        faults.append(lines.fault(place, error.what, fix=error.fix))
+    if table.ini is not None and not (lines.file.absolute().parent / table.ini).is_file():
+        what = f"ini = {shown(str(table.ini))} is not a file"
+        faults.append(lines.fault(("external", "ini"), what, fix="give its path from the model file's directory"))
+    return faults
+
+
+def _document(model: Model) -> dict[str, Any]:
+    document: dict[str, Any] = {"variant": model.sensor.variant}
+    overrides = model.sensor.overrides()
+    if overrides:
+        document["sensor"] = {
+            name: int(value) if SENSOR_BOUNDS[name].whole else float(value) for name, value in overrides.items()
+        }
+    if model.materials:
+        document["materials"] = {str(number): _material_table(entry) for number, entry in model.materials.items()}
+    if model.effects:
+        document["effects"] = [{"name": effect.name, **_plain(effect.parameters)} for effect in model.effects]
+    return document
+
+
+def _material_table(material: Material) -> dict[str, Any]:
+    table = {"name": material.name, "reflectance": float(material.reflectance), "kind": material.kind}
+    return {**table, "retro_gain": float(material.retro_gain)} if material.kind == "retro" else table
+
+
+def _plain(value: Any) -> Any:
+    """The same value in TOML's own types, numpy scalars unwrapped."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return value.item() if hasattr(value, "item") else value
+
+
+def _external_document(external: External, path: Path) -> dict[str, Any]:
+    directory = path.absolute().parent
+    if directory.resolve() != external.directory.resolve():
+        raise UsageError(
+            f"the external model's command runs in {external.directory}, not in {directory}",
+            fix="save it in its own directory",
+        )
+    table: dict[str, Any] = {"command": list(external.command)}
+    if external.ini is not None:
+        table["ini"] = os.path.relpath(external.ini, external.directory)
+    if external.timeout_s != External.__dataclass_fields__["timeout_s"].default:
+        table["timeout_s"] = float(external.timeout_s)
+    return {"external": table}

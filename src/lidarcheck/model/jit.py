@@ -1,0 +1,68 @@
+"""Compiling kernels: numba, with a cache that a changed source cannot outlive.
+
+Numba renews a cached function when its own file changes, but not when a function that it calls from another file does;
+a gate on such a cache would pass a changed model. So the cache directory is named by a hash of all the model's source.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+__all__ = ["cache_directory", "kernel", "source_hash"]
+
+_KEPT_CACHES = 6
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+@cache
+def source_hash() -> str:
+    """SHA-256 over the package's source files that kernels are compiled from, and numba's version."""
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(path for part in ("model", "effects") for path in (root / part).rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def cache_directory() -> Path:
+    """Where this source's compiled kernels lie: below `LIDARCHECK_CACHE`, else the user's cache directory."""
+    given = os.environ.get("LIDARCHECK_CACHE")
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarcheck"
+    base = (Path(given) if given else home) / "kernels"
+    directory = base / source_hash()[:16]
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        directory.touch()
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="lidarcheck-kernels-"))
+    _prune(base)
+    return directory
+
+
+def _prune(base: Path) -> None:
+    """Remove the caches of sources that have not been run for longest."""
+    caches = sorted((path for path in base.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime)
+    for path in caches[:-_KEPT_CACHES]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def kernel(function: _F) -> _F:
+    """Compile to machine code without the interpreter's lock, exact IEEE arithmetic, cached on disk."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_directory())
+    try:
+        compiled: _F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    return compiled

@@ -1,0 +1,84 @@
+"""The light that comes back: from what each beam meets to the pulses that reach it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import InputError
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Light
+
+__all__ = ["light_of", "surface_signal"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_NEAREST_M = 1e-3
+"""The range equation has no limit at zero range; nothing can stand nearer than this to the sensor's window."""
+
+
+def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
+    """S of each row of the ideal scan: primary avalanches per SPAD and shot, 0 where the row meets nothing.
+
+    S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
+    an extended target in a clear atmosphere, constants folded into K). `InputError` names a material without an entry.
+    """
+    hit = ideal.distance_m > 0.0
+    strength, incidence_power = _material_columns(ideal, model, hit)
+    cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), 0.0, 1.0)
+    range_m = np.maximum(ideal.distance_m, _NEAREST_M)
+    signal = model.sensor.signal_at_1m * strength * np.where(incidence_power > 0.0, cosine, 1.0) / range_m**2
+    return np.where(hit, signal, 0.0)
+
+
+def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Reflectance times gain, and the power of the cosine, of each row's material."""
+    ids, row_id = np.unique(ideal.material_id, return_inverse=True)
+    strength, power = np.zeros(len(ids)), np.zeros(len(ids))
+    for i, material_id in enumerate(ids):
+        material = model.materials.get(int(material_id))
+        if material is None:
+            rows = np.flatnonzero(hit & (row_id == i))
+            if len(rows):
+                raise _missing(int(material_id), ideal, int(rows[0]), model)
+            continue
+        retro = material.kind == "retro"
+        strength[i] = material.reflectance * (material.retro_gain if retro else 1.0)
+        power[i] = 0.0 if retro else 1.0
+    return strength[row_id], power[row_id]
+
+
+def _missing(material_id: int, ideal: IdealScan, row: int, model: Model) -> InputError:
+    known = ", ".join(str(i) for i in sorted(model.materials)) or "none"
+    return InputError(
+        f"material {material_id} is not in the table of materials (there: {known}); "
+        f"the ideal scan's beam Layer {ideal.layer[row]}, Point {ideal.point[row]} meets it first",
+        file=model.file,
+        fix=f"add [materials.{material_id}] with name, reflectance and kind",
+    )
+
+
+def light_of(ideal: IdealScan, model: Model) -> Light:
+    """The light of each beam of an ideal scan, beams in order of (layer, point).
+
+    Sub-beams (several rows of one beam) carry equal shares of the beam's light; each becomes a pulse of its own.
+    """
+    signal = surface_signal(ideal, model)
+    key = ideal.layer.astype(np.int64) << 32 | ideal.point
+    if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
+        order = np.arange(len(key))
+    else:
+        # Rows of one beam may stand in any order; nearer pulses first, so that the order of rows cannot matter.
+        order = np.lexsort((signal, ideal.distance_m, key))
+    key = key[order]
+    first_row = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
+    rows_per_beam = np.diff(np.append(first_row, len(key)))
+    share = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam)
+    return Light(
+        layer=ideal.layer[order][first_row],
+        point=ideal.point[order][first_row],
+        background_per_ns=np.full(len(first_row), model.sensor.background_per_ns),
+        first_pulse=np.append(first_row, len(key)),
+        pulse_range_m=ideal.distance_m[order],
+        pulse_signal=signal[order] * share,
+    )

@@ -1,0 +1,123 @@
+"""Random numbers that depend on what they are for, and on nothing else.
+
+Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11), the generator behind
+`numpy.random.Philox`, written out here so that kernels can run it. The key is (seed, purpose), the counter (draw, beam,
+frame, 0): threads, chunks, the order of beams and other effects cannot change a draw.
+
+A draw is a uniform number in [0, 1), the upper 53 bits of a word times 2^-53, as numpy makes it from the same words.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from lidarcheck.model.jit import kernel
+
+__all__ = ["Stream", "beam_keys", "fill", "new_stream", "purpose_key", "rewind", "uniforms"]
+
+_M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
+_W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
+_ROUNDS = 10
+_ONE, _ELEVEN = np.uint64(1), np.uint64(11)
+_UNIT = 1.0 / 9007199254740992.0
+
+
+class Stream(NamedTuple):
+    """Where a stream stands; kernels count it up in place, so each thread has its own.
+
+    `counter`: block, beam, frame, 0. `key`: seed, purpose. Both `uint64`.
+    """
+
+    counter: npt.NDArray[np.uint64]
+    key: npt.NDArray[np.uint64]
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _high_word(typing_context: Any, a: Any, b: Any) -> Any:
+    """Upper 64 bits of the 128-bit product of two `uint64`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        wide = ir.IntType(128)
+        product = builder.mul(builder.zext(args[0], wide), builder.zext(args[1], wide))
+        return builder.trunc(builder.lshr(product, ir.Constant(wide, 64)), ir.IntType(64))
+
+    return types.uint64(types.uint64, types.uint64), codegen
+
+
+@kernel
+def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
+    """Write the next `count` draws, rounded up to whole blocks of four, to the front of `draws`.
+
+    One call for many draws: between kernels, numba counts references to the arrays it passes, which costs more than
+    the draws themselves.
+    """
+    key0, key1 = stream.key[0], stream.key[1]
+    block, beam, frame, zero = stream.counter[0], stream.counter[1], stream.counter[2], stream.counter[3]
+    for first in range(0, count, 4):
+        x0, x1, x2, x3 = block, beam, frame, zero
+        k0, k1 = key0, key1
+        for _ in range(_ROUNDS):
+            high0, low0 = _high_word(_M0, x0), _M0 * x0
+            high1, low1 = _high_word(_M1, x2), _M1 * x2
+            x0, x1, x2, x3 = high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
+            k0 += _W0
+            k1 += _W1
+        block += _ONE
+        # A shifted word fits a signed integer, which converts to floating point faster than an unsigned one.
+        draws[first] = np.float64(np.int64(x0 >> _ELEVEN)) * _UNIT
+        draws[first + 1] = np.float64(np.int64(x1 >> _ELEVEN)) * _UNIT
+        draws[first + 2] = np.float64(np.int64(x2 >> _ELEVEN)) * _UNIT
+        draws[first + 3] = np.float64(np.int64(x3 >> _ELEVEN)) * _UNIT
+    stream.counter[0] = block
+
+
+@kernel
+def rewind(stream: Stream, beam: Any) -> None:
+    """Go to the first draw of a beam."""
+    stream.counter[0] = np.uint64(0)
+    stream.counter[1] = beam
+
+
+def purpose_key(purpose: str) -> int:
+    """The 64-bit key of a purpose: an effect's name, or a step of the model. It never changes."""
+    return int.from_bytes(hashlib.blake2b(purpose.encode(), digest_size=8).digest(), "little")
+
+
+def new_stream(seed: int, purpose: str, frame: int = 0) -> Stream:
+    """A stream of a seed, a purpose and a frame, standing before the first draw of beam 0."""
+    return Stream(
+        counter=np.array([0, 0, frame, 0], dtype=np.uint64),
+        key=np.array([seed, purpose_key(purpose)], dtype=np.uint64),
+    )
+
+
+def beam_keys(layer: npt.ArrayLike, point: npt.ArrayLike) -> npt.NDArray[np.uint64]:
+    """The number by which streams know a beam: 2^32 layer + point, shape (n,)."""
+    return np.asarray(layer, dtype=np.uint64) << np.uint64(32) | np.asarray(point, dtype=np.uint64)
+
+
+@kernel
+def _uniforms(stream: Stream, beams: npt.NDArray[np.uint64], out: npt.NDArray[np.float64]) -> None:
+    count = out.shape[1]
+    draws = np.empty(count + 3)
+    for i in range(out.shape[0]):
+        rewind(stream, beams[i])
+        fill(stream, draws, count)
+        out[i] = draws[:count]
+
+
+def uniforms(
+    seed: int, purpose: str, frame: int, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1
+) -> npt.NDArray[np.float64]:
+    """Uniform numbers in [0, 1), shape (n_beams, draws): the first draws of each beam for that purpose."""
+    beams = beam_keys(layer, point)
+    out = np.empty((len(beams), draws))
+    _uniforms(new_stream(seed, purpose, frame), beams, out)
+    return out

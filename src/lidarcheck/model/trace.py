@@ -1,0 +1,51 @@
+"""The noise-free trace: what the SPADs of a beam are expected to show, without drawing a number."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+
+__all__ = ["bin_rates", "expected_trace", "on_probability"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
+    """Avalanches per armed SPAD in each bin, shape (n_beams, bins): background plus the pulses' shares."""
+    from scipy.special import ndtr
+
+    edges_ns = np.arange(sensor.bins + 1) * sensor.bin_ns
+    rates = np.repeat((light.background_per_ns * sensor.bin_ns)[:, None], sensor.bins, axis=1)
+    beam = np.repeat(np.arange(len(light)), np.diff(light.first_pulse))
+    for i, range_m, signal in zip(beam, light.pulse_range_m, light.pulse_signal, strict=True):
+        time_ns = 2.0 * range_m / LIGHT_SPEED_M_PER_NS
+        rates[i] += signal * np.diff(ndtr((edges_ns - time_ns) / sensor.sigma_ns))
+    return rates
+
+
+def on_probability(rates: npt.ArrayLike, background: npt.ArrayLike, sensor: Sensor) -> FloatArray:
+    """q_k: the probability that a detector is ON in bin k, shape (n_beams, bins).
+
+    `rates` (n_beams, bins): avalanches per armed SPAD in each bin; `background` (n_beams,): the same before bin 0.
+    With m_k the probability of an avalanche in bin k: armed_k = 1 - sum of the last `dead - 1` m, m_k = armed_k (1 -
+    exp(-rate_k)), q_k = sum of the last `on` m. Detectors being independent, A_k is Binomial(N, q_k) exactly.
+    """
+    chance = -np.expm1(-np.asarray(rates, dtype=np.float64))
+    before = -np.expm1(-np.asarray(background, dtype=np.float64))
+    dead, on = sensor.dead_bins, sensor.on_bins
+    avalanche = np.empty((chance.shape[0], dead + chance.shape[1]))
+    avalanche[:, :dead] = (before / (1.0 + (dead - 1) * before))[:, None]
+    for k in range(chance.shape[1]):
+        armed = 1.0 - avalanche[:, k + 1 : k + dead].sum(axis=1)
+        avalanche[:, dead + k] = armed * chance[:, k]
+    total = np.cumsum(np.pad(avalanche, ((0, 0), (1, 0))), axis=1)
+    return np.asarray(total[:, dead + 1 :] - total[:, dead + 1 - on : -on])
+
+
+def expected_trace(light: Light, sensor: Sensor) -> FloatArray:
+    """Expected number of detectors ON in each bin, shape (n_beams, bins): the mean of A_k, noise-free."""
+    q = on_probability(bin_rates(light, sensor), light.background_per_ns * sensor.bin_ns, sensor)
+    return sensor.detectors * q
