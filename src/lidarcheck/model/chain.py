@@ -5,15 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects import Effect
 from lidarcheck.errors import UsageError
 from lidarcheck.model.light import light_of
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+
+if TYPE_CHECKING:
+    from lidarcheck.model.kernel import Echoes
 
 __all__ = ["echoes_of", "simulate"]
 
@@ -33,8 +39,48 @@ def simulate(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, t
         from lidarcheck.model.external import run_external
 
         return run_external(ideal, model.external, seed=seed)
-    light = light_of(ideal, model)
-    return echoes_of(light, model.sensor, seed=seed, frame=frame, threads=threads)
+    run = _Run(seed, frame, model.sensor, ideal)
+    run = run.after_stage("aim", model.effects)
+    light = light_of(run.ideal, model)
+    for effect in _of_stage("light", model.effects):
+        light = effect.light(light, run.of(effect))
+    run = run.after_stage("detector", model.effects)
+    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads)
+    for effect in _of_stage("readout", model.effects):
+        scan = effect.readout(scan, run.of(effect))
+    return scan
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What effects may know while a frame is simulated; random numbers are keyed by the asking effect's name."""
+
+    seed: int
+    frame: int
+    sensor: Sensor
+    ideal: IdealScan
+    purpose: str = ""
+
+    def of(self, effect: Effect) -> _Run:
+        return replace(self, purpose=effect.name)
+
+    def after_stage(self, stage: str, effects: tuple[Effect, ...]) -> _Run:
+        run = self
+        for effect in _of_stage(stage, effects):
+            if stage == "aim":
+                run = replace(run, ideal=effect.aim(run.ideal, run.of(effect)))
+            else:
+                run = replace(run, sensor=effect.detector(run.sensor, run.of(effect)))
+        return run
+
+    def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:
+        from lidarcheck.model import streams
+
+        return streams.uniforms(self.seed, self.purpose, self.frame, layer, point, draws)
+
+
+def _of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:
+    return [effect for effect in effects if effect.stage == stage]
 
 
 def check_seed(seed: int) -> None:
@@ -51,7 +97,7 @@ def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, th
     numbers = kernel.numbers_of(sensor)
     room = sensor.max_echoes
     echoes = kernel.Echoes(
-        count=np.zeros(n, dtype=np.int64),
+        held=np.zeros(n, dtype=np.int64),
         centre=np.zeros((n, room)),
         width=np.zeros((n, room), dtype=np.int64),
         area=np.zeros((n, room), dtype=np.int64),
@@ -70,9 +116,7 @@ def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, th
         )
 
     _share(run, range(0, n, _CHUNK), threads)
-    held = np.arange(room) < echoes.count[:, None]
-    row, slot = np.nonzero(held)
-    return _report(light.layer[row], light.point[row], slot, sensor, *(part[held] for part in echoes[1:]))
+    return _report(light, sensor, echoes)
 
 
 def _share(run: Callable[[int], None], starts: range, threads: int | None) -> None:
@@ -86,27 +130,20 @@ def _share(run: Callable[[int], None], starts: range, threads: int | None) -> No
         list(pool.map(run, starts))
 
 
-def _report(
-    layer: npt.NDArray[np.int32],
-    point: npt.NDArray[np.int32],
-    slot: npt.NDArray[np.int64],
-    sensor: Sensor,
-    centre: npt.NDArray[np.float64],
-    width: npt.NDArray[np.int64],
-    area: npt.NDArray[np.int64],
-    peak: npt.NDArray[np.int64],
-) -> Scan:
+def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:
     """Echoes as the sensor reports them: range quantised, PEAK saturated, numbered from 1."""
-    time_ns = centre * sensor.bin_ns - sensor.time_offset_ns
+    held = np.arange(echoes.area.shape[1]) < echoes.held[:, None]
+    row, slot = np.nonzero(held)
+    time_ns = echoes.centre[held] * sensor.bin_ns - sensor.time_offset_ns
     range_m = 0.5 * LIGHT_SPEED_M_PER_NS * time_ns
     if sensor.range_resolution_m > 0.0:
         range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
     return Scan.from_beams(
-        layer,
-        point,
+        light.layer[row],
+        light.point[row],
         range_m,
         echo_number=(slot + 1).astype(np.int32),
-        width_ns=width * sensor.bin_ns,
-        area=area.astype(np.float64),
-        peak=np.minimum(peak, sensor.peak_saturation).astype(np.float64),
+        width_ns=(echoes.width[held] * sensor.bin_ns).astype(np.float64),
+        area=echoes.area[held].astype(np.float64),
+        peak=np.minimum(echoes.peak[held], sensor.peak_saturation).astype(np.float64),
     )

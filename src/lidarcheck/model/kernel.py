@@ -60,9 +60,9 @@ def numbers_of(sensor: Sensor) -> Numbers:
 
 
 class Echoes(NamedTuple):
-    """Echoes of each beam: `count` (n,); per echo (n, max_echoes) the centre of area [bins], width, area and peak."""
+    """Echoes of each beam: `held` (n,), how many; per echo (n, max_echoes) centre [bins], width, area, peak."""
 
-    count: IntArray
+    held: IntArray
     centre: FloatArray
     width: IntArray
     area: IntArray
@@ -160,7 +160,7 @@ def _chain(
 def _keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak: int) -> None:
     """Add an echo, later than those kept so far; where there is no room, the one of smallest area goes."""
     room = echoes.area.shape[1]
-    held = echoes.count[beam]
+    held = echoes.held[beam]
     if held == room:
         smallest = 0
         for j in range(1, room):
@@ -178,13 +178,13 @@ def _keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak:
     echoes.width[beam, held] = width
     echoes.area[beam, held] = area
     echoes.peak[beam, held] = peak
-    echoes.count[beam] = held + 1
+    echoes.held[beam] = held + 1
 
 
 @kernel
 def _find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: int, echoes: Echoes) -> None:
     """Echoes of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON."""
-    echoes.count[beam] = 0
+    echoes.held[beam] = 0
     on = 0
     for k in range(begin - numbers.on + 1, begin):
         on += counts[numbers.pad + k]

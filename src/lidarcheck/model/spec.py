@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
+from lidarcheck.effects import Effect
+from lidarcheck.effects.base import STAGES
 from lidarcheck.sensor import Material, Sensor
 
 __all__ = ["External", "Model"]
@@ -35,10 +36,19 @@ class Model:
 
     sensor: Sensor
     materials: Mapping[int, Material] = field(default_factory=dict)
-    effects: tuple[Any, ...] = ()
+    effects: tuple[Effect, ...] = ()
     external: External | None = None
     file: Path | None = None
 
     def with_sensor(self, **overrides: float) -> Model:
         """The same model with numbers of its sensor replaced."""
         return replace(self, sensor=replace(self.sensor, **overrides))  # type: ignore[arg-type]
+
+    def with_(self, effect: Effect) -> Model:
+        """The same model with an effect in its place on the light's way, behind those of its stage."""
+        effects = sorted((*self.without(effect.name).effects, effect), key=lambda e: STAGES.index(e.stage))
+        return replace(self, effects=tuple(effects))
+
+    def without(self, name: str) -> Model:
+        """The same model without the effect of that name."""
+        return replace(self, effects=tuple(effect for effect in self.effects if effect.name != name))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
@@ -39,8 +39,7 @@ class Stream(NamedTuple):
     key: npt.NDArray[np.uint64]
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _high_word(typing_context: Any, a: Any, b: Any) -> Any:
+def _high_word_of(typing_context: Any, a: Any, b: Any) -> Any:
     """Upper 64 bits of the 128-bit product of two `uint64`."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -49,6 +48,9 @@ def _high_word(typing_context: Any, a: Any, b: Any) -> Any:
         return builder.trunc(builder.lshr(product, ir.Constant(wide, 64)), ir.IntType(64))
 
     return types.uint64(types.uint64, types.uint64), codegen
+
+
+_high_word: Any = intrinsic(_high_word_of)
 
 
 @kernel

@@ -1,0 +1,208 @@
+"""What an effect is, and how the catalogue finds it.
+
+An effect is a frozen dataclass in a file of its own here, whose class derives from the stage it belongs to. Its fields
+are its parameters, declared with `parameter(...)`; its docstring gives the formula, the source and the valid range.
+Being here is all it takes: the model, the commands and the documentation know effects through `catalogue()` alone.
+
+The light's way has four stages: `aim` (what a beam meets), `light` (pulses and background), `detector` (the SPADs'
+numbers) and `readout` (echoes). An effect takes its stage's table and returns a new one; at zero strength it returns
+the same one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import importlib
+import inspect
+import itertools
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.sensor import Sensor
+
+__all__ = [
+    "STAGES",
+    "AimEffect",
+    "DetectorEffect",
+    "Effect",
+    "LightEffect",
+    "Parameter",
+    "ReadoutEffect",
+    "Surroundings",
+    "catalogue",
+    "check_order",
+    "find",
+    "make",
+    "parameter",
+]
+
+STAGES = ("aim", "light", "detector", "readout")
+_E = TypeVar("_E", bound="Effect")
+
+
+class Surroundings(Protocol):
+    """What an effect may know besides its table: the sensor, the ideal scan, and random numbers of its own."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor, after the detector effects that stand before this one."""
+
+    @property
+    def ideal(self) -> IdealScan:
+        """What each beam meets, after the aim effects that stand before this one."""
+
+    def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:
+        """Uniform numbers in [0, 1), shape (n, draws): the same for a beam, whatever other effects there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of an effect: its unit, the closed interval it may lie in, and a typical value."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    typical: float
+    whole: bool
+    meaning: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"unit": self.unit, "low": self.low, "high": self.high, "typical": self.typical, "meaning": self.meaning}
+
+
+def parameter(unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False) -> Any:
+    """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out."""
+    facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning}
+    return dataclasses.field(default=int(typical) if whole else typical, metadata=facts)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A configured effect. Derive from one of the stage classes below, not from this one."""
+
+    name: ClassVar[str]
+    stage: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for p in self.parameters():
+            value = getattr(self, p.name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not p.low <= value <= p.high or (p.whole and value != int(value)):
+                kind = "a whole number" if p.whole else "a number"
+                raise UsageError(
+                    f"{self.name}: {p.name} = {value!r} is out of range",
+                    fix=f"use {kind} from {p.low:g} to {p.high:g} {p.unit}".rstrip(),
+                )
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The declared parameters, in the order of the class."""
+        return tuple(
+            Parameter(name=f.name, typical=f.default, **f.metadata)  # type: ignore[arg-type]
+            for f in dataclasses.fields(cls)
+        )
+
+    @classmethod
+    def summary(cls) -> str:
+        """The first line of the docstring."""
+        return (inspect.getdoc(cls) or "").splitlines()[0]
+
+    def settings(self) -> dict[str, float]:
+        """The parameters' values by name."""
+        return dataclasses.asdict(self)
+
+
+class AimEffect(Effect):
+    """An effect on what the beams meet."""
+
+    stage = "aim"
+
+    def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
+        """The ideal scan with the effect."""
+        raise NotImplementedError
+
+
+class LightEffect(Effect):
+    """An effect on the pulses and the background that reach the beams."""
+
+    stage = "light"
+
+    def light(self, light: Light, around: Surroundings) -> Light:
+        """The light with the effect."""
+        raise NotImplementedError
+
+
+class DetectorEffect(Effect):
+    """An effect on the SPADs' numbers."""
+
+    stage = "detector"
+
+    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+        """The sensor with the effect."""
+        raise NotImplementedError
+
+
+class ReadoutEffect(Effect):
+    """An effect on the echoes."""
+
+    stage = "readout"
+
+    def readout(self, scan: Scan, around: Surroundings) -> Scan:
+        """The echoes with the effect."""
+        raise NotImplementedError
+
+
+@functools.cache
+def catalogue() -> Mapping[str, type[Effect]]:
+    """All effects by name, in the order of the light's way and then of their names."""
+    package = importlib.import_module("lidarcheck.effects")
+    found: dict[str, type[Effect]] = {}
+    for module in pkgutil.iter_modules(package.__path__):
+        for value in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
+            if isinstance(value, type) and issubclass(value, Effect) and "name" in vars(value):
+                found[value.name] = value
+    return dict(sorted(found.items(), key=lambda item: (STAGES.index(item[1].stage), item[0])))
+
+
+def find(name: str) -> type[Effect]:
+    """The effect of that name; `UsageError` with the nearest one otherwise."""
+    effects = catalogue()
+    if name not in effects:
+        raise UsageError(f"there is no effect {name!r}", fix=_did_you_mean(name, effects))
+    return effects[name]
+
+
+def make(name: str, parameters: Mapping[str, Any]) -> Effect:
+    """A configured effect; `UsageError` for an unknown name or parameter, or a value out of its range."""
+    effect = find(name)
+    known = [p.name for p in effect.parameters()]
+    for key in parameters:
+        if key not in known:
+            raise UsageError(f"{name} has no parameter {key!r}", fix=_did_you_mean(key, known))
+    return effect(**parameters)
+
+
+def check_order(effects: Sequence[Effect]) -> None:
+    """Refuse effects that do not stand in the order of the light's way."""
+    for before, after in itertools.pairwise(effects):
+        if STAGES.index(before.stage) > STAGES.index(after.stage):
+            raise UsageError(
+                f"{after.name} (stage {after.stage}) stands behind {before.name} (stage {before.stage})",
+                fix=f"put {after.name} before it: the light's way is {', '.join(STAGES)}",
+            )
+
+
+def _did_you_mean(name: str, known: Sequence[str] | Mapping[str, Any]) -> str:
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean {near[0]}?" if near else f"known: {', '.join(known) or 'none'}"

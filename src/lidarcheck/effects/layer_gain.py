@@ -1,0 +1,41 @@
+"""Some layers are more or less sensitive than others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LAYERS
+
+__all__ = ["LayerGain"]
+
+
+@dataclass(frozen=True)
+class LayerGain(LightEffect):
+    """Some layers are more or less sensitive than others.
+
+    S' = gain S on the layers `first_layer` ... `last_layer`: the photon detection efficiency, or the optics' share,
+    of a block of SPAD rows; gain 0 is a dead block. Background is light of the scene and scales alike. Identity at
+    gain 1.
+    """
+
+    name = "layer_gain"
+
+    gain: float = parameter("", low=0.0, high=10.0, typical=0.8, meaning="factor on the light of those layers")
+    first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=250, whole=True, meaning="first such layer")
+    last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=269, whole=True, meaning="last such layer")
+
+    def light(self, light: Light, around: Surroundings) -> Light:
+        """Scale the light of those layers."""
+        if self.gain == 1.0:
+            return light
+        inside = (light.layer >= self.first_layer) & (light.layer <= self.last_layer)
+        factor = np.where(inside, self.gain, 1.0)
+        return replace(
+            light,
+            background_per_ns=light.background_per_ns * factor,
+            pulse_signal=light.pulse_signal * np.repeat(factor, np.diff(light.first_pulse)),
+        )

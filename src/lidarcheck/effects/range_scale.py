@@ -1,0 +1,28 @@
+"""Every range is off by the same fraction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
+from lidarcheck.effects.ranges import at_range
+from lidarcheck.scan import Scan
+
+__all__ = ["RangeScale"]
+
+
+@dataclass(frozen=True)
+class RangeScale(ReadoutEffect):
+    """Every range is off by the same fraction.
+
+    R' = (1 + fraction) R, along the beam, quantised as the sensor reports it: the clock of the time-to-digital
+    converter runs fast or slow; quartz drifts by 1e-5, an uncalibrated ring oscillator by percents. Identity at 0.
+    """
+
+    name = "range_scale"
+
+    fraction: float = parameter("", low=-0.1, high=0.1, typical=0.001, meaning="relative error of every range")
+
+    def readout(self, scan: Scan, around: Surroundings) -> Scan:
+        """Move every echo along its beam."""
+        return scan if self.fraction == 0.0 else at_range(scan, scan.range_m * (1.0 + self.fraction), around.sensor)

@@ -1,0 +1,27 @@
+"""The whole signal is scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.scan import Light
+
+__all__ = ["SignalGain"]
+
+
+@dataclass(frozen=True)
+class SignalGain(LightEffect):
+    """The whole signal is scaled: laser power, optics, an evenly dirty window.
+
+    S' = gain S for every pulse; background is unchanged. The range equation is linear in the emitted energy and in the
+    transmission of the optics, so one factor stands for all of them. Identity at gain 1.
+    """
+
+    name = "signal_gain"
+
+    gain: float = parameter("", low=0.0, high=100.0, typical=0.9, meaning="factor on the signal of every pulse")
+
+    def light(self, light: Light, around: Surroundings) -> Light:
+        """Scale every pulse."""
+        return light if self.gain == 1.0 else replace(light, pulse_signal=light.pulse_signal * self.gain)
