@@ -33,27 +33,35 @@ _CROWDED_SHARE = 0.2
 """Expected crowded neighbours per beam above which the explicit chain is the faster way."""
 
 
+_FREE, _SMALL = -1, -2
+"""A block of which nothing is known yet, and one that is known to hold no more than `small` candidates."""
+_ALL_SMALL, _APART, _CROWDED = 0, 1, 2
+"""What a search found: nothing to look at, large blocks with small neighbours, or neighbours that are crowded."""
+
+
 class Blocks(NamedTuple):
     """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
-    neighbours may each hold without being crowded; `crowded[0]`: whether the explicit chain must run everywhere.
+    neighbours may each hold without being crowded; `log_small[0]`: logarithm of the probability that a block is small;
+    `crowded[0]`: whether the explicit chain must run everywhere.
     """
 
     length: int
     small: int
     above: FloatArray
+    log_small: FloatArray
     held: IntArray
     cells: IntArray
     crowded: npt.NDArray[np.bool_]
 
 
-@kernel
-def new_blocks(detectors: int, on: int, threshold: int, bins: int) -> Blocks:
+def new_blocks(on: int, threshold: int, bins: int) -> Blocks:
     """Blocks of a sensor, before a background rate is known."""
     length = max(on - 1, 1)
     return Blocks(
         length,
-        threshold // 2,
+        min(threshold // 2, _MOST),
         np.zeros(_MOST + 1),
+        np.zeros(1),
         np.zeros(bins // length + 4, dtype=np.int64),
         np.zeros(_MOST + 1, dtype=np.int64),
         np.zeros(1, dtype=np.bool_),
@@ -88,6 +96,7 @@ def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> 
     mean = cells * per_bin
     if mean <= 0.0:
         blocks.above[:] = 0.0
+        blocks.log_small[0] = 0.0
         blocks.crowded[0] = False
         return
     if mean > 0.25 * _MOST:
@@ -97,6 +106,7 @@ def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> 
     for c in range(_MOST - 1, -1, -1):
         term = math.exp(_log_binomial_term(cells, c + 1, per_bin)) if c < cells else 0.0
         blocks.above[c] = min(blocks.above[c + 1] + term, 1.0)
+    blocks.log_small[0] = math.log1p(-blocks.above[blocks.small])
     pairs = len(blocks.held) * _tail(2 * cells, threshold, per_bin)
     blocks.crowded[0] = pairs > _CROWDED_SHARE or blocks.above[_MOST] > 1e-15
 
@@ -111,22 +121,64 @@ def _count(blocks: Blocks, survival: float) -> int:
 
 
 @kernel
-def _draw_counts(blocks: Blocks, stream: Stream, draws: FloatArray, number: int, all_small: bool) -> None:
-    """Draw `held[:number]`, given that all of them are small, or that not all of them are."""
-    fill(stream, draws, number + 1)
-    tail = blocks.above[blocks.small]
-    first_large = number
-    if not all_small:
-        log_small = math.log1p(-tail)
-        some_large = -math.expm1(number * log_small)
-        first_large = min(int(math.log1p(-draws[number] * some_large) / log_small), number - 1)
-    for j in range(number):
-        if j < first_large:
-            blocks.held[j] = _count(blocks, 1.0 - draws[j] * (1.0 - tail))
-        elif j == first_large:
-            blocks.held[j] = _count(blocks, tail * (1.0 - draws[j]))
+def _count_small(blocks: Blocks, draw: float) -> int:
+    """Candidates of a block that is known to be small."""
+    return _count(blocks, 1.0 - draw * (1.0 - blocks.above[blocks.small]))
+
+
+@kernel
+def _search(
+    blocks: Blocks, stream: Stream, draws: FloatArray, draw: float, first: int, last: int, beside: int, threshold: int
+) -> int:
+    """Look for crowded neighbours among the blocks `first` ... `last - 1`; `beside` avalanches stand before them.
+
+    One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
+    block is drawn. Returns what was found; unless all are small, `held` tells what is known of each block.
+    """
+    room = threshold - blocks.small
+    log_small = blocks.log_small[0]
+    log_all_small = (last - first) * log_small
+    # exp(x) >= 1 + x: most beams are settled without a logarithm.
+    if beside <= room and (draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small):
+        return _ALL_SMALL
+    blocks.held[first:last] = _FREE
+    before, at = beside, first
+    while before <= threshold:
+        if at == last:
+            return _APART
+        fill(stream, draws, 3)
+        if before > room:
+            blocks.held[at] = _count(blocks, 1.0 - draws[0])
         else:
-            blocks.held[j] = _count(blocks, 1.0 - draws[j])
+            small = last - at
+            if log_small < 0.0:
+                small = int(min(math.log(1.0 - draw) / log_small, float(small)))
+            blocks.held[at : at + small] = _SMALL
+            at += small
+            if at == last:
+                return _APART
+            if small > 0:
+                before = _count_small(blocks, draws[0])
+                blocks.held[at - 1] = before
+            blocks.held[at] = _count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]))
+            draw = draws[2]
+        if before + blocks.held[at] > threshold:
+            return _CROWDED
+        before = blocks.held[at]
+        at += 1
+    return _CROWDED
+
+
+@kernel
+def _complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, last: int, found: int) -> None:
+    """Draw what a search left open of the blocks `first` ... `last - 1`."""
+    if found == _ALL_SMALL:
+        blocks.held[first:last] = _SMALL
+    for j in range(first, last):
+        if blocks.held[j] < 0:
+            fill(stream, draws, 1)
+            small = blocks.held[j] == _SMALL
+            blocks.held[j] = _count_small(blocks, draws[0]) if small else _count(blocks, 1.0 - draws[0])
 
 
 @kernel
@@ -177,23 +229,13 @@ def _thin(
 
 
 @kernel
-def _neighbours_crowded(blocks: Blocks, first: int, last: int, beside: int, threshold: int) -> bool:
-    """Whether two neighbours of `held[first:last]` exceed the threshold; `beside` avalanches stand before them."""
-    before = beside
-    for j in range(first, last):
-        if before + blocks.held[j] > threshold:
-            return True
-        before = blocks.held[j]
-    return False
-
-
-@kernel
 def is_quiet(
     numbers: Any,
     blocks: Blocks,
     stream: Stream,
     draws: FloatArray,
-    quiet_draw: float,
+    draw_before: float,
+    draw_behind: float,
     begin: int,
     end: int,
     counts: IntArray,
@@ -202,38 +244,27 @@ def is_quiet(
 
     If not, the avalanches before and behind it are added to `counts`, for a search through the whole trace.
     """
-    threshold = numbers.threshold
     bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
     back = (bins_before + blocks.length - 1) // blocks.length
-    ahead = (numbers.bins - end + blocks.length - 1) // blocks.length
-    if back + ahead == 0:
-        return True
-    beside_begin = beside_end = on_at_end = 0
+    last = back + (numbers.bins - end + blocks.length - 1) // blocks.length
+    beside_begin = beside_end = 0
     if begin > 0:
-        for k in range(max(begin - numbers.dead + 1, 1 - numbers.pad), begin):
+        for k in range(begin - numbers.dead + 1, begin):
             beside_begin += counts[numbers.pad + k]
     if end < numbers.bins:
         for k in range(end - numbers.on, end):
-            on_at_end += counts[numbers.pad + k]
-        beside_end = on_at_end - counts[numbers.pad + end - numbers.on]
-    all_small = quiet_draw < math.exp((back + ahead) * math.log1p(-blocks.above[blocks.small]))
-    room = threshold - blocks.small
-    if all_small and beside_begin <= room and beside_end <= room and on_at_end <= threshold:
+            beside_end += counts[numbers.pad + k]
+    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold)
+    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold)
+    if before != _CROWDED and behind != _CROWDED:
         return True
-    _draw_counts(blocks, stream, draws, back + ahead, all_small)
-    if (
-        on_at_end <= threshold
-        and beside_begin <= threshold
-        and beside_end <= threshold
-        and not _neighbours_crowded(blocks, 0, back, beside_begin, threshold)
-        and not _neighbours_crowded(blocks, back, back + ahead, beside_end, threshold)
-    ):
-        return True
+    _complete(blocks, stream, draws, 0, back, before)
+    _complete(blocks, stream, draws, back, last, behind)
     for j in range(back):
         bin_of_block = begin - numbers.dead - j * blocks.length
         _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
-    for j in range(ahead):
-        _place(numbers, blocks, stream, draws, blocks.held[back + j], end + j * blocks.length, 1, counts)
+    for j in range(back, last):
+        _place(numbers, blocks, stream, draws, blocks.held[j], end + (j - back) * blocks.length, 1, counts)
     _thin(numbers, stream, draws, begin - numbers.dead, back * blocks.length, -1, counts)
-    _thin(numbers, stream, draws, end, ahead * blocks.length, 1, counts)
+    _thin(numbers, stream, draws, end, (last - back) * blocks.length, 1, counts)
     return False

@@ -9,6 +9,8 @@ from lidarcheck.model.jit import kernel
 __all__ = ["binomial"]
 
 _LN2 = 0.6931471805599453
+_BELOW_ONE = 1.0 - 1e-12
+"""Rounding may leave the largest uniform numbers above the sum of all terms; they must not run through all trials."""
 _SAFE_EXPONENT = 600.0
 """exp(-600) is far from underflow; beyond it the sum starts at the mode's side instead of at zero."""
 
@@ -19,15 +21,14 @@ def _from_zero(uniform: float, trials: int, log_miss: float, odds: float) -> int
     term = math.exp(trials * log_miss)
     if uniform < term:
         return 0
-    # Rounding may leave the largest uniform numbers above the sum of all terms; what lies this far out never happens.
-    mean = trials * odds / (1.0 + odds)
-    most = min(trials, int(mean + 12.0 * math.sqrt(mean) + 40.0))
-    k = 0
-    while uniform >= term and k < most:
+    # Whole numbers in floating point: converting them in every step would cost more than the step.
+    k, left = 0.0, float(trials)
+    while uniform >= term and left > 0.0:
         uniform -= term
-        k += 1
-        term *= odds * (trials - k + 1) / k
-    return k
+        k += 1.0
+        term *= odds * left / k
+        left -= 1.0
+    return int(k)
 
 
 @kernel
@@ -72,8 +73,10 @@ def binomial(uniform: float, trials: int, rate: float) -> int:
     Inversion of the distribution function: exact up to double rounding, and as many steps as trials that fire (or
     that do not, where those are fewer).
     """
-    if trials <= 0 or rate <= 0.0:
+    # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
+    if trials <= 0 or uniform <= 1.0 - trials * rate:
         return 0
+    uniform *= _BELOW_ONE
     if rate < _LN2:
         if trials * rate < _SAFE_EXPONENT:
             return _from_zero(uniform, trials, -rate, math.expm1(rate))

@@ -105,15 +105,13 @@ def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, th
     )
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
-    # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
-    times = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
+    pulses = kernel.pulses_of(light, sensor, numbers)
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
         stream = streams.new_stream(seed, "spads", frame)
-        kernel.simulate_beams(
-            numbers, stream, beams, per_bin, light.first_pulse, times, light.pulse_signal, start, stop, echoes
-        )
+        scratch = kernel.new_scratch(numbers)
+        kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, start, stop, scratch, echoes)
 
     _share(run, range(0, n, _CHUNK), threads)
     return _report(light, sensor, echoes)

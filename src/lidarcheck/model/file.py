@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,12 +15,12 @@ from pydantic import AfterValidator, ConfigDict, Field, create_model, model_vali
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
-from lidarcheck.formats.config_words import dotted, shown
+from lidarcheck.formats.config_words import shown
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
 
-__all__ = ["load_model", "save_model"]
+__all__ = ["load_model", "model_of", "save_model"]
 
 MATERIAL_ID_MAX = 2**31 - 1
 _ID = re.compile(r"0|[1-9][0-9]{0,9}")
@@ -101,6 +100,11 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     scan needs and the table lacks are found when that scan is simulated.
     """
     data, lines = parse_toml(path)
+    return model_of(data, lines)
+
+
+def model_of(data: dict[str, Any], lines: LineIndex) -> Model:
+    """The model of a parsed file, or of a table inside another file; faults as `load_model`."""
     return _external_model(data, lines) if "external" in data else _built_in_model(data, lines)
 
 
@@ -148,26 +152,26 @@ def _material(number: str, table: _MaterialTable) -> Material:
 
 def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tuple[Any, ...]:
     """The configured effects; faults of their names, parameters and order are added to `faults`."""
-    tables = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
-    if not tables:
+    if not isinstance(entries, list) or not entries:
         return ()
-    from lidarcheck import effects as catalogue
+    from lidarcheck.effects import check_order, make
 
-    made, before = [], len(faults)
-    for index, table in enumerate(tables):
-        parameters = {key: value for key, value in table.items() if key != "name"}
-        if not isinstance(table.get("name"), str) or not _all_finite(parameters, ("effects", index), lines, faults):
+    made: list[Any] = []
+    for index, table in enumerate(entries):
+        if not isinstance(table, dict) or not isinstance(table.get("name"), str):
             continue
+        parameters = {key: value for key, value in table.items() if key != "name"}
         try:
-            made.append(catalogue.make(table["name"], parameters))
+            made.append(make(table["name"], parameters))
         except UsageError as error:
             faults.append(_effect_fault(error, index, parameters, lines))
-    if len(made) == len(tables) and len(faults) == before:
-        try:
-            catalogue.check_order(made)
-        except UsageError as error:
-            named = [i for i, table in enumerate(tables) if re.search(rf"\b{re.escape(table['name'])}\b", error.what)]
-            faults.append(lines.fault(("effects", *named[:1]), error.what, fix=error.fix))
+    if len(made) == len(entries):
+        for end in range(2, len(made) + 1):
+            try:
+                check_order(made[:end])
+            except UsageError as error:
+                faults.append(lines.fault(("effects", end - 1), error.what, fix=error.fix))
+                break
     return tuple(made)
 
 
@@ -176,15 +180,6 @@ def _effect_fault(error: UsageError, index: int, parameters: Mapping[str, Any], 
     named = [key for key in parameters if re.search(rf"(?<!\w){re.escape(key)}(?!\w)", error.what)]
     longest = max(named, key=len, default="name")
     return lines.fault(("effects", index, longest), error.what, fix=error.fix)
-
-
-def _all_finite(value: object, path: Sequence[str | int], lines: LineIndex, faults: list[InputError]) -> bool:
-    if isinstance(value, float) and not math.isfinite(value):
-        faults.append(lines.fault(path, f"{dotted(path)} = {shown(value)} is not a finite number", fix="use a number"))
-        return False
-    entries: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    found = [_all_finite(entry, (*path, key), lines, faults) for key, entry in entries]
-    return all(found)
 
 
 def _external_model(data: dict[str, Any], lines: LineIndex) -> Model:
@@ -228,7 +223,7 @@ def _document(model: Model) -> dict[str, Any]:
     if model.materials:
         document["materials"] = {str(number): _material_table(entry) for number, entry in model.materials.items()}
     if model.effects:
-        document["effects"] = [{"name": effect.name, **_plain(effect.parameters)} for effect in model.effects]
+        document["effects"] = [{"name": effect.name, **_plain(effect.settings())} for effect in model.effects]
     return document
 
 

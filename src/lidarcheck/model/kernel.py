@@ -19,17 +19,20 @@ from lidarcheck.model import background as bg
 from lidarcheck.model.binomial import binomial
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.streams import Stream, fill, rewind
-from lidarcheck.sensor import Sensor
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["Echoes", "Numbers", "numbers_of", "simulate_beams"]
+__all__ = ["Echoes", "Numbers", "Pulses", "Scratch", "new_scratch", "numbers_of", "pulses_of", "simulate_beams"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_TAIL = 1e-9
+_TAIL = 1e-6
 """Signal avalanches a beam may lose, on average, where its pulse is cut off."""
+_PHASES = 512
+"""Pulse positions within a bin that are tabulated; linear between them, the share of a bin is exact to 2e-8."""
 _RESERVE = 12
-"""Draws set aside for entering the window, the last of them for `is_quiet`; a beam in need of more fetches them."""
+"""Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
 
 
 class Numbers(NamedTuple):
@@ -59,6 +62,25 @@ def numbers_of(sensor: Sensor) -> Numbers:
     )
 
 
+class Scratch(NamedTuple):
+    """What a thread works in: avalanches per bin, rates per bin, draws, background blocks. `counts` is all zero."""
+
+    counts: IntArray
+    rates: FloatArray
+    draws: FloatArray
+    blocks: bg.Blocks
+
+
+def new_scratch(numbers: Numbers) -> Scratch:
+    """Work space for one thread."""
+    return Scratch(
+        counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
+        rates=np.empty(numbers.bins),
+        draws=np.empty(_RESERVE + numbers.bins + 4),
+        blocks=bg.new_blocks(numbers.on, numbers.threshold, numbers.bins),
+    )
+
+
 class Echoes(NamedTuple):
     """Echoes of each beam: `held` (n,), how many; per echo (n, max_echoes) centre [bins], width, area, peak."""
 
@@ -69,27 +91,44 @@ class Echoes(NamedTuple):
     peak: IntArray
 
 
-@kernel
-def _phi(x: float) -> float:
-    """Distribution function of the standard normal."""
-    return 0.5 * math.erfc(-0.7071067811865476 * x)
+class Pulses(NamedTuple):
+    """The pulses of all beams: centre [bins], S, and how many bins to either side a pulse matters; each (n_pulses,).
+
+    Beam i has the pulses `first[i]` ... `first[i + 1] - 1`. Beyond its reach, fewer than `_TAIL` avalanches of a pulse
+    are expected in a beam. `shares`, (phases + 1, bins), holds the share of a pulse's light in each bin around it; row
+    p: a pulse p / phases of a bin behind the beginning of the middle bin.
+    """
+
+    first: IntArray
+    centre: FloatArray
+    signal: FloatArray
+    reach: FloatArray
+    shares: FloatArray
+
+
+def pulses_of(light: Light, sensor: Sensor, numbers: Numbers) -> Pulses:
+    """The light's pulses as kernels see them."""
+    from scipy.special import ndtr
+
+    # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
+    centre = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
+    expected = numbers.detectors * light.pulse_signal / _TAIL
+    reach = numbers.sigma * np.sqrt(2.0 * np.log(np.maximum(expected, 1.0)))
+    half = math.ceil(reach.max(initial=0.0)) + 2
+    edges = np.arange(-half, half + 2)
+    phases = np.arange(_PHASES + 1) / _PHASES
+    shares = np.ascontiguousarray(np.diff(ndtr((edges - phases[:, None]) / numbers.sigma), axis=1))
+    return Pulses(light.first_pulse, centre, light.pulse_signal, reach, shares)
 
 
 @kernel
-def _reach(numbers: Numbers, signal: float) -> float:
-    """How many bins from its centre a pulse matters: beyond, fewer than `_TAIL` avalanches are expected."""
-    return numbers.sigma * math.sqrt(2.0 * math.log(max(numbers.detectors * signal / _TAIL, 1.0)))
-
-
-@kernel
-def _window(numbers: Numbers, times: FloatArray, signals: FloatArray, first: int, last: int) -> Any:
-    """The bins in which the pulses `first` ... `last - 1` can set off avalanches, and their outputs' ON time."""
+def _window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
+    """The bins in which the beam's pulses can set off avalanches, and their outputs' ON time."""
     begin, end = numbers.bins, 0
-    for j in range(first, last):
-        if signals[j] > 0.0:
-            reach = _reach(numbers, signals[j])
-            low = math.floor(times[j] - reach)
-            high = math.ceil(times[j] + reach) + numbers.on
+    for j in range(pulses.first[beam], pulses.first[beam + 1]):
+        if pulses.signal[j] > 0.0:
+            low = math.floor(pulses.centre[j] - pulses.reach[j])
+            high = math.ceil(pulses.centre[j] + pulses.reach[j]) + numbers.on
             begin = min(begin, max(low, 0))
             end = max(end, min(high, numbers.bins))
     if begin >= end:
@@ -98,40 +137,34 @@ def _window(numbers: Numbers, times: FloatArray, signals: FloatArray, first: int
 
 
 @kernel
-def _add_rates(
-    numbers: Numbers,
-    times: FloatArray,
-    signals: FloatArray,
-    first: int,
-    last: int,
-    begin: int,
-    end: int,
-    rates: FloatArray,
-) -> None:
+def _add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
     """Add the pulses' avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
-    for j in range(first, last):
-        if signals[j] <= 0.0:
+    half = pulses.shares.shape[1] // 2
+    for j in range(pulses.first[beam], pulses.first[beam + 1]):
+        centre, signal, reach = pulses.centre[j], pulses.signal[j], pulses.reach[j]
+        if signal <= 0.0:
             continue
-        reach = _reach(numbers, signals[j])
-        low = max(math.floor(times[j] - reach), begin)
-        high = min(math.ceil(times[j] + reach), end)
-        before = _phi((low - times[j]) / numbers.sigma)
+        middle = math.floor(centre)
+        low = max(math.floor(centre - reach), begin)
+        high = min(math.ceil(centre + reach), end)
+        position = (centre - middle) * _PHASES
+        phase = int(position)
+        above = signal * (position - phase)
+        below = signal - above
         for k in range(low, high):
-            after = _phi((k + 1 - times[j]) / numbers.sigma)
-            rates[k - begin] += signals[j] * (after - before)
-            before = after
+            column = k - middle + half
+            rates[k - begin] += below * pulses.shares[phase, column] + above * pulses.shares[phase + 1, column]
 
 
 @kernel
-def _enter(numbers: Numbers, stream: Stream, draws: FloatArray, per_bin: float, begin: int, counts: IntArray) -> int:
+def _enter(numbers: Numbers, stream: Stream, draws: FloatArray, dead_rate: float, begin: int, counts: IntArray) -> int:
     """Put the avalanches of the `dead - 1` bins before `begin` into `counts` as background alone leaves them.
 
     In the steady state a detector is dead with probability (dead - 1) p / (1 + (dead - 1) p), its last avalanche
-    equally likely in each of those bins. Returns how many are dead.
+    equally likely in each of those bins: with probability 1 - exp(-dead_rate). Returns how many are dead.
     """
-    chance = -math.expm1(-per_bin)
-    dead = binomial(draws[0], numbers.detectors, math.log1p((numbers.dead - 1) * chance))
-    at, limit = 1, _RESERVE - 1
+    dead = binomial(draws[0], numbers.detectors, dead_rate)
+    at, limit = 1, _RESERVE - 2
     for _ in range(dead):
         if at == limit:
             fill(stream, draws, 8)
@@ -210,38 +243,34 @@ def simulate_beams(
     stream: Stream,
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
-    first_pulse: IntArray,
-    times: FloatArray,
-    signals: FloatArray,
+    pulses: Pulses,
     start: int,
     stop: int,
+    scratch: Scratch,
     echoes: Echoes,
 ) -> None:
     """Simulate the beams `start` ... `stop - 1`, independent of each other, into `echoes`.
 
-    `beams` (n,): numbers that streams know them by; `per_bin` (n,): background avalanches per armed SPAD and bin;
-    `times` [bins] and `signals` (n_pulses,): the pulses of beam i are `first_pulse[i]` ... `first_pulse[i + 1] - 1`.
+    `beams` (n,): numbers that streams know them by; `per_bin` (n,): background avalanches per armed SPAD and bin.
     """
-    counts = np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64)
-    rates = np.empty(numbers.bins)
-    draws = np.empty(_RESERVE + numbers.bins + 4)
-    blocks = bg.new_blocks(numbers.detectors, numbers.on, numbers.threshold, numbers.bins)
-    known = -1.0
+    counts, rates, draws, blocks = scratch.counts, scratch.rates, scratch.draws, scratch.blocks
+    known = dead_rate = -1.0
     for i in range(start, stop):
         if per_bin[i] != known:
             known = per_bin[i]
+            dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-known))
             bg.tabulate(blocks, numbers.detectors, numbers.threshold, known)
         rewind(stream, beams[i])
-        begin, end = _window(numbers, times, signals, first_pulse[i], first_pulse[i + 1])
+        begin, end = _window(numbers, pulses, i)
         if blocks.crowded[0]:
             begin, end = 0, numbers.bins
         rates[: end - begin] = known
-        _add_rates(numbers, times, signals, first_pulse[i], first_pulse[i + 1], begin, end, rates)
+        _add_rates(pulses, i, begin, end, rates)
         fill(stream, draws, _RESERVE + end - begin)
-        quiet_draw = draws[_RESERVE - 1]
-        dead = _enter(numbers, stream, draws, known, begin, counts)
+        before, behind = draws[_RESERVE - 2], draws[_RESERVE - 1]
+        dead = _enter(numbers, stream, draws, dead_rate, begin, counts)
         _chain(numbers, draws, rates, begin, end, dead, counts)
-        if bg.is_quiet(numbers, blocks, stream, draws, quiet_draw, begin, end, counts):
+        if bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, counts):
             _find_echoes(numbers, counts, begin, end, i, echoes)
             counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
         else:

@@ -106,13 +106,15 @@ def beam_keys(layer: npt.ArrayLike, point: npt.ArrayLike) -> npt.NDArray[np.uint
 
 
 @kernel
-def _uniforms(stream: Stream, beams: npt.NDArray[np.uint64], out: npt.NDArray[np.float64]) -> None:
+def _uniforms(
+    stream: Stream, beams: npt.NDArray[np.uint64], draws: npt.NDArray[np.float64], out: npt.NDArray[np.float64]
+) -> None:
     count = out.shape[1]
-    draws = np.empty(count + 3)
     for i in range(out.shape[0]):
         rewind(stream, beams[i])
         fill(stream, draws, count)
-        out[i] = draws[:count]
+        for j in range(count):
+            out[i, j] = draws[j]
 
 
 def uniforms(
@@ -121,5 +123,5 @@ def uniforms(
     """Uniform numbers in [0, 1), shape (n_beams, draws): the first draws of each beam for that purpose."""
     beams = beam_keys(layer, point)
     out = np.empty((len(beams), draws))
-    _uniforms(new_stream(seed, purpose, frame), beams, out)
+    _uniforms(new_stream(seed, purpose, frame), beams, np.empty(draws + 3), out)
     return out
