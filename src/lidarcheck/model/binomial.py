@@ -73,14 +73,17 @@ def binomial(uniform: float, trials: int, rate: float) -> int:
     Inversion of the distribution function: exact up to double rounding, and as many steps as trials that fire (or
     that do not, where those are fewer).
     """
-    # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
-    if trials <= 0 or uniform <= 1.0 - trials * rate:
+    if trials <= 0 or rate <= 0.0:
         return 0
-    uniform *= _BELOW_ONE
     if rate < _LN2:
+        # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
+        if uniform < 1.0 - trials * rate:
+            return 0
+        uniform *= _BELOW_ONE
         if trials * rate < _SAFE_EXPONENT:
             return _from_zero(uniform, trials, -rate, math.expm1(rate))
         return _from_mode(uniform, trials, -math.expm1(-rate))
+    uniform *= _BELOW_ONE
     miss = math.exp(-rate)
     log_fire = math.log1p(-miss)
     if -trials * log_fire < _SAFE_EXPONENT:

@@ -67,12 +67,12 @@ def coates_rate(counts: npt.ArrayLike, cycles: float, *, dead_bins: int | None =
     """
     h = np.asarray(counts, dtype=np.float64)
     armed = _armed(h, cycles, dead_bins)
-    if np.any(h < 0.0) or np.any(h > armed * (1.0 + 1e-12)):
+    if np.any(h < 0.0) or np.any(h > armed + 1e-9 * cycles):
         raise UsageError(
             f"a bin has more counts than the {cycles:g} cycles leave armed, or fewer than 0",
             fix="give the number of laser cycles of the whole record",
         )
-    share = np.divide(h, armed, out=np.zeros_like(h), where=armed > 0.0)
+    share = np.divide(h, armed, out=np.zeros_like(h), where=(armed > 0.0) & (h > 0.0))
     with np.errstate(divide="ignore"):
         return np.asarray(-np.log1p(-np.minimum(share, 1.0)), dtype=np.float64)
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from lidarcheck.errors import ExternalModelError, LidarcheckError, UsageError
-from lidarcheck.formats.config_words import nearest
+from lidarcheck.formats.config_words import nearest, printable
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
 
@@ -164,7 +164,7 @@ def _unknown(name: str) -> UsageError:
     near = nearest(name, PLACEHOLDERS)
     known = ", ".join(f"{{{known}}}" for known in PLACEHOLDERS)
     fix = f"did you mean {{{near}}}?" if near else f"placeholders are {known}; write {{{{ for a brace"
-    return UsageError(f"unknown placeholder {{{name}}}", fix=fix)
+    return UsageError(f"unknown placeholder {{{printable(name)}}}", fix=fix)
 
 
 def _signal_name(number: int) -> str:

@@ -58,7 +58,7 @@ def _prune(base: Path) -> None:
 
 
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-"""No reference counts: kernels allocate nothing, and counting the arrays passed between them took a third of the time."""
+"""No reference counts: kernels allocate nothing, and counting the arrays they pass took a third of their time."""
 
 
 def kernel(function: _F) -> _F:

@@ -22,7 +22,17 @@ from lidarcheck.model.streams import Stream, fill, rewind
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["Echoes", "Numbers", "Pulses", "Scratch", "new_scratch", "numbers_of", "pulses_of", "simulate_beams"]
+__all__ = [
+    "Echoes",
+    "Numbers",
+    "Pulses",
+    "Scratch",
+    "new_scratch",
+    "numbers_of",
+    "pulses_of",
+    "simulate_beams",
+    "trace_beams",
+]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -235,6 +245,34 @@ def _find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam:
             width = area = peak = 0
             moment = 0.0
         on -= counts[numbers.pad + k - numbers.on + 1]
+
+
+@kernel
+def trace_beams(
+    numbers: Numbers,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    per_bin: FloatArray,
+    pulses: Pulses,
+    scratch: Scratch,
+    traces: npt.NDArray[np.int32],
+) -> None:
+    """Run the chain through all bins of every beam; `traces` (n, bins) takes the detectors ON in each bin."""
+    counts, rates, draws = scratch.counts, scratch.rates, scratch.draws
+    for i in range(len(beams)):
+        rewind(stream, beams[i])
+        rates[:] = per_bin[i]
+        _add_rates(pulses, i, 0, numbers.bins, rates)
+        fill(stream, draws, _RESERVE + numbers.bins)
+        dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin[i]))
+        dead = _enter(numbers, stream, draws, dead_rate, 0, counts)
+        _chain(numbers, draws, rates, 0, numbers.bins, dead, counts)
+        for k in range(numbers.bins):
+            on = 0
+            for age in range(numbers.on):
+                on += counts[numbers.pad + k - age]
+            traces[i, k] = on
+        counts[:] = 0
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The noise-free trace: what the SPADs of a beam are expected to show, without drawing a number."""
+"""Traces: what the SPADs of a beam are expected to show, noise-free, and draws of what they do show."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy.typing as npt
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["bin_rates", "expected_trace", "on_probability"]
+__all__ = ["bin_rates", "draw_traces", "expected_trace", "on_probability"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,3 +49,25 @@ def expected_trace(light: Light, sensor: Sensor) -> FloatArray:
     """Expected number of detectors ON in each bin, shape (n_beams, bins): the mean of A_k, noise-free."""
     q = on_probability(bin_rates(light, sensor), light.background_per_ns * sensor.bin_ns, sensor)
     return sensor.detectors * q
+
+
+def draw_traces(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:
+    """A_k, the detectors ON in each bin, shape (n_beams, bins): the exact chain, run through every bin.
+
+    For looking at waveforms and for tests: a few ten microseconds a beam. Echoes come from `simulate`, which visits
+    only the bins that matter and therefore draws other numbers of the same distribution.
+    """
+    from lidarcheck.model import kernel, streams
+
+    numbers = kernel.numbers_of(sensor)
+    traces = np.empty((len(light), sensor.bins), dtype=np.int32)
+    kernel.trace_beams(
+        numbers,
+        streams.new_stream(seed, "traces", frame),
+        streams.beam_keys(light.layer, light.point),
+        light.background_per_ns * sensor.bin_ns,
+        kernel.pulses_of(light, sensor, numbers),
+        kernel.new_scratch(numbers),
+        traces,
+    )
+    return traces
