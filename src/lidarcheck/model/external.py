@@ -28,7 +28,7 @@ _TAIL_BYTES = 8192
 _log = logging.getLogger(__name__)
 
 
-def check_command(command: Sequence[str], *, has_ini: bool) -> list[tuple[int | None, UsageError]]:
+def check_command(command: Sequence[str]) -> list[tuple[int | None, UsageError]]:
     """The faults of a command's placeholders, each with the argument's index, None for the whole command."""
     faults: list[tuple[int | None, UsageError]] = []
     names = set()
@@ -45,8 +45,6 @@ def check_command(command: Sequence[str], *, has_ini: bool) -> list[tuple[int | 
             faults.append((index, UsageError(f"{argument!r} cannot be run", fix="name a program")))
     if "scan" not in names and not faults:
         faults.append((None, UsageError("command has no {scan}", fix="add {scan}, the file that it must write")))
-    if "ini" in names and not has_ini:
-        faults.append((None, UsageError("command uses {ini}, but there is no ini", fix='add ini = "FILE"')))
     return faults
 
 
@@ -54,16 +52,18 @@ def run_external(ideal: IdealScan, external: External, *, seed: int) -> Scan:
     """Let an external model simulate one ideal scan.
 
     Writes `ideal` as text to a temporary directory, replaces `{ideal}`, `{ini}`, `{scan}` and `{seed}` in the command,
-    runs it without a shell in `external.directory` and reads the scan that it wrote. On a timeout or an interrupt its
+    runs it without a shell in `external.directory` and reads the scan that it wrote. Without an `ini` of its own, the
+    command gets one that holds the seed. On a timeout or an interrupt its
     whole process group is killed. `ExternalModelError`, with the command and the last line of its standard error, when
     it cannot be started, fails, takes longer than `timeout_s`, or leaves no readable scan.
     """
     from lidarcheck.formats import load_scan, save_ideal
 
-    for _, fault in check_command(external.command, has_ini=external.ini is not None):
+    for _, fault in check_command(external.command):
         raise fault
     with _scratch() as directory:
-        files = {"ideal": directory / "ideal.txt", "scan": directory / "scan.txt", "seed": seed, "ini": external.ini}
+        ini = external.ini or _seed_file(directory, seed)
+        files = {"ideal": directory / "ideal.txt", "scan": directory / "scan.txt", "seed": seed, "ini": ini}
         save_ideal(ideal, directory / "ideal.txt")
         command = [_filled(argument, files) for argument in external.command]
         errors = _run(command, external, directory)
@@ -78,6 +78,13 @@ def run_external(ideal: IdealScan, external: External, *, seed: int) -> Scan:
         except LidarcheckError as error:
             where = f" at line {error.line}" if error.line else ""
             raise _failure(f"wrote a malformed scan: {error.what}{where}", external, errors, error.fix) from error
+
+
+def _seed_file(directory: Path, seed: int) -> Path:
+    """What `{ini}` stands for when the model file names none: a settings file that holds the seed."""
+    path = directory / "settings.ini"
+    path.write_text(f"PostPro.Seed = {seed}\n", encoding="utf-8")
+    return path
 
 
 @contextlib.contextmanager

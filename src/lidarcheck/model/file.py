@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import tomllib
@@ -21,6 +22,8 @@ from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
 
 __all__ = ["load_model", "model_of", "save_model"]
+
+_log = logging.getLogger(__name__)
 
 MATERIAL_ID_MAX = 2**31 - 1
 _ID = re.compile(r"0|[1-9][0-9]{0,9}")
@@ -61,11 +64,6 @@ class _MaterialTable(Config):
     def _gain_belongs_to_retro(self) -> _MaterialTable:
         if self.kind == "retro" and self.retro_gain is None:
             raise ValueError("a retro-reflector has no retro_gain; add retro_gain, a number from 0 to 1e+06")
-        # A gain of 1 changes nothing, so a file that spells it out for every material is welcome.
-        if self.kind == "lambertian" and self.retro_gain not in (None, 1.0):
-            raise ValueError(
-                f'retro_gain = {self.retro_gain:g} on a lambertian surface; add kind = "retro" or remove it'
-            )
         return self
 
 
@@ -146,7 +144,9 @@ def _sensor(table: _ModelTable, lines: LineIndex) -> Sensor:
 
 
 def _material(number: str, table: _MaterialTable) -> Material:
-    gain = 1.0 if table.retro_gain is None else table.retro_gain
+    if table.kind == "lambertian" and table.retro_gain not in (None, 1.0):
+        _log.warning("material %s is lambertian: its retro_gain = %g has no effect", number, table.retro_gain)
+    gain = 1.0 if table.retro_gain is None or table.kind == "lambertian" else table.retro_gain
     return Material(table.name or f"material_{number}", table.reflectance, table.kind, gain)
 
 
@@ -204,7 +204,7 @@ def _external_model(data: dict[str, Any], lines: LineIndex) -> Model:
 
 def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
     faults = []
-    for index, error in check_command(table.command, has_ini=table.ini is not None):
+    for index, error in check_command(table.command):
         place = ("external", "command") if index is None else ("external", "command", index)
         faults.append(lines.fault(place, error.what, fix=error.fix))
     if table.ini is not None and not (lines.file.absolute().parent / table.ini).is_file():

@@ -1,0 +1,290 @@
+"""Blooming look-up tables: INI text of which every untouched byte is kept.
+
+A file holds a vertical table (`PostPro.LUT_blooming_X` and `_Y`; X in SPAD rows, positive = upward), a horizontal one
+(`PostPro.LUT_bloomingH_X` and `_Y`; X in columns of 0.05 deg), or both. The case of the keys is the file's own. X does
+not decrease; real files pad the end by repeating the last X. Y, the share of the target's light, lies in [0, 1].
+
+Editors show Y as a whole number s: 0 for Y = 0, else s = round(1000 + log10(Y)/0.007), back Y = 10^(-0.007 (1000 - s)).
+1 ... 1000 spans seven decades. The file has 7 decimals, so below about s = 260 neighbouring s may be written alike.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import ConfigError, InputError, UsageError
+from lidarcheck.formats.atomic import write_bytes
+from lidarcheck.formats.config_words import nearest, shown
+from lidarcheck.formats.textfile import read_bytes
+
+__all__ = [
+    "SCALE_MAX",
+    "Axis",
+    "LutFile",
+    "LutRow",
+    "LutTable",
+    "load_lut",
+    "parse_lut",
+    "save_lut",
+    "scaled_of_y",
+    "y_of_scaled",
+]
+
+Axis = Literal["vertical", "horizontal"]
+FloatArray = npt.NDArray[np.float64]
+
+SCALE_MAX = 1000
+"""The scaled value of Y = 1."""
+
+_STEP = 0.007
+_KEYS: dict[Axis, tuple[str, str]] = {
+    "vertical": ("PostPro.LUT_blooming_X", "PostPro.LUT_blooming_Y"),
+    "horizontal": ("PostPro.LUT_bloomingH_X", "PostPro.LUT_bloomingH_Y"),
+}
+_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
+_COMMENT = re.compile(r"[#;]")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+class LutRow(NamedTuple):
+    """One row as an editor shows it: the offset, the light's share, and the share as a whole number 0 ... 1000."""
+
+    x: float
+    y: float
+    scaled: int
+
+
+class _Cell(NamedTuple):
+    """A cell's text and where it stands; `start` counts bytes from the beginning of the file."""
+
+    text: str
+    start: int
+    line: int
+
+
+@dataclass(frozen=True)
+class LutTable:
+    """Offsets `x` and light shares `y`, both of shape (n,), read-only."""
+
+    x: FloatArray
+    y: FloatArray
+    _cells: tuple[_Cell, ...] = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def rows(self) -> list[LutRow]:
+        """The table row by row."""
+        return [LutRow(x, y, scaled_of_y(y)) for x, y in zip(self.x.tolist(), self.y.tolist(), strict=True)]
+
+    def interp(self, x: npt.ArrayLike) -> FloatArray:
+        """Y at offsets `x` (any shape), linear in Y between the rows and 0 outside of the table.
+
+        Where an X is repeated Y steps, and the last of its rows holds at X itself.
+        """
+        return np.asarray(np.interp(np.asarray(x, dtype=np.float64), self.x, self.y, left=0.0, right=0.0))
+
+
+@dataclass(frozen=True)
+class LutFile:
+    """A LUT file: its bytes and the tables in them. An edit gives a new one, in which only that cell's text differs."""
+
+    content: bytes
+    tables: Mapping[Axis, LutTable] = field(compare=False)
+    file: Path | None = field(default=None, compare=False)
+
+    def with_y(self, table: Axis, index: int, value: float) -> LutFile:
+        """Row `index` gets Y = `value`, written with 7 decimals; no change where it has that value already.
+
+        `UsageError` when the table or the row does not exist, or `value` is not in [0, 1] or would be written as 0.
+        """
+        cell = self._cell(table, index)
+        if not 0.0 <= value <= 1.0:
+            raise UsageError(f"Y = {value:g} is out of range", fix="use a number from 0 to 1")
+        if value == self.tables[table].y[index]:
+            return self
+        text = f"{value:.7f}"
+        if value > 0.0 and float(text) == 0.0:
+            raise UsageError(f"Y = {value:g} is too small for 7 decimals", fix="use 0 or at least 0.0000001")
+        end = cell.start + len(cell.text)
+        return parse_lut(self.content[: cell.start] + text.encode() + self.content[end:], self.file)
+
+    def with_scaled(self, table: Axis, index: int, scaled: int) -> LutFile:
+        """Row `index` gets the Y of a whole number 0 ... 1000; a number that it shows already changes nothing."""
+        self._cell(table, index)
+        if scaled == scaled_of_y(float(self.tables[table].y[index])):
+            return self
+        return self.with_y(table, index, y_of_scaled(scaled))
+
+    def _cell(self, table: Axis, index: int) -> _Cell:
+        if table not in self.tables:
+            raise UsageError(f"the file has no {table} table", fix=f"choose {' or '.join(self.tables)}")
+        cells = self.tables[table]._cells
+        if not 0 <= index < len(cells):
+            raise UsageError(f"the {table} table has no row {index}", fix=f"use 0 to {len(cells) - 1}")
+        return cells[index]
+
+
+def scaled_of_y(y: float) -> int:
+    """The whole number 0 ... 1000 that stands for Y in [0, 1]: 0 for Y = 0 alone, 1 for all else up to 1e-7."""
+    if y == 0.0:
+        return 0
+    return min(max(round(SCALE_MAX + math.log10(y) / _STEP), 1), SCALE_MAX)
+
+
+def y_of_scaled(scaled: int) -> float:
+    """The Y of a whole number 0 ... 1000; `UsageError` for any other."""
+    if isinstance(scaled, bool) or not 0 <= scaled <= SCALE_MAX or scaled != int(scaled):
+        raise UsageError(f"scaled Y = {scaled} is out of range", fix=f"use a whole number from 0 to {SCALE_MAX}")
+    return 0.0 if scaled == 0 else float(10.0 ** (-_STEP * (SCALE_MAX - scaled)))
+
+
+def load_lut(path: str | os.PathLike[str]) -> LutFile:
+    """Read a LUT file. `InputError` when it cannot be read, `ConfigError` with each fault of its tables."""
+    return parse_lut(read_bytes(path), Path(path))
+
+
+def save_lut(lut: LutFile, path: str | os.PathLike[str]) -> None:
+    """Write a LUT file, atomic; what nobody edited has the same bytes as before."""
+    write_bytes(path, lut.content)
+
+
+def parse_lut(content: bytes, file: Path | None = None) -> LutFile:
+    """The tables in a LUT file's bytes; errors as `load_lut`, naming `file`."""
+    if not content.strip():
+        raise InputError("the file is empty", file=file, fix="write it again or name another")
+    if b"\0" in content:
+        line = content.count(b"\n", 0, content.index(b"\0")) + 1
+        raise InputError("this is not a text file in UTF-8 or ASCII", file=file, line=line, fix="save it as UTF-8")
+    faults: list[InputError] = []
+    entries = _entries(content, file, faults)
+    tables: dict[Axis, LutTable] = {}
+    for axis, names in _KEYS.items():
+        table = _table(entries, names, file, faults)
+        if table is not None:
+            tables[axis] = table
+    if not tables and not faults:
+        near = _near_key(entries, [name for names in _KEYS.values() for name in names])
+        faults.append(
+            InputError("the file has no blooming table", file=file, fix=near or f"add {_KEYS['vertical'][0]} and _Y")
+        )
+    if faults:
+        raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
+    return LutFile(content, tables, file)
+
+
+class _Entry(NamedTuple):
+    key: str
+    line: int
+    cells: list[_Cell]
+
+
+def _entries(content: bytes, file: Path | None, faults: list[InputError]) -> dict[str, _Entry]:
+    """All `key = ...` lines by lower-case key."""
+    # Latin-1 makes one character of each byte, whatever the file's encoding, so positions are those of the bytes.
+    text = content.decode("latin-1")
+    ours = {name.lower() for names in _KEYS.values() for name in names}
+    entries: dict[str, _Entry] = {}
+    first = len(codecs.BOM_UTF8) if content.startswith(codecs.BOM_UTF8) else 0
+    for number, match in enumerate(_LINE.finditer(text, first), start=1):
+        before, equals, after = match.group().partition("=")
+        key = before.strip()
+        if not equals or key.startswith(("#", ";", "[")):
+            continue
+        name = key.lower()
+        if name in ours and name in entries:
+            fix = f"remove it or line {entries[name].line}"
+            faults.append(InputError(f"{key} stands here again", file=file, line=number, fix=fix))
+        values = _COMMENT.split(after, maxsplit=1)[0]
+        cells = list(_cells(values, match.start() + len(before) + 1, number)) if name in ours else []
+        entries.setdefault(name, _Entry(key, number, cells))
+    return entries
+
+
+def _cells(text: str, start: int, line: int) -> Iterator[_Cell]:
+    if not text.strip():
+        return
+    position = 0
+    for part in text.split(","):
+        offset = len(part) - len(part.lstrip())
+        yield _Cell(part.strip(), start + position + offset, line)
+        position += len(part) + 1
+
+
+def _table(
+    entries: Mapping[str, _Entry], names: tuple[str, str], file: Path | None, faults: list[InputError]
+) -> LutTable | None:
+    pair = [entries.get(name.lower()) for name in names]
+    if pair[0] is None or pair[1] is None:
+        for name, other in zip(names, reversed(pair), strict=True):
+            if other is not None:
+                fix = _near_key(entries, [name]) or f"add {name} with {len(other.cells)} numbers"
+                faults.append(InputError(f"{other.key} has no {name}", file=file, line=other.line, fix=fix))
+        return None
+    before = len(faults)
+    x, y = (_numbers(entry, file, faults) for entry in (pair[0], pair[1]))
+    if len(x) != len(y):
+        what = f"{pair[1].key} has {len(y)} numbers, {pair[0].key} has {len(x)}"
+        faults.append(InputError(what, file=file, line=pair[1].line, fix="give both the same number"))
+    _check_order(x, pair[0], file, faults)
+    _check_shares(y, pair[1], file, faults)
+    return None if len(faults) > before else LutTable(_column(x), _column(y), tuple(pair[1].cells))
+
+
+def _numbers(entry: _Entry, file: Path | None, faults: list[InputError]) -> list[float]:
+    """The cells' values, NaN where one is not a number."""
+    if not entry.cells:
+        faults.append(
+            InputError(f"{entry.key} has no numbers", file=file, line=entry.line, fix="add them, with commas")
+        )
+    values = []
+    for index, cell in enumerate(entry.cells):
+        value = float(cell.text) if _NUMBER.fullmatch(cell.text) else math.nan
+        if not math.isfinite(value):
+            what = f"number {index + 1} of {entry.key} is empty"
+            if cell.text:
+                what = f"number {index + 1} of {entry.key} is {shown(cell.text)}, not a number"
+            faults.append(InputError(what, file=file, line=cell.line, fix="use digits with a decimal point"))
+            value = math.nan
+        values.append(value)
+    return values
+
+
+def _check_order(x: list[float], entry: _Entry, file: Path | None, faults: list[InputError]) -> None:
+    for index in range(1, len(x)):
+        if x[index] < x[index - 1]:
+            what = f"number {index + 1} of {entry.key} is {x[index]:g}, below {x[index - 1]:g} before it"
+            faults.append(InputError(what, file=file, line=entry.line, fix="X must not decrease"))
+
+
+def _check_shares(y: list[float], entry: _Entry, file: Path | None, faults: list[InputError]) -> None:
+    for index, value in enumerate(y):
+        if value < 0.0 or value > 1.0:
+            what = f"number {index + 1} of {entry.key} is {value:g}, out of range"
+            faults.append(InputError(what, file=file, line=entry.line, fix="use a number from 0 to 1"))
+
+
+def _near_key(entries: Mapping[str, _Entry], names: list[str]) -> str:
+    """The hint at a misspelled key, empty where none is alike."""
+    known = {name.lower() for pair in _KEYS.values() for name in pair}
+    for entry in entries.values():
+        near = nearest(entry.key, names) if entry.key.lower() not in known else None
+        if near:
+            return f"did you mean {near} by {shown(entry.key)} in line {entry.line}?"
+    return ""
+
+
+def _column(values: list[float]) -> FloatArray:
+    column = np.array(values, dtype=np.float64)
+    column.flags.writeable = False
+    return column

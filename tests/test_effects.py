@@ -1,0 +1,146 @@
+"""Effects: the catalogue, what each one does, and what it must leave alone."""
+
+import dataclasses
+import inspect
+
+import numpy as np
+import pytest
+
+from lidarcheck import effects
+from lidarcheck.effects.base import STAGES
+from lidarcheck.errors import UsageError
+from lidarcheck.model import Model, simulate
+from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Material, Sensor
+
+IDENTITY = {
+    "dark_counts": {"rate_per_ns": 0.0},
+    "layer_gain": {"gain": 1.0},
+    "signal_gain": {"gain": 1.0},
+    "threshold": {"shift": 0},
+    "dropout": {"share": 0.0},
+    "range_offset": {"offset_m": 0.0},
+    "range_scale": {"fraction": 0.0},
+}
+COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
+
+
+@pytest.fixture(scope="module")
+def ideal() -> IdealScan:
+    layer, point = np.divmod(np.arange(5000), 100)
+    distance = np.random.default_rng(0).uniform(20, 120, 5000)
+    return IdealScan(layer + 240, point + 400, distance, np.ones(5000), np.zeros(5000))
+
+
+def model(*chosen: effects.Effect, variant: str = "SMART") -> Model:
+    return Model(Sensor.of(variant), {1: Material("wall", 0.4)}, tuple(chosen))
+
+
+def same(one: Scan, other: Scan) -> bool:
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in COLUMNS)
+
+
+def test_the_catalogue_finds_every_file() -> None:
+    assert set(effects.catalogue()) == set(IDENTITY)
+    stages = [STAGES.index(effect.stage) for effect in effects.catalogue().values()]
+    assert stages == sorted(stages)
+
+
+@pytest.mark.parametrize("name", IDENTITY)
+def test_every_effect_is_documented_and_bounded(name: str) -> None:
+    effect = effects.find(name)
+    text = inspect.getdoc(effect) or ""
+    assert len(text.splitlines()) > 2
+    assert "Identity" in text
+    assert dataclasses.is_dataclass(effect)
+    for parameter in effect.parameters():
+        assert parameter.low <= parameter.typical <= parameter.high
+        assert parameter.meaning
+        for outside in (parameter.low - 1, parameter.high + 1, float("nan"), True, "1"):
+            with pytest.raises(UsageError, match=rf"{name}: {parameter.name} = .* is out of range"):
+                effects.make(name, {parameter.name: outside})
+
+
+@pytest.mark.parametrize("name", IDENTITY)
+@pytest.mark.parametrize("variant", ["SMART", "SLIM"])
+def test_zero_strength_is_the_identity_and_a_typical_one_is_not(name: str, variant: str, ideal: IdealScan) -> None:
+    plain = simulate(ideal, model(variant=variant), seed=3)
+    assert same(plain, simulate(ideal, model(effects.make(name, IDENTITY[name]), variant=variant), seed=3))
+    changed = simulate(ideal, model(effects.make(name, {}), variant=variant), seed=3)
+    assert not same(plain, changed)
+    assert np.isfinite(changed.x_m).all()
+
+
+def test_taking_one_out_leaves_all_other_draws(ideal: IdealScan) -> None:
+    both = model(effects.make("dropout", {"share": 0.3}), effects.make("range_offset", {"offset_m": 0.5}))
+    one = simulate(ideal, both.without("range_offset"), seed=5)
+    two = simulate(ideal, both, seed=5)
+    assert np.array_equal(one.layer * 960 + one.point, two.layer * 960 + two.point)
+    assert np.array_equal(one.area, two.area)
+
+
+def test_signal_gain_is_a_factor_on_the_range_equation(ideal: IdealScan) -> None:
+    louder = dataclasses.replace(model(), materials={1: Material("wall", 0.6)})
+    assert same(
+        simulate(ideal, model(effects.make("signal_gain", {"gain": 1.5})), seed=1), simulate(ideal, louder, seed=1)
+    )
+
+
+def test_dark_counts_add_to_the_background(ideal: IdealScan) -> None:
+    noisy = model().with_sensor(background_per_ns=0.0013)
+    dark = model(effects.make("dark_counts", {"rate_per_ns": 0.001}))
+    assert same(simulate(ideal, dark, seed=1), simulate(ideal, noisy, seed=1))
+
+
+def test_threshold_shifts_the_sensor_s_own(ideal: IdealScan) -> None:
+    shifted = simulate(ideal, model(effects.make("threshold", {"shift": 4})), seed=1)
+    assert same(shifted, simulate(ideal, model().with_sensor(threshold=13), seed=1))
+    assert shifted.peak.min() == 14
+
+
+def test_a_dead_layer_is_silent_and_its_neighbours_are_not(ideal: IdealScan) -> None:
+    dead = simulate(
+        ideal, model(effects.make("layer_gain", {"gain": 0, "first_layer": 250, "last_layer": 251})), seed=1
+    )
+    plain = simulate(ideal, model(), seed=1)
+    silent = (plain.layer == 250) | (plain.layer == 251)
+    assert silent.sum() > 100
+    assert same(dead, plain.take(~silent))
+
+
+def test_ranges_move_along_the_beam(ideal: IdealScan) -> None:
+    plain = simulate(ideal, model(), seed=1)
+    moved = simulate(ideal, model(effects.make("range_offset", {"offset_m": -0.25})), seed=1)
+    assert moved.range_m == pytest.approx(plain.range_m - 0.25, abs=1e-9)
+    assert moved.y_m / moved.x_m == pytest.approx(plain.y_m / plain.x_m)
+    scaled = simulate(ideal, model(effects.make("range_scale", {"fraction": 0.01})), seed=1)
+    assert scaled.range_m == pytest.approx(plain.range_m * 1.01, abs=0.00501)
+
+
+def test_dropout_takes_whole_beams_and_the_share_it_says(ideal: IdealScan) -> None:
+    plain = simulate(ideal, model(), seed=1)
+    assert len(simulate(ideal, model(effects.make("dropout", {"share": 1})), seed=1)) == 0
+    left = simulate(ideal, model(effects.make("dropout", {"share": 0.25})), seed=1)
+    kept, all_ = (np.unique(scan.layer * 960 + scan.point) for scan in (left, plain))
+    assert same(left, plain.take(np.isin(plain.layer * 960 + plain.point, kept)))
+    assert abs(len(kept) - 0.75 * len(all_)) < 4 * np.sqrt(0.25 * 0.75 * len(all_))
+
+
+def test_unknown_names_and_orders_are_refused_with_the_nearest_valid_one() -> None:
+    with pytest.raises(UsageError, match="no effect 'range_ofset'; did you mean range_offset"):
+        effects.make("range_ofset", {})
+    with pytest.raises(UsageError, match="dropout has no parameter 'shard'; did you mean share"):
+        effects.make("dropout", {"shard": 0.1})
+    with pytest.raises(UsageError, match=r"signal_gain \(stage light\) stands behind dropout \(stage readout\)"):
+        effects.check_order([effects.make("dropout", {}), effects.make("signal_gain", {})])
+
+
+def test_an_effect_takes_its_place_on_the_light_s_way() -> None:
+    built = model()
+    for name in ("dropout", "signal_gain", "threshold", "dark_counts"):
+        built = built.with_(effects.make(name, {}))
+    assert [effect.name for effect in built.effects] == ["signal_gain", "dark_counts", "threshold", "dropout"]
+    effects.check_order(built.effects)
+    assert built.without("threshold").without("fog").with_(effects.make("dropout", {"share": 0.5})).effects[
+        -1
+    ].settings() == {"share": 0.5}

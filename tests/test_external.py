@@ -1,0 +1,205 @@
+import os
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lidarcheck.errors import ExternalModelError, InputError, UsageError
+from lidarcheck.model.external import check_command, run_external
+from lidarcheck.model.spec import External
+from lidarcheck.scan import IdealScan
+
+IDEAL = IdealScan(
+    layer=np.array([10, 11, 12], dtype=np.int32),
+    point=np.array([5, 6, 7], dtype=np.int32),
+    distance_m=np.array([20.0, 0.0, 33.5]),
+    material_id=np.array([1, 1, 2], dtype=np.int32),
+    incidence_deg=np.array([0.0, 0.0, 12.0]),
+)
+
+POSTPRO = """\
+import sys
+ideal, ini, scan, seed = sys.argv[1:]
+gain = float(open(ini).read().split("=")[1])
+lines = open(ideal).read().splitlines()
+names = lines[0].lstrip("/").split()
+out = ["X Y Z Point Layer EchoNumber WIDTH AREA PEAK"]
+for line in lines[1:]:
+    row = dict(zip(names, line.split()))
+    if len(row) > 2 and float(row["Distance"]) > 0:
+        out.append(f"{row['Distance']} 0 0 {row['Point']} {row['Layer']} 1 9 {gain} {seed}")
+open(scan, "w").write("\\n".join(out) + "\\n")
+print("not data", flush=True)
+print("a warning", file=sys.stderr)
+"""
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Temporary directories are made here, and none may be left."""
+    path = tmp_path / "scratch"
+    path.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(path))
+    return path
+
+
+def python(tmp_path: Path, source: str, *arguments: str, timeout_s: float = 20.0) -> External:
+    (tmp_path / "model.py").write_text(source)
+    return External((sys.executable, "-S", "model.py", *arguments), tmp_path, timeout_s=timeout_s)
+
+
+def failure(external: External) -> str:
+    with pytest.raises(ExternalModelError) as caught:
+        run_external(IDEAL, external, seed=1)
+    [line] = caught.value.lines()
+    return line
+
+
+def test_an_external_model_simulates(tmp_path: Path, scratch: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a b.ini").write_text("gain = 12.5")
+    external = python(tmp_path, POSTPRO, "{ideal}", "{ini}", "{scan}", "{seed}")
+    external = External(external.command, tmp_path, tmp_path / "a b.ini")
+    scan = run_external(IDEAL, external, seed=77)
+    assert scan.layer.tolist() == [10, 12]
+    assert scan.point.tolist() == [5, 7]
+    assert scan.range_m.tolist() == [20.0, 33.5]
+    assert scan.area.tolist() == [12.5, 12.5]
+    assert scan.peak.tolist() == [77.0, 77.0]
+    assert capfd.readouterr() == ("", "")
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_program_beside_the_model_file(tmp_path: Path) -> None:
+    script = tmp_path / "postpro"
+    script.write_text('#!/bin/sh\necho "X Y Z EchoNumber" > "$2"; echo "1 2 3 1" >> "$2"; test "$1" = "{x}"\n')
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    scan = run_external(IDEAL, External(("./postpro", "{{x}}", "{scan}"), tmp_path), seed=0)
+    assert (scan.x_m[0], scan.y_m[0], scan.z_m[0]) == (1.0, 2.0, 3.0)
+    line = failure(External(("postpro", "{scan}"), tmp_path))
+    assert line == (
+        "error: the external model postpro '{scan}' cannot be started: No such file or directory; "
+        "write ./postpro for the file beside the model"
+    )
+
+
+def test_exit_code_and_last_words(tmp_path: Path, scratch: Path) -> None:
+    source = "import sys; sys.stderr.write('first\\nlast \\x1b[31mwords\\n\\n'); sys.exit(3)"
+    line = failure(python(tmp_path, source, "{ideal}", "{scan}"))
+    assert line.startswith("error: the external model ")
+    assert "model.py '{ideal}' '{scan}' ended with exit code 3 (it said: \"last  [31mwords\"); run the command" in line
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_signal(tmp_path: Path) -> None:
+    line = failure(python(tmp_path, "import os; os.kill(os.getpid(), 9)", "{scan}"))
+    assert "was killed by SIGKILL; run the command by hand" in line
+
+
+@pytest.mark.parametrize(
+    ("source", "what"),
+    [
+        ("pass", "wrote no scan; let it write its echoes to {scan}"),
+        ("import sys; open(sys.argv[1], 'w')", "wrote an empty scan; let it"),
+        ("import sys; open(sys.argv[1], 'w').write('X Y Z\\n1 2\\n')", "wrote a malformed scan: "),
+        ("import sys; open(sys.argv[1], 'wb').write(bytes(range(256)))", "wrote a malformed scan: "),
+        ("import sys, os; os.mkdir(sys.argv[1])", "wrote "),
+    ],
+)
+def test_no_usable_scan(tmp_path: Path, scratch: Path, source: str, what: str) -> None:
+    assert what in failure(python(tmp_path, source, "{scan}"))
+    assert list(scratch.iterdir()) == []
+
+
+def test_what_cannot_be_started(tmp_path: Path) -> None:
+    assert "cannot be started: No such file" in failure(External(("./none", "{scan}"), tmp_path))
+    (tmp_path / "plain").write_text("x")
+    assert "cannot be started: Permission denied" in failure(External(("./plain", "{scan}"), tmp_path))
+    assert "there is no directory" in failure(External(("true", "{scan}"), tmp_path / "gone"))
+
+
+GRANDCHILD = """\
+import subprocess, sys, time
+child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(60)"])
+open("pid", "w").write(str(child.pid))
+print("waiting", file=sys.stderr, flush=True)
+time.sleep(60)
+"""
+
+
+def assert_gone(pid_file: Path) -> None:
+    pid = int(pid_file.read_text())
+    for _ in range(100):
+        state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
+        if state in ("", "Z"):
+            return
+        time.sleep(0.02)
+    os.kill(pid, signal.SIGKILL)
+    pytest.fail("the model's child outlived it")
+
+
+def test_a_timeout_kills_the_model_and_all_that_it_started(tmp_path: Path, scratch: Path) -> None:
+    started = time.monotonic()
+    line = failure(python(tmp_path, GRANDCHILD, "{scan}", timeout_s=1.0))
+    assert time.monotonic() - started < 10
+    assert 'took longer than 1 s (it said: "waiting"); raise timeout_s or make it faster' in line
+    assert_gone(tmp_path / "pid")
+    assert list(scratch.iterdir()) == []
+
+
+def test_an_interrupt_kills_the_model_and_all_that_it_started(tmp_path: Path, scratch: Path) -> None:
+    def interrupt() -> None:
+        while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+            time.sleep(0.02)
+        signal.raise_signal(signal.SIGINT)
+
+    external = python(tmp_path, GRANDCHILD, "{scan}")
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        run_external(IDEAL, external, seed=0)
+    thread.join()
+    assert_gone(tmp_path / "pid")
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_program_that_moves_into_a_session_of_its_own_still_ends(tmp_path: Path) -> None:
+    source = "import os, time; os.setpgid(0, 0) if os.getpgid(0) != os.getpid() else None; time.sleep(60)"
+    assert "took longer than 0.5 s" in failure(python(tmp_path, source, "{scan}", timeout_s=0.5))
+
+
+def test_placeholders_are_checked(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"unknown placeholder {scna}; did you mean {scan}\?"):
+        run_external(IDEAL, External(("a", "{scna}"), tmp_path), seed=0)
+    assert check_command(("a", "x{ideal}y{scan}", "{{}}")) == []
+    assert [index for index, _ in check_command(("", "{scan"))] == [0, 1]
+    [(_, fault)] = check_command(("a", "{s\tan}"))
+    assert str(fault).isprintable()
+
+
+def test_without_a_temporary_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    assert "there is no temporary directory" in failure(External(("true", "{scan}"), tmp_path))
+
+
+def test_an_ideal_scan_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise InputError("cannot write: No space left on device", file="ideal.txt", fix="nothing was changed")
+
+    monkeypatch.setattr("lidarcheck.formats.save_ideal", refuse)
+    with pytest.raises(InputError, match="No space left"):
+        run_external(IDEAL, External(("true", "{scan}"), tmp_path), seed=0)
+
+
+def test_without_an_ini_the_command_gets_one_with_the_seed(tmp_path: Path) -> None:
+    source = (
+        "import sys; open(sys.argv[2], 'w').write(f'X Y Z Layer Point\\n{len(open(sys.argv[1]).read())} 0 0 1 1\\n')"
+    )
+    scan = run_external(IDEAL, python(tmp_path, source, "{ini}", "{scan}"), seed=123)
+    assert scan.x_m.tolist() == [len("PostPro.Seed = 123\n")]
