@@ -1,0 +1,220 @@
+"""Compare a measured with a simulated scan by every KPI that the two allow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile, target_offset
+from lidarcheck.kpi.comparison import Comparison, FeatureGap, Paired, Row, SurfaceGap, TargetGap
+from lidarcheck.kpi.detection import detection_probability, false_alarms
+from lidarcheck.kpi.distances import energy, js, ks, ordered, wasserstein
+from lidarcheck.kpi.ghost import Ghost, ghost, ghost_partners
+from lidarcheck.kpi.overlap import RADIUS_M, overlap
+from lidarcheck.kpi.pairing import OF_SURFACE_M, Pairing, pair_echoes, pair_with_ideal, ranges
+from lidarcheck.kpi.validation import dvm, mean, spread
+from lidarcheck.kpi.walk import WalkOffset, walk_offset
+from lidarcheck.scan import IdealScan, Scan
+
+if TYPE_CHECKING:
+    from lidarcheck.model.spec import Model
+
+__all__ = ["Comparison", "Row", "compare", "feature_gap"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+RANGE_RESIDUAL = "range_residual"
+COLUMNS = {"PEAK": ("peak", ""), "AREA": ("area", ""), "WIDTH": ("width_ns", "ns")}
+"""Standard features: column of the scan, unit (PEAK and AREA count detectors)."""
+STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
+"""What sensors without PEAK and AREA bring."""
+
+
+def compare(
+    measured: Scan,
+    simulated: Scan,
+    ideal: IdealScan | None = None,
+    *,
+    model: Model | None = None,
+    target: npt.ArrayLike | None = None,
+    radius_m: float = RADIUS_M,
+) -> Comparison:
+    """Every KPI that the two scans, and what is known besides, allow.
+
+    PEAK, AREA, WIDTH and, where both scans have them, INTENSITY, SIGNAL and REFLECTIVITY are compared over all
+    echoes. With the ideal scan: the range residuals and the walk of the echoes that come from a surface (±2 m),
+    detection probability per 10 m and false alarms (±0.5 m). Without it there is no residual; `paired` then tells how
+    the ranges of one beam differ. Ghost and blooming need a target: the rows of the ideal scan in the mask `target`,
+    shape (n_ideal,), or else those whose material is a retro-reflector in `model`. `left_out` names what was not
+    compared. `UsageError`: an echo on a beam that the ideal scan does not have; a mask of another shape.
+    """
+    features: dict[str, FeatureGap] = {}
+    left_out: dict[str, str] = {}
+    surfaces: SurfaceGap | None = None
+    bright: TargetGap | None = None
+    if ideal is None:
+        left_out[RANGE_RESIDUAL] = "needs the ideal scan"
+    else:
+        m, s = _pair(ideal, measured, "measured"), _pair(ideal, simulated, "simulated")
+        features[RANGE_RESIDUAL] = feature_gap(m.residual_m[m.of_surface], s.residual_m[s.of_surface], unit="m")
+        surfaces = _surfaces(measured, simulated, m, s)
+        if surfaces.walk is None:
+            left_out["walk_offset"] = "needs AREA in both scans"
+        mask = _target(ideal, model, target)
+        bright = None if mask is None else _bright(measured, simulated, m, s, ideal, mask)
+    if bright is None:
+        left_out["ghost, blooming_profile"] = "need the ideal scan and a model with the retro-reflector that it shows"
+    _compare_columns(measured, simulated, features, left_out)
+    return Comparison(
+        n_measured=len(measured),
+        n_simulated=len(simulated),
+        features=features,
+        left_out=left_out,
+        paired=_paired(measured, simulated),
+        overlap=overlap(_positions(measured), _positions(simulated), radius_m=radius_m),
+        surfaces=surfaces,
+        target=bright,
+    )
+
+
+def feature_gap(measured: npt.ArrayLike, simulated: npt.ArrayLike, *, unit: str = "") -> FeatureGap:
+    """All distances of one feature's two samples, shapes (n,) and (m,); NaN where either is empty."""
+    m, s = ordered(measured), ordered(simulated)
+    bias, scatter = dvm(m, s)
+    return FeatureGap(
+        unit=unit,
+        n_measured=m.size,
+        n_simulated=s.size,
+        mean_measured=mean(m),
+        mean_simulated=mean(s),
+        wasserstein=wasserstein(m, s),
+        ks=ks(m, s),
+        energy=energy(m, s),
+        js=js(m, s),
+        dvm_bias=bias,
+        dvm_scatter=scatter,
+    )
+
+
+def _compare_columns(
+    measured: Scan, simulated: Scan, features: dict[str, FeatureGap], left_out: dict[str, str]
+) -> None:
+    for name, (_, unit) in {**COLUMNS, **dict.fromkeys(STAND_INS, ("", ""))}.items():
+        m, s = _column(measured, name), _column(simulated, name)
+        if m is not None and s is not None:
+            features[name] = feature_gap(m, s, unit=unit)
+        elif name in COLUMNS or m is not None or s is not None:
+            lacking = [side for side, column in (("measured", m), ("simulated", s)) if column is None]
+            left_out[name] = f"not in the {' nor in the '.join(lacking)} scan"
+
+
+def _column(scan: Scan, name: str) -> FloatArray | None:
+    """A feature of the scan, shape (n,), or None where its source did not have it."""
+    if name in COLUMNS:
+        column: FloatArray = getattr(scan, COLUMNS[name][0])
+        return None if name in scan.defaulted else column
+    named = {
+        key.upper(): np.asarray(value, dtype=np.float64) for key, value in scan.extra.items() if key.upper() == name
+    }
+    return named.get(name)
+
+
+def _pair(ideal: IdealScan, scan: Scan, side: str) -> Pairing:
+    try:
+        return pair_with_ideal(ideal, scan)
+    except UsageError as error:
+        raise UsageError(f"the {side} scan: {error.what}", fix=error.fix) from error
+
+
+def _surfaces(measured: Scan, simulated: Scan, m: Pairing, s: Pairing) -> SurfaceGap:
+    walk: WalkOffset | None = None
+    m_area, s_area = _column(measured, "AREA"), _column(simulated, "AREA")
+    if m_area is not None and s_area is not None:
+        walk = walk_offset(
+            m.residual_m[m.of_surface], m_area[m.of_surface], s.residual_m[s.of_surface], s_area[s.of_surface]
+        )
+    return SurfaceGap(
+        detection_measured=detection_probability(m.distance_m, m.detected),
+        detection_simulated=detection_probability(s.distance_m, s.detected),
+        false_alarms_measured=false_alarms(m),
+        false_alarms_simulated=false_alarms(s),
+        walk=walk,
+    )
+
+
+def _target(ideal: IdealScan, model: Model | None, target: npt.ArrayLike | None) -> BoolArray | None:
+    """Rows of the ideal scan that are the target, shape (n_ideal,), or None where none is known."""
+    if target is not None:
+        mask = np.asarray(target)
+        if mask.dtype != np.bool_ or mask.shape != (len(ideal),):
+            raise UsageError(
+                f"the target is {mask.dtype} of shape {mask.shape}",
+                fix=f"give a mask of the ideal scan's {len(ideal)} rows",
+            )
+    elif model is not None:
+        retro = [number for number, material in model.materials.items() if material.kind == "retro"]
+        mask = np.isin(ideal.material_id, retro)
+    else:
+        return None
+    hit = mask & (ideal.distance_m > 0.0)
+    return hit if hit.any() else None
+
+
+def _bright(measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: IdealScan, target: BoolArray) -> TargetGap:
+    return TargetGap(
+        ghost_measured=_ghost(measured, m, target),
+        ghost_simulated=_ghost(simulated, s, target),
+        blooming_vertical=_blooming(measured, simulated, m, s, ideal, target, "vertical"),
+        blooming_horizontal=_blooming(measured, simulated, m, s, ideal, target, "horizontal"),
+    )
+
+
+def _on_target(pairing: Pairing, target: BoolArray) -> BoolArray:
+    return pairing.of_surface & target[pairing.surface] & (pairing.surface >= 0)
+
+
+def _ghost(scan: Scan, pairing: Pairing, target: BoolArray) -> Ghost:
+    on_target = _on_target(pairing, target)
+    partner = ghost_partners(scan, on_target)
+    # What stands at twice the range is a surface, not a ghost.
+    found = np.flatnonzero((partner >= 0) & ~pairing.of_surface)
+    rows, xyz = np.flatnonzero(on_target), _positions(scan)
+    return ghost(
+        *(xyz[rows], scan.area[rows], scan.peak[rows]),
+        *(xyz[found], scan.area[found], scan.peak[found]),
+        partner=np.searchsorted(rows, partner[found]),
+    )
+
+
+def _blooming(
+    measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: IdealScan, target: BoolArray, axis: Axis
+) -> BloomingProfile:
+    m_offset, m_area = _beside_target(measured, m, ideal, target, axis)
+    s_offset, s_area = _beside_target(simulated, s, ideal, target, axis)
+    return blooming_profile(m_offset, m_area, s_offset, s_area)
+
+
+def _beside_target(
+    scan: Scan, pairing: Pairing, ideal: IdealScan, target: BoolArray, axis: Axis
+) -> tuple[FloatArray, FloatArray]:
+    """Offset and AREA of the target's echoes and of those at its range on beams that do not see it."""
+    rows = np.flatnonzero(target)
+    offset, near = target_offset(scan.layer, scan.point, ideal.layer[rows], ideal.point[rows], axis)
+    at_its_range = np.abs(ranges(scan) - ideal.distance_m[rows[near]]) <= OF_SURFACE_M
+    of_target = _on_target(pairing, target) | (~pairing.of_surface & at_its_range)
+    return offset[of_target], scan.area[of_target]
+
+
+def _paired(measured: Scan, simulated: Scan) -> Paired:
+    pairs = pair_echoes(measured, simulated)
+    d = ordered(pairs.difference_m)
+    median = float(np.median(d)) if d.size else float("nan")
+    return Paired(d.size, median, mean(d), spread(d), pairs.beams_both, pairs.beams_measured, pairs.beams_simulated)
+
+
+def _positions(scan: Scan) -> FloatArray:
+    return np.stack([scan.x_m, scan.y_m, scan.z_m], axis=-1)

@@ -1,0 +1,196 @@
+"""What a comparison of two scans found: the numbers, as JSON and as rows of a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lidarcheck.kpi.blooming import BloomingProfile
+from lidarcheck.kpi.detection import Detection, FalseAlarms
+from lidarcheck.kpi.ghost import Ghost
+from lidarcheck.kpi.overlap import Overlap
+from lidarcheck.kpi.walk import WalkOffset
+
+__all__ = ["Comparison", "FeatureGap", "Paired", "Row", "SurfaceGap", "TargetGap"]
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class FeatureGap:
+    """One feature, measured against simulated: sizes and means of the samples, and the distances of `lidarcheck.kpi`.
+
+    All in `unit`, but `energy` in its square root, `ks` without unit and `js` in bits.
+    """
+
+    unit: str
+    n_measured: int
+    n_simulated: int
+    mean_measured: float
+    mean_simulated: float
+    wasserstein: float
+    ks: float
+    energy: float
+    js: float
+    dvm_bias: float
+    dvm_scatter: float
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Ranges of the measured echoes minus those of the closest simulated echo on the same beam, within 2 m.
+
+    `spread_m`: half the central 68.3 %. The beams are those with an echo in both scans, or in one alone.
+    """
+
+    pairs: int
+    median_m: float
+    mean_m: float
+    spread_m: float
+    beams_both: int
+    beams_measured_only: int
+    beams_simulated_only: int
+
+
+@dataclass(frozen=True)
+class SurfaceGap:
+    """What needs the ideal scan: which surfaces were seen, where there was none, and the walk."""
+
+    detection_measured: Detection
+    detection_simulated: Detection
+    false_alarms_measured: FalseAlarms
+    false_alarms_simulated: FalseAlarms
+    walk: WalkOffset | None
+
+
+@dataclass(frozen=True)
+class TargetGap:
+    """What needs a known bright target: its ghost and its blooming along both axes."""
+
+    ghost_measured: Ghost
+    ghost_simulated: Ghost
+    blooming_vertical: BloomingProfile
+    blooming_horizontal: BloomingProfile
+
+
+class Row(NamedTuple):
+    """A line of the table.
+
+    `of`: feature, range bin or decade; `value`: the KPI, or measured minus simulated. NaN: not defined.
+    """
+
+    kpi: str
+    of: str
+    measured: float
+    simulated: float
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Everything that two scans can be compared by.
+
+    `features`: by name, e.g. `AREA`; `left_out`: what could not be compared, and why. `surfaces` needs an ideal scan,
+    `target` besides a known target; else None.
+    """
+
+    n_measured: int
+    n_simulated: int
+    features: Mapping[str, FeatureGap]
+    left_out: Mapping[str, str]
+    paired: Paired
+    overlap: Overlap
+    surfaces: SurfaceGap | None = None
+    target: TargetGap | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison for JSON, by KPI: plain numbers and lists, null where a number is not defined."""
+        kpis: dict[str, Any] = {
+            "echoes": {"measured": self.n_measured, "simulated": self.n_simulated},
+            "features": self.features,
+            "paired_range": self.paired,
+            "overlap": self.overlap,
+        }
+        if (seen := self.surfaces) is not None:
+            kpis["detection_probability"] = _sides(seen.detection_measured, seen.detection_simulated)
+            kpis["false_alarms"] = _sides(seen.false_alarms_measured, seen.false_alarms_simulated)
+            kpis["walk_offset"] = seen.walk
+        if (bright := self.target) is not None:
+            kpis["ghost"] = _sides(bright.ghost_measured, bright.ghost_simulated)
+            axes = {"vertical": bright.blooming_vertical, "horizontal": bright.blooming_horizontal}
+            kpis["blooming_profile"] = axes
+        return {name: _plain(kpi) for name, kpi in {**kpis, "left_out": self.left_out}.items() if kpi is not None}
+
+    def rows(self) -> list[Row]:
+        """The comparison as a table, in the order of reading."""
+        found = [Row("echoes", "", self.n_measured, self.n_simulated, self.n_measured - self.n_simulated, "")]
+        for name, gap in self.features.items():
+            found.extend(_feature_rows(name, gap))
+        if self.surfaces is not None:
+            found.extend(_surface_rows(self.surfaces))
+        if self.target is not None:
+            found.extend(_target_rows(self.target))
+        found.append(Row("paired_range", "median", NAN, NAN, self.paired.median_m, "m"))
+        found.append(Row("paired_range", "spread", NAN, NAN, self.paired.spread_m, "m"))
+        shares = self.overlap.measured_share, self.overlap.simulated_share
+        found.append(Row("overlap", f"within {self.overlap.radius_m:g} m", *shares, NAN, ""))
+        found.append(Row("chamfer", "", NAN, NAN, self.overlap.chamfer_m, "m"))
+        return found
+
+
+def _sides(measured: object, simulated: object) -> dict[str, object]:
+    return {"measured": measured, "simulated": simulated}
+
+
+def _feature_rows(name: str, gap: FeatureGap) -> Iterator[Row]:
+    root = f"√{gap.unit}" if gap.unit else ""
+    yield Row("dvm_bias", name, gap.mean_measured, gap.mean_simulated, gap.dvm_bias, gap.unit)
+    yield Row("dvm_scatter", name, NAN, NAN, gap.dvm_scatter, gap.unit)
+    yield Row("wasserstein", name, NAN, NAN, gap.wasserstein, gap.unit)
+    yield Row("ks", name, NAN, NAN, gap.ks, "")
+    yield Row("energy", name, NAN, NAN, gap.energy, root)
+    yield Row("js", name, NAN, NAN, gap.js, "bits")
+
+
+def _surface_rows(gap: SurfaceGap) -> Iterator[Row]:
+    m, s = gap.detection_measured, gap.detection_simulated
+    yield Row("detection_probability", "all", m.overall, s.overall, m.overall - s.overall, "")
+    for i in np.flatnonzero(m.beams).tolist():
+        of = f"{m.edges_m[i]:g}–{m.edges_m[i + 1]:g} m"
+        p, q = float(m.probability[i]), float(s.probability[i])
+        yield Row("detection_probability", of, p, q, p - q, "")
+    a, b = gap.false_alarms_measured.per_beam, gap.false_alarms_simulated.per_beam
+    yield Row("false_alarms", "per beam", a, b, a - b, "")
+    if gap.walk is not None:
+        w = gap.walk
+        for i, low in enumerate((10.0**w.decade).tolist()):
+            of = f"AREA {low:g}–{10.0 * low:g}"
+            yield Row("walk_offset", of, float(w.measured_m[i]), float(w.simulated_m[i]), float(w.offset_m[i]), "m")
+
+
+def _target_rows(gap: TargetGap) -> Iterator[Row]:
+    for name in ("count_ratio", "area_ratio", "peak_ratio", "range_ratio", "size_ratio"):
+        m, s = getattr(gap.ghost_measured, name), getattr(gap.ghost_simulated, name)
+        yield Row("ghost", name, m, s, m - s, "")
+    yield Row("blooming_profile", "vertical", NAN, NAN, gap.blooming_vertical.rms_log10, "log10")
+    yield Row("blooming_profile", "horizontal", NAN, NAN, gap.blooming_horizontal.rms_log10, "log10")
+
+
+def _plain(value: Any) -> Any:
+    """Numbers, strings, lists and dicts, with None for what is not finite."""
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, np.ndarray):
+        return [_plain(part) for part in value.tolist()]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

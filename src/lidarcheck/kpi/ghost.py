@@ -1,0 +1,120 @@
+"""Ghosts: a retro-reflector that appears again on the same beams at twice its range, fainter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.kpi.pairing import beam_keys, nearest_on_line, ranges
+from lidarcheck.scan import Scan
+
+__all__ = ["GHOST_RATIO", "Ghost", "ghost", "ghost_partners"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+GHOST_RATIO = 2.0
+GHOST_WITHIN_M = 0.5
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """A ghost beside its target.
+
+    `targets`, `ghosts`: numbers of echoes; `count_ratio`, `area_ratio`, `peak_ratio`: ghost over target, of the
+    counts, of the mean AREA and of the mean PEAK; `range_ratio`: median, over the ghost's echoes, of their range over
+    that of the target on the same beam; `size_ratio`: of the RMS distances [m] from the own centroid, for which one
+    echo is not enough. NaN where it is undefined; without a ghost the count ratio is 0 and the others are NaN.
+    """
+
+    targets: int
+    ghosts: int
+    count_ratio: float
+    area_ratio: float
+    peak_ratio: float
+    range_ratio: float
+    size_ratio: float
+
+
+def ghost(
+    target_xyz_m: npt.ArrayLike,
+    target_area: npt.ArrayLike,
+    target_peak: npt.ArrayLike,
+    ghost_xyz_m: npt.ArrayLike,
+    ghost_area: npt.ArrayLike,
+    ghost_peak: npt.ArrayLike,
+    partner: npt.ArrayLike | None = None,
+) -> Ghost:
+    """Ratios of a ghost's echoes to its target's.
+
+    Positions in the sensor frame, shapes (n, 3) and (m, 3); areas and peaks (n,) and (m,). `partner`: for each of the
+    ghost's echoes the index of the target's echo on its beam, shape (m,); without it the range ratio is that of the
+    median ranges. A ghost sensor – sign – own car – sign – sensor lies on the target's beams at twice the range and
+    is twice the size.
+    """
+    t_xyz, g_xyz = _positions(target_xyz_m), _positions(ghost_xyz_m)
+    return Ghost(
+        targets=len(t_xyz),
+        ghosts=len(g_xyz),
+        count_ratio=_ratio(float(len(g_xyz)), float(len(t_xyz))),
+        area_ratio=_ratio(_mean(ghost_area), _mean(target_area)),
+        peak_ratio=_ratio(_mean(ghost_peak), _mean(target_peak)),
+        range_ratio=_range_ratio(g_xyz, t_xyz, partner),
+        size_ratio=_ratio(_size(g_xyz), _size(t_xyz)),
+    )
+
+
+def ghost_partners(scan: Scan, target: BoolArray, *, tolerance_m: float = GHOST_WITHIN_M) -> IndexArray:
+    """For each echo the row of the target's echo on its beam at half its range, -1 where it is no ghost; shape (n,).
+
+    `target`: mask of the target's echoes, shape (n,). The tolerance is on the ghost's range: ghosts of signs were
+    measured at 2R + 0.15 … 0.33 m. An echo of the target itself is never a ghost.
+    """
+    partner = np.full(len(scan), -1, dtype=np.int64)
+    keys, range_m = beam_keys(scan.layer, scan.point), ranges(scan)
+    rows, others = np.flatnonzero(target), np.flatnonzero(~np.asarray(target, dtype=np.bool_))
+    order = rows[np.lexsort((range_m[rows], keys[rows]))]
+    _, line = np.unique(keys, return_inverse=True)
+    near = nearest_on_line(line[order], GHOST_RATIO * range_m[order], line[others], range_m[others])
+    some = near >= 0
+    candidate = order[near[some]]
+    close = np.abs(range_m[others[some]] - GHOST_RATIO * range_m[candidate]) <= tolerance_m
+    partner[others[some][close]] = candidate[close]
+    return partner
+
+
+def _range_ratio(ghost_m: FloatArray, target_m: FloatArray, partner: npt.ArrayLike | None) -> float:
+    if not len(ghost_m) or not len(target_m):
+        return float("nan")
+    far, near = np.linalg.norm(ghost_m, axis=1), np.linalg.norm(target_m, axis=1)
+    if partner is None:
+        return _ratio(float(np.median(far)), float(np.median(near)))
+    return float(np.median(far / near[np.asarray(partner, dtype=np.int64)]))
+
+
+def _positions(xyz_m: npt.ArrayLike) -> FloatArray:
+    xyz = np.asarray(xyz_m, dtype=np.float64)
+    if xyz.size == 0:
+        return np.zeros((0, 3))
+    if xyz.ndim != 2 or xyz.shape[1] != 3:
+        raise UsageError(f"positions have shape {xyz.shape}", fix="give them as (n, 3)")
+    return xyz
+
+
+def _ratio(above: float, below: float) -> float:
+    return above / below if below > 0.0 else float("nan")
+
+
+def _mean(values: npt.ArrayLike) -> float:
+    sample = np.asarray(values, dtype=np.float64)
+    return float(sample.mean()) if sample.size else float("nan")
+
+
+def _size(xyz_m: FloatArray) -> float:
+    if len(xyz_m) < 2:
+        return float("nan")
+    return float(np.sqrt(np.mean(np.sum((xyz_m - xyz_m.mean(axis=0)) ** 2, axis=1))))
