@@ -1,1 +1,47 @@
 """Readers and writers, one file a format; `load_*` recognise by content, `save_*` go by suffix."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from lidarcheck.formats.ideals import ideal_from_table, table_from_ideal
+from lidarcheck.formats.recognise import read_table, write_table
+from lidarcheck.formats.scans import scan_from_table, table_from_scan
+from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
+from lidarcheck.scan import IdealScan, Scan
+
+__all__ = ["load_ideal", "load_scan", "save_ideal", "save_scan"]
+
+
+def load_scan(path: str | PathLike[str]) -> Scan:
+    """The echoes of a file in any known format.
+
+    Missing columns are logged and defaulted as `lidarcheck.formats.scans` says. `InputError` names file and line (or
+    row) of whatever is wrong.
+    """
+    return scan_from_table(read_table(path))
+
+
+def save_scan(scan: Scan, path: str | PathLike[str]) -> None:
+    """Write echoes in the format of the suffix; reading them gives the same values. Whole or not at all.
+
+    Defaulted columns are left out. `UsageError` for an unknown suffix, `InputError` for what the format cannot hold.
+    """
+    write_table(table_from_scan(scan), path)
+
+
+def load_ideal(path: str | PathLike[str]) -> IdealScan:
+    """The ideal scan of a file in any known format, or made of a driving simulator's semantic LiDAR.
+
+    `InputError` names file and line (or row) of whatever is wrong.
+    """
+    table = read_table(path)
+    return ideal_from_table(ideal_table(table) if is_semantic(table) else table)
+
+
+def save_ideal(ideal: IdealScan, path: str | PathLike[str]) -> None:
+    """Write an ideal scan in the format of the suffix; reading it gives the same values. Whole or not at all.
+
+    `UsageError` for an unknown suffix, `InputError` for what the format cannot hold.
+    """
+    write_table(table_from_ideal(ideal), path)

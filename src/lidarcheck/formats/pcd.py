@@ -1,0 +1,147 @@
+"""Point Cloud Data files (PCD 0.7) in their three encodings: ascii, binary and binary_compressed (LZF).
+
+The header is lines of text; the body is rows of text, packed little-endian records, or the columns one after the other,
+compressed. A field with COUNT above 1 becomes the columns `name_0`, `name_1`, ...; fields called `_` are padding and
+dropped. An organised cloud (HEIGHT above 1) is read row after row; its NaN points, which mean "no return" there, are
+refused like any other NaN, because an echo that is not there has no row in a scan.
+
+Source: "The PCD (Point Cloud Data) file format", Point Cloud Library documentation.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.atomic import write_bytes
+from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, compose_header, read_header
+from lidarcheck.formats.records import Rows, check_finite, packed_columns, text_columns, writable
+from lidarcheck.formats.source import read_source
+from lidarcheck.formats.table import Table
+from lidarcheck.formats.text import rows_as_text
+
+__all__ = ["ENCODINGS", "read_pcd", "write_pcd"]
+
+Column = npt.NDArray[Any]
+LZF_BEST_RATIO = 88  # a back reference of 3 bytes stands for at most 264
+LARGEST_BLOCK = 2**32 - 1
+NO_RETURN_FIX = "remove the rows without a return, as an organised cloud has them, and set HEIGHT 1"
+
+
+def read_pcd(path: str | Path) -> Table:
+    """The kept fields of a PCD file, as columns in its order, spelling and types.
+
+    `InputError` with the line of a faulty header or row of text, or the row of a NaN in a binary body: unknown or
+    repeated keys, TYPE and SIZE that do not go together, POINTS other than WIDTH times HEIGHT, a body that is cut off,
+    or LZF data that do not unpack to what the header says.
+    """
+    file = Path(path)
+    content = read_source(file)
+    header = read_header(content, file)
+    rows = header.rows
+    body = memoryview(content)[header.start :]
+    if header.encoding == "ascii":
+        return Table(text_columns(rows, bytes(body), header.first_line), file)
+    if header.encoding == "binary":
+        columns = packed_columns(rows, body)
+        _check_rest(body[rows.count * rows.dtype.itemsize :], rows)
+    else:
+        columns = _unpack(body, rows)
+    check_finite(columns, file, NO_RETURN_FIX)
+    return Table(columns, file)
+
+
+def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compressed") -> None:
+    """Write the columns as PCD fields of the same names and types; whole or not at all.
+
+    Text carries each float in the fewest digits that read back the same. `InputError` for a column name with blanks or
+    a table beyond 4 GiB in `binary_compressed`, `UsageError` for an unknown encoding.
+    """
+    if encoding not in ENCODINGS:
+        raise UsageError(f"there is no PCD encoding {encoding!r}", fix=f"use one of {', '.join(ENCODINGS)}")
+    columns = writable(table, path, _plain_name)
+    head = compose_header(columns, len(table), encoding)
+    write_bytes(path, head + _compose_body(columns, encoding, path))
+
+
+def _unpack(body: memoryview, rows: Rows) -> dict[str, Column]:
+    """The columns of a binary_compressed body: each field's numbers of all points, one field after the other."""
+    if rows.count == 0 and len(body) < 8:
+        return packed_columns(rows, memoryview(b""))
+    if len(body) < 8:
+        raise rows.miscounted("the bytes end before the two sizes of the compressed block")
+    packed_size, size = struct.unpack("<II", body[:8])
+    fields = [f for f in rows.fields if f.kept]
+    sizes = {rows.count * sum(f.dtype.itemsize * f.count for f in some): some for some in (rows.fields, fields)}
+    if size not in sizes:
+        raise rows.miscounted(f"the compressed block holds {size} bytes instead of {next(iter(sizes))}")
+    if len(body) - 8 < packed_size:
+        raise rows.miscounted(f"of {packed_size} compressed bytes there are {len(body) - 8}")
+    _check_rest(body[8 + packed_size :], rows)
+    plain = memoryview(_inflate(bytes(body[8 : 8 + packed_size]), size, rows))
+    columns: dict[str, Column] = {}
+    offset = 0
+    for field in sizes[size]:
+        block = np.frombuffer(plain, field.dtype, rows.count * field.count, offset).reshape(rows.count, field.count)
+        offset += block.nbytes
+        if field.kept:
+            native = field.dtype.newbyteorder("=")
+            columns |= {name: np.array(block[:, i], dtype=native) for i, name in enumerate(field.names)}
+    return columns
+
+
+def _inflate(packed: bytes, size: int, rows: Rows) -> bytes:
+    import lzf  # type: ignore[import-not-found]
+
+    plain: bytes | None = b"" if size == 0 else None
+    if 0 < size <= LZF_BEST_RATIO * len(packed):
+        try:
+            plain = lzf.decompress(packed, size)
+        except ValueError:
+            plain = None
+    if plain is None or len(plain) != size:
+        raise InputError("the compressed data are damaged", file=rows.path, fix="write the file again")
+    return plain
+
+
+def _check_rest(rest: memoryview, rows: Rows) -> None:
+    """Refuse bytes behind the last point, but for the zeros or blanks that some writers pad with."""
+    if bytes(rest).strip(b"\0 \t\r\n"):
+        raise rows.miscounted(f"but {len(rest)} bytes follow the last")
+
+
+def _plain_name(name: str) -> bool:
+    return name != "_" and name.isprintable() and name.split() == [name]
+
+
+def _compose_body(columns: Mapping[str, Column], encoding: str, path: str | Path) -> bytes:
+    if encoding == "ascii":
+        return rows_as_text(Table(columns), " ", path)
+    little = {name: column.astype(column.dtype.newbyteorder("<")) for name, column in columns.items()}
+    if encoding == "binary":
+        records = np.empty(len(next(iter(little.values()), ())), [(name, c.dtype) for name, c in little.items()])
+        for name, column in little.items():
+            records[name] = column
+        return records.tobytes()
+    plain = b"".join(column.tobytes() for column in little.values())
+    if len(plain) > LARGEST_BLOCK:
+        what = f"binary_compressed holds at most 4 GiB, these columns are {len(plain)} bytes"
+        raise InputError(what, file=path, fix="write binary instead")
+    packed = _deflate(plain)
+    return struct.pack("<II", len(packed), len(plain)) + packed
+
+
+def _deflate(plain: bytes) -> bytes:
+    """LZF, with room to grow: noise gets a byte longer for every 32."""
+    import lzf
+
+    if not plain:
+        return b""
+    packed: bytes = lzf.compress(plain, len(plain) + len(plain) // 16 + 64)
+    return packed

@@ -1,0 +1,192 @@
+"""The bodies of point files, shared by PCD and PLY: rows of text, or packed records of fixed size.
+
+The header has been read by then and says what a row holds. Nothing here trusts its count: a file that is too short
+for it is refused before anything of that size is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import InputError
+from lidarcheck.formats.rows import Rows as TextRows
+from lidarcheck.formats.rows import parse_rows
+from lidarcheck.formats.table import Table, check_names, shown
+
+__all__ = ["MAX_COLUMNS", "Field", "Rows", "check_finite", "packed_columns", "text_columns", "writable"]
+
+Column = npt.NDArray[Any]
+MAX_COLUMNS = 10_000
+EXACT_IN_FLOAT = 2**53
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """`count` numbers of one type in every row; `kept` is false for padding, which no table shows."""
+
+    name: str
+    dtype: np.dtype[Any]
+    count: int = 1
+    kept: bool = True
+
+    @property
+    def names(self) -> list[str]:
+        """The column names: `name`, or `name_0`, `name_1`, ... where the field holds several numbers."""
+        return [self.name] if self.count == 1 else [f"{self.name}_{i}" for i in range(self.count)]
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """What a header claims: which fields a row has, how many rows there are, and which line of which file says so."""
+
+    fields: tuple[Field, ...]
+    count: int
+    path: Path
+    line: int
+    claim: str
+
+    @property
+    def width(self) -> int:
+        """Numbers in a row."""
+        return sum(f.count for f in self.fields)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """One packed record."""
+        return np.dtype([(str(i), f.dtype, (f.count,)) for i, f in enumerate(self.fields)])
+
+    def check(self) -> None:
+        """Refuse rows that hold nothing, far too much, or two columns of one name: `InputError`."""
+        if not any(f.kept for f in self.fields):
+            raise InputError("the header names no column", file=self.path, line=self.line, fix="X, Y and Z are needed")
+        if self.width > MAX_COLUMNS:
+            what = f"a row of {self.width} numbers is beyond what a point has"
+            raise InputError(what, file=self.path, line=self.line, fix=f"use at most {MAX_COLUMNS}")
+        check_names((name for f in self.fields if f.kept for name in f.names), self.path)
+
+    def miscounted(self, found: str) -> InputError:
+        """The error for a body that does not hold what the header claims."""
+        fix = "the file is cut off or its count is wrong: write it again"
+        return InputError(f"{self.claim} {self.count} rows, {found}", file=self.path, line=self.line, fix=fix)
+
+
+def packed_columns(rows: Rows, body: memoryview) -> dict[str, Column]:
+    """The kept columns of packed records, native byte order. `InputError` when `body` is too short."""
+    size = rows.dtype.itemsize
+    if len(body) < rows.count * size:
+        have, part = divmod(len(body), size)
+        rest = f" and {part} bytes of another" if part else ""
+        raise rows.miscounted(f"the bytes end after {have}{rest}")
+    records = np.frombuffer(body, rows.dtype, rows.count)
+    columns: dict[str, Column] = {}
+    for i, field in enumerate(rows.fields):
+        if field.kept:
+            for j, name in enumerate(field.names):
+                columns[name] = np.ascontiguousarray(records[str(i)][:, j], dtype=field.dtype.newbyteorder("="))
+    return columns
+
+
+def check_finite(columns: Mapping[str, Column], path: Path, fix: str = "", line: int | None = None) -> None:
+    """Refuse NaN and infinity, naming column and row; `line` is the first row's, where rows are lines: `InputError`."""
+    first: tuple[int, str] | None = None
+    for name, column in columns.items():
+        if column.dtype.kind == "f" and not np.isfinite(column).all():
+            row = int(np.argmin(np.isfinite(column)))
+            first = min(first, (row, name)) if first else (row, name)
+    if first is None:
+        return
+    row, name = first
+    where = f"row {row + 1}: " if line is None else ""
+    what = f"{where}{shown(name)} is {columns[name][row]}, not a finite number"
+    raise InputError(what, file=path, line=None if line is None else line + row, fix=fix or "remove the row")
+
+
+def text_columns(rows: Rows, body: bytes, first_line: int, *, last: bool = True) -> dict[str, Column]:
+    """The kept columns of rows of text, a line each.
+
+    `first_line`: the line that `body` begins with. `last`: nothing but blanks may follow the rows. `InputError` names
+    the line of a short or long row, of what is not a finite number of the field's type, or of a wrong count.
+    """
+    text = _claimed_lines(body, rows.count, last=last)
+    fields = [(name, field) for field in rows.fields for name in field.names]
+    names = [name if field.kept else f"padding {i}" for i, (name, field) in enumerate(fields, start=1)]
+    parsed = parse_rows(TextRows(text, names, " ", rows.path, first_line))
+    found = len(next(iter(parsed.values())))
+    if found < rows.count:
+        raise rows.miscounted(f"the file has {found}")
+    if found > rows.count:
+        raise rows.miscounted(f"line {first_line + rows.count} is one more")
+    columns = {
+        name: _cast(name, parsed[name], field.dtype, rows.path, first_line)
+        for name, (_, field) in zip(names, fields, strict=True)
+        if field.kept
+    }
+    check_finite(columns, rows.path, line=first_line)
+    return columns
+
+
+def _claimed_lines(body: bytes, count: int, *, last: bool) -> bytes:
+    """The lines that may hold the rows, without blank ones at the end."""
+    if not last:
+        ends = np.flatnonzero(np.frombuffer(body, np.uint8) == ord("\n"))
+        body = body[: ends[count - 1]] if 0 < count <= len(ends) else body if count else b""
+    return body.rstrip(b" \t\r\n")
+
+
+def _cast(name: str, values: Column, dtype: np.dtype[Any], path: Path, first_line: int) -> Column:
+    """The values in the type that the header names; `InputError` for the first that does not fit."""
+    if dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            return values.astype(dtype)
+    low, high = int(np.iinfo(dtype).min), int(np.iinfo(dtype).max)
+    if values.dtype.kind == "f":
+        low, high = max(low, -EXACT_IN_FLOAT), min(high, EXACT_IN_FLOAT)
+        fits = (values == np.rint(values)) & (values >= low) & (values <= high)
+    else:
+        fits = (values >= low) & (values <= min(high, np.iinfo(np.int64).max))
+    if not fits.all():
+        row = int(np.argmin(fits))
+        what = f"{shown(name)} is {values[row]}, not a whole number from {low} to {high}"
+        raise InputError(what, file=path, line=first_line + row, fix="correct it, or the type in the header")
+    return values.astype(dtype)
+
+
+def writable(table: Table, path: str | Path, plain_name: Callable[[str], bool]) -> dict[str, Column]:
+    """The columns as 8-bit to 64-bit integers, float32 or float64, native byte order.
+
+    64-bit integers become 32-bit ones where all values fit, as few programs read more than those; booleans become
+    bytes, half and long floats float64. `InputError` for a name that the format's header cannot hold,
+    and for NaN or infinity.
+    """
+    if not table.columns:
+        raise InputError("there is no column to write", file=path, fix="X, Y and Z are needed")
+    columns: dict[str, Column] = {}
+    for name, column in table.columns.items():
+        if not plain_name(name):
+            what = f"this format cannot hold the column name {shown(name)}"
+            raise InputError(what, file=path, fix="rename the column, or write text, CSV or Parquet")
+        if column.dtype.kind == "b":
+            column = column.astype(np.uint8)
+        elif column.dtype.kind == "f" and column.dtype.itemsize not in (4, 8):
+            column = column.astype(np.float64)
+        elif column.dtype.kind in "iu" and column.dtype.itemsize == 8:
+            column = _narrowed(column)
+        columns[name] = np.ascontiguousarray(column, dtype=column.dtype.newbyteorder("="))
+    check_finite(columns, Path(path), "nothing was written; remove the row or repair the value")
+    return columns
+
+
+def _narrowed(column: Column) -> Column:
+    """64-bit integers as int32 or uint32 where those hold all values."""
+    low, high = (int(column.min()), int(column.max())) if column.size else (0, 0)
+    for narrow in (np.int32, np.uint32):
+        limits = np.iinfo(narrow)
+        if limits.min <= low and high <= limits.max:
+            return column.astype(narrow)
+    return column
