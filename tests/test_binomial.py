@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lidarcheck.model.binomial import binomial
+from lidarcheck.model import binomial as sampler
+
+
+def binomial(uniform: float, trials: int, rate: float) -> int:
+    return sampler.binomial(uniform, trials, rate, sampler.inverses(trials))
+
 
 UNIFORMS = np.concatenate([np.linspace(0.0, 1.0, 401)[:-1], 10.0 ** -np.arange(2, 13), 1 - 10.0 ** -np.arange(2, 10)])
 

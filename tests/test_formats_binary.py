@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 from binary_kinds import EXACT, KIND, KINDS, make_table, message_of, written
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_scan, save_scan
+from lidarcheck.formats.las import read_las, write_las
 from lidarcheck.formats.pcd import read_pcd, write_pcd
 from lidarcheck.formats.pcd_header import ENCODINGS as PCD_ENCODINGS
 from lidarcheck.formats.ply import read_ply, write_ply
@@ -86,6 +87,7 @@ def test_las_keeps_extra_dimensions_exactly(
     rows = len(next(iter(columns.values())))
     xyz = {axis: offset + np.linspace(-span, span / 3, rows) for axis in "xYZ"}
     back = KINDS[kind][2](written(kind, Table({**others, **xyz}), tmp_path))
+    assert {name.casefold() for name in back.names} == {name.casefold() for name in [*others, *xyz]}
     for name, column in others.items():
         assert np.array_equal(back.columns[name], column)
         assert back.columns[name].dtype == (np.int32 if column.dtype == np.int64 else column.dtype)
@@ -193,3 +195,11 @@ def test_missing_and_empty_files(kind: str, tmp_path: Path) -> None:
     assert "empty" in message_of(read, tmp_path / "empty", b"")
     with pytest.raises(InputError):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_gives_back_short_decimals(suffix: str, tmp_path: Path) -> None:
+    """Coordinates with up to six decimals are the same float64 afterwards."""
+    values = np.array([-8.1742, 24.341801, 0.795738, 0.1, 299.999999])
+    write_las(Table(dict.fromkeys("XYZ", values)), tmp_path / f"a{suffix}")
+    assert np.array_equal(read_las(tmp_path / f"a{suffix}").columns["X"], values)

@@ -83,6 +83,7 @@ def test_we_read_laspys_of_every_point_format(point_format: int, suffix: str, tm
     data = laspy.LasData(header)
     data.x, data.y, data.z = np.array([1.0, 2.25]), np.array([-3.0, 4.0]), np.array([0.5, 0.0])
     data.intensity, data.return_number, data.Layer = np.array([7, 9]), np.array([1, 2]), np.array([3, 500])
+    data.number_of_returns = np.array([2, 3])
     data.Normal = np.arange(6, dtype=np.float32).reshape(2, 3)
     data.write(tmp_path / f"a{suffix}")
     back = read_las(tmp_path / f"a{suffix}")
@@ -93,6 +94,11 @@ def test_we_read_laspys_of_every_point_format(point_format: int, suffix: str, tm
     assert back.columns["Layer"].tolist() == [3, 500]
     assert back.columns["Normal_2"].tolist() == [2.0, 5.0]
     assert "classification" not in back.names
+    write_las(back, tmp_path / f"b{suffix}")
+    again = read_las(tmp_path / f"b{suffix}")
+    assert {name.casefold() for name in again.names} == {name.casefold() for name in back.names}
+    for name, column in back.columns.items():
+        np.testing.assert_allclose(again.get(name), column, rtol=1e-15)
 
 
 def test_a_las_that_another_program_edits_is_still_read(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from lidarcheck.model import kernel, streams
 from lidarcheck.sensor import Sensor
 numbers = kernel.numbers_of(Sensor.of("SMART", max_range_m=5.0))
 scratch = kernel.new_scratch(numbers)
-print(kernel._enter(numbers, streams.new_stream(1, "x"), np.full(99, 0.9), 0.7, 0, scratch.counts))
+scratch.draws[:] = 0.9
+print(kernel._enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))
 """
 
 

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor import azimuth_deg, beam_directions, elevation_deg, layer_of, point_of
+from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
-__all__ = ["IdealScan", "Light", "Scan"]
+__all__ = ["IdealScan", "Light", "Scan", "beams_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -200,5 +200,5 @@ def beams_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[IntArra
     azimuth = np.rad2deg(np.arctan2(y_m, x_m))
     elevation = np.rad2deg(np.arctan2(z_m, np.hypot(x_m, y_m)))
     layer, point = layer_of(elevation), point_of(azimuth)
-    outside = (np.abs(azimuth) > azimuth_deg(960.0)) | (np.abs(elevation) > elevation_deg(520.0))
+    outside = (layer < 0) | (layer >= LAYERS) | (point < 0) | (point >= POINTS)
     return np.where(outside, -1, layer).astype(np.int32), np.where(outside, -1, point).astype(np.int32)

@@ -183,6 +183,27 @@ def point_of(azimuth: npt.ArrayLike) -> IntArray:
 
 def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
     """Unit vectors of beams, shape (n, 3), in the sensor frame."""
-    phi = np.deg2rad(elevation_deg(layer))
-    theta = np.deg2rad(azimuth_deg(point))
-    return np.stack([np.cos(theta) * np.cos(phi), np.sin(theta) * np.cos(phi), np.sin(phi)], axis=-1)
+    cos_phi, sin_phi = _cos_sin(layer, "layer")
+    cos_theta, sin_theta = _cos_sin(point, "point")
+    directions = np.empty((*np.shape(layer), 3))
+    np.multiply(cos_theta, cos_phi, out=directions[..., 0])
+    np.multiply(sin_theta, cos_phi, out=directions[..., 1])
+    directions[..., 2] = sin_phi
+    return directions
+
+
+@functools.cache
+def _table(axis: Literal["layer", "point"]) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine of every layer's elevation, or of every point's azimuth."""
+    angle = np.deg2rad(elevation_deg(np.arange(LAYERS)) if axis == "layer" else azimuth_deg(np.arange(POINTS)))
+    return np.cos(angle), np.sin(angle)
+
+
+def _cos_sin(index: npt.ArrayLike, axis: Literal["layer", "point"]) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine of the indices' angles; those of the sensor's own beams are read off a table."""
+    at = np.asarray(index)
+    cosine, sine = _table(axis)
+    if at.size and at.dtype.kind in "iu" and at.min() >= 0 and at.max() < len(cosine):
+        return cosine[at], sine[at]
+    angle = np.deg2rad(elevation_deg(at) if axis == "layer" else azimuth_deg(at))
+    return np.cos(angle), np.sin(angle)

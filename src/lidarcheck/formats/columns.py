@@ -51,13 +51,23 @@ def whole_column(table: Table, name: str, low: int, high: int) -> npt.NDArray[np
 
 
 def real_column(
-    table: Table, name: str, low: float = -np.inf, high: float = np.inf, unit: str = ""
+    table: Table,
+    name: str,
+    low: float = -np.inf,
+    high: float = np.inf,
+    unit: str = "",
+    *,
+    where: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.float64]:
-    """A column of numbers from `low` to `high`, shape (n,); `InputError` with the first that is not."""
+    """A column of numbers from `low` to `high`, shape (n,), checked `where` that is true or everywhere.
+
+    `InputError` with the first that is not.
+    """
     column = table.get(name)
     assert column is not None, "ask for columns that are there"
     limits = f"at least {low:g}" if np.isinf(high) else f"from {low:g} to {high:g}"
-    _refuse(table, name, (column < low) | (column > high), f"must be {limits} {unit}".rstrip())
+    wrong = (column < low) | (column > high)
+    _refuse(table, name, wrong if where is None else wrong & where, f"must be {limits} {unit}".rstrip())
     return column.astype(np.float64)
 
 

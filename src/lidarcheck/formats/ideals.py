@@ -45,7 +45,6 @@ _WHOLE = {
 }
 _REAL = {
     "Distance": (0.0, LENGTH_MAX_M, "m (0: nothing within range)"),
-    "IncidenceAngle": (0.0, 90.0, "degrees"),
     "Time": (-np.inf, np.inf, "s"),
 }
 _log = logging.getLogger(__name__)
@@ -100,6 +99,10 @@ def _checked(table: Table) -> dict[str, Any]:
     for name, (least, most, unit) in _REAL.items():
         if table.spelling(name):
             fields[IDEAL_COLUMNS[name]] = real_column(table, name, least, most, unit)
+    if table.spelling("IncidenceAngle"):
+        # What a beam that meets nothing would meet at which angle means nothing; simulators write anything there.
+        meets = fields["distance_m"] > 0.0 if "distance_m" in fields else None
+        fields["incidence_deg"] = real_column(table, "IncidenceAngle", 0.0, 90.0, "degrees", where=meets)
     return fields
 
 

@@ -44,6 +44,7 @@ PIECE_POINTS = 250_000
 MOST_EXTRA = 65_535 // 192  # their descriptions share one record of 16-bit length
 DAMAGED_FIX = "the file is damaged or cut off: write it again"
 ECHO_NUMBER = "EchoNumber"
+RETURNS = ("return_number", "number_of_returns")
 SOFTWARE = "lidarcheck"
 EXTREMES_NOTED = 0b110  # laspy notes the first point's value as the least and greatest: note none
 
@@ -150,10 +151,18 @@ def _columns(records: Any, header: Any) -> dict[str, Column]:
     columns: dict[str, Column] = {}
     with np.errstate(all="ignore"):
         for axis, scale, offset in zip(AXES, header.scales, header.offsets, strict=True):
-            columns[axis] = records[axis].astype(np.float64) * scale + offset
+            columns[axis] = _metres(records[axis], float(scale)) + offset
         columns |= _standard_columns(records, header.point_format)
         columns |= _extra_columns(records, header.point_format)
     return columns
+
+
+def _metres(steps: Column, scale: float) -> npt.NDArray[np.float64]:
+    """Steps times the scale; by dividing where the scale is one over a whole number, so that 8174200 gives 8.1742."""
+    whole = float(np.rint(1.0 / scale)) if 1e-12 < abs(scale) <= 1.0 else 0.0
+    if whole and abs(whole * scale - 1.0) < 1e-12:
+        return steps.astype(np.float64) / whole
+    return steps.astype(np.float64) * scale
 
 
 def _standard_columns(points: Any, point_format: Any) -> dict[str, Column]:
@@ -164,7 +173,7 @@ def _standard_columns(points: Any, point_format: Any) -> dict[str, Column]:
         column = np.asarray(points[name])
         if name in AXES or name.casefold() in extra or not column.any():
             continue
-        if name in ("return_number", "number_of_returns") and ECHO_NUMBER.casefold() in extra:
+        if name in RETURNS and ECHO_NUMBER.casefold() in extra:
             continue
         columns[ECHO_NUMBER if name == "return_number" else name] = np.array(column)
     return columns
@@ -227,7 +236,7 @@ def _fitting_standard(columns: dict[str, Column], point_format: Any) -> dict[str
     """Columns that bear a standard dimension's name and whose values that dimension holds exactly."""
     fitting = {}
     for name, column in columns.items():
-        if name not in point_format.standard_dimension_names or not column.any():
+        if name not in point_format.standard_dimension_names or name in RETURNS or not column.any():
             continue
         dimension = point_format.dimension_by_name(name)
         if dimension.min <= column.min() and column.max() <= dimension.max and (column == np.rint(column)).all():
@@ -238,26 +247,27 @@ def _fitting_standard(columns: dict[str, Column], point_format: Any) -> dict[str
 
 
 def _free_name(name: str, point_format: Any) -> str:
-    """The name, in capitals where a standard dimension that cannot hold its values bears it."""
+    """The name, in capitals where a standard dimension bears it that is taken or cannot hold the values."""
     if name not in point_format.dimension_names:
         return name
-    logger.warning("column %s is written as %s: the LAS dimension of that name cannot hold it", name, name.upper())
+    logger.warning("column %s is written as %s: the LAS dimension of that name does not hold it", name, name.upper())
     return name.upper()
 
 
 def _returns(table: Table) -> dict[str, Column]:
-    """`return_number` and `number_of_returns` from the echo numbers, within the 1 ... 15 that LAS knows."""
+    """The two dimensions of `RETURNS` from the echo numbers, within the 1 ... 15 that LAS knows; none without them."""
     echo, layer, point = (table.get(name) for name in (ECHO_NUMBER, "Layer", "Point"))
-    ones = np.ones(len(table), dtype=np.int64)
-    number = ones if echo is None else np.clip(np.rint(echo), 1, 15).astype(np.int64)
+    if echo is None:
+        return {}
+    number = np.clip(np.rint(echo), 1, 15).astype(np.int64)
     if layer is None or point is None:
-        return {"return_number": number, "number_of_returns": number}
+        return dict.fromkeys(RETURNS, number)
     with np.errstate(invalid="ignore"):  # what no beam can be is for others to refuse
         beams = layer.astype(np.int64) * 2**32 + point.astype(np.int64)
     _, beam = np.unique(beams, return_inverse=True)
     total = np.zeros(len(table), dtype=np.int64)
     np.maximum.at(total, beam, number)
-    return {"return_number": number, "number_of_returns": total[beam]}
+    return dict(zip(RETURNS, (number, total[beam]), strict=True))
 
 
 def _write(data: Any, path: Path) -> None:

@@ -97,7 +97,7 @@ def _unpack(body: memoryview, rows: Rows) -> dict[str, Column]:
 
 
 def _inflate(packed: bytes, size: int, rows: Rows) -> bytes:
-    import lzf  # type: ignore[import-not-found]
+    import lzf
 
     plain: bytes | None = b"" if size == 0 else None
     if 0 < size <= LZF_BEST_RATIO * len(packed):

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.jit import kernel
+from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.streams import Stream, fill
 
 __all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
@@ -228,7 +228,7 @@ def _thin(
         counts[index] = kept
 
 
-@kernel
+@inlined
 def is_quiet(
     numbers: Any,
     blocks: Blocks,
@@ -238,22 +238,20 @@ def is_quiet(
     draw_behind: float,
     begin: int,
     end: int,
+    dead_at_begin: int,
+    on_at_end: int,
     counts: IntArray,
 ) -> bool:
     """Whether no echo reaches beyond the window `begin` ... `end - 1`, whose avalanches are in `counts`.
 
-    If not, the avalanches before and behind it are added to `counts`, for a search through the whole trace.
+    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin. If not,
+    the avalanches before and behind it are added to `counts`, for a search through the whole trace.
     """
     bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
     back = (bins_before + blocks.length - 1) // blocks.length
     last = back + (numbers.bins - end + blocks.length - 1) // blocks.length
-    beside_begin = beside_end = 0
-    if begin > 0:
-        for k in range(begin - numbers.dead + 1, begin):
-            beside_begin += counts[numbers.pad + k]
-    if end < numbers.bins:
-        for k in range(end - numbers.on, end):
-            beside_end += counts[numbers.pad + k]
+    beside_begin = dead_at_begin if begin > 0 else 0
+    beside_end = on_at_end if end < numbers.bins else 0
     before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold)
     behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold)
     if before != _CROWDED and behind != _CROWDED:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 
-from lidarcheck.model.jit import kernel
+import numpy as np
+import numpy.typing as npt
 
-__all__ = ["binomial"]
+from lidarcheck.model.jit import inlined, kernel
 
+__all__ = ["binomial", "inverses"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_ONE, _TWO, _THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 _LN2 = 0.6931471805599453
 _BELOW_ONE = 1.0 - 1e-12
 """Rounding may leave the largest uniform numbers above the sum of all terms; they must not run through all trials."""
@@ -15,20 +21,40 @@ _SAFE_EXPONENT = 600.0
 """exp(-600) is far from underflow; beyond it the sum starts at the mode's side instead of at zero."""
 
 
+def inverses(trials: int) -> FloatArray:
+    """1 / k for k up to trials + 3, shape (trials + 4,); the first, for k = 0, is never used."""
+    return 1.0 / np.maximum(np.arange(trials + 4), 1)
+
+
 @kernel
-def _from_zero(uniform: float, trials: int, log_miss: float, odds: float) -> int:
-    """Smallest k with P(K <= k) > uniform, where one trial misses with probability exp(log_miss)."""
-    term = math.exp(trials * log_miss)
-    if uniform < term:
-        return 0
-    # Whole numbers in floating point: converting them in every step would cost more than the step.
-    k, left = 0.0, float(trials)
-    while uniform >= term and left > 0.0:
-        uniform -= term
-        k += 1.0
-        term *= odds * left / k
-        left -= 1.0
-    return int(k)
+def _odds(rate: float) -> float:
+    """exp(rate) - 1, the odds that a trial fires; the series is exact to 1e-13 where it is used, and faster."""
+    if rate < 0.005:
+        return rate * (1.0 + rate * (0.5 + rate * (1.0 / 6.0 + rate * (1.0 / 24.0 + rate / 120.0))))
+    return math.exp(rate) - 1.0
+
+
+@inlined
+def _from_zero(uniform: float, trials: int, zero: float, odds: float, inverse: FloatArray) -> int:
+    """Smallest k with P(K <= k) > uniform, where P(K = 0) = `zero`.
+
+    P(k) = P(k - 1) odds (trials - k + 1) / k. Three terms a step: the steps' branches are what costs, not the sums.
+    """
+    growth = odds * (trials + 1.0)
+    term = zero
+    # An unsigned index cannot count from the array's end, which saves the test for it.
+    k, last = np.uint64(0), np.uint64(trials)
+    while k <= last:
+        second = term * (growth * inverse[k + _ONE] - odds)
+        third = second * (growth * inverse[k + _TWO] - odds)
+        two = term + second
+        three = two + third
+        if uniform < three:
+            return int(k) + (1 if uniform >= term else 0) + (1 if uniform >= two else 0)
+        uniform -= three
+        term = third * (growth * inverse[k + _THREE] - odds)
+        k += _THREE
+    return trials
 
 
 @kernel
@@ -66,12 +92,12 @@ def _from_mode(uniform: float, trials: int, chance: float) -> int:
     return mode
 
 
-@kernel
-def binomial(uniform: float, trials: int, rate: float) -> int:
+@inlined
+def binomial(uniform: float, trials: int, rate: float, inverse: FloatArray) -> int:
     """Number of `trials` that fire, each with probability 1 - exp(-rate).
 
     Inversion of the distribution function: exact up to double rounding, and as many steps as trials that fire (or
-    that do not, where those are fewer).
+    that do not, where those are fewer). `inverse[k]` is 1 / k, up to at least trials + 3: see `inverses`.
     """
     if trials <= 0 or rate <= 0.0:
         return 0
@@ -81,11 +107,12 @@ def binomial(uniform: float, trials: int, rate: float) -> int:
             return 0
         uniform *= _BELOW_ONE
         if trials * rate < _SAFE_EXPONENT:
-            return _from_zero(uniform, trials, -rate, math.expm1(rate))
+            zero = math.exp(-trials * rate)
+            return 0 if uniform < zero else _from_zero(uniform, trials, zero, _odds(rate), inverse)
         return _from_mode(uniform, trials, -math.expm1(-rate))
     uniform *= _BELOW_ONE
     miss = math.exp(-rate)
     log_fire = math.log1p(-miss)
     if -trials * log_fire < _SAFE_EXPONENT:
-        return trials - _from_zero(uniform, trials, log_fire, miss / (1.0 - miss))
+        return trials - _from_zero(uniform, trials, math.exp(trials * log_fire), miss / (1.0 - miss), inverse)
     return trials - _from_mode(uniform, trials, miss)

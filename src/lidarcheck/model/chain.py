@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["echoes_of", "simulate"]
 
-_CHUNK = 2048
+_CHUNK = 8192
 """Beams a thread takes at a time: small enough to share the work evenly, large enough to forget the taking."""
 
 
@@ -130,10 +130,13 @@ def _share(run: Callable[[int], None], starts: range, threads: int | None) -> No
 
 def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:
     """Echoes as the sensor reports them: range quantised, PEAK saturated, numbered from 1."""
-    held = np.arange(echoes.area.shape[1]) < echoes.held[:, None]
-    row, slot = np.nonzero(held)
-    time_ns = echoes.centre[held] * sensor.bin_ns - sensor.time_offset_ns
-    range_m = 0.5 * LIGHT_SPEED_M_PER_NS * time_ns
+    from lidarcheck.model import kernel
+
+    n = int(echoes.held.sum())
+    row, slot = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    centre, features = np.empty(n), np.empty((3, n))
+    kernel.list_echoes(echoes, row, slot, centre, features)
+    range_m = 0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns)
     if sensor.range_resolution_m > 0.0:
         range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
     return Scan.from_beams(
@@ -141,7 +144,7 @@ def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:
         light.point[row],
         range_m,
         echo_number=(slot + 1).astype(np.int32),
-        width_ns=(echoes.width[held] * sensor.bin_ns).astype(np.float64),
-        area=echoes.area[held].astype(np.float64),
-        peak=np.minimum(echoes.peak[held], sensor.peak_saturation).astype(np.float64),
+        width_ns=features[0] * sensor.bin_ns,
+        area=features[1],
+        peak=np.minimum(features[2], sensor.peak_saturation),
     )

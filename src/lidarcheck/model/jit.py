@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["cache_directory", "kernel", "source_hash"]
+__all__ = ["cache_directory", "inlined", "kernel", "source_hash"]
 
 _KEPT_CACHES = 6
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -66,11 +66,20 @@ def kernel(function: _F) -> _F:
 
     A kernel must not allocate: it works in arrays that its caller brings.
     """
+    return _compiled(function, inline="never")
+
+
+def inlined(function: _F) -> _F:
+    """Like `kernel`, for one that is called once a beam: pasted into its caller, since passing arrays costs as well."""
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: _F, *, inline: str) -> _F:
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(cache_directory())
     try:
-        compiled: Any = numba.njit(**_OPTIONS)(function)
+        compiled: Any = numba.njit(**{**_OPTIONS, "inline": inline})(function)
     finally:
         settings.CACHE_DIR = before
     return cast(_F, compiled)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,7 +35,7 @@ def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
 
 def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Reflectance times gain, and the power of the cosine, of each row's material."""
-    ids, row_id = np.unique(ideal.material_id, return_inverse=True)
+    ids, row_id = _distinct(ideal.material_id)
     strength, power = np.zeros(len(ids)), np.zeros(len(ids))
     for i, material_id in enumerate(ids):
         material = model.materials.get(int(material_id))
@@ -46,6 +48,17 @@ def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]
         strength[i] = material.reflectance * (material.retro_gain if retro else 1.0)
         power[i] = 0.0 if retro else 1.0
     return strength[row_id], power[row_id]
+
+
+def _distinct(values: npt.NDArray[np.int32]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """The distinct values and each row's place among them; small numbers without sorting."""
+    if len(values) and values.min() >= 0 and values.max() < 65536:
+        ids = np.flatnonzero(np.bincount(values))
+        place = np.zeros(ids[-1] + 1, dtype=np.int64)
+        place[ids] = np.arange(len(ids))
+        return ids, place[values]
+    ids, row_id = np.unique(values, return_inverse=True)
+    return ids, row_id
 
 
 def _missing(material_id: int, ideal: IdealScan, row: int, model: Model) -> InputError:
