@@ -1,0 +1,114 @@
+"""The commands: name, help and example of each. Their code is loaded when one of them is used."""
+
+from __future__ import annotations
+
+import sys
+from typing import NamedTuple
+
+from cyclopts import App
+
+from lidarcheck import __version__
+
+__all__ = ["COMMANDS", "Command", "make_app"]
+
+
+class Command(NamedTuple):
+    """A command as `--help` shows it; its code is `lidarcheck.cli.<name>:<name>`."""
+
+    name: str
+    arguments: str
+    summary: str
+    more: str
+    examples: tuple[str, ...]
+
+
+COMMANDS = (
+    Command(
+        "simulate",
+        "IDEAL --model MODEL --out SCAN [OPTIONS]",
+        "Run one ideal scan through the sensor model.",
+        "The ideal scan says what each beam meets, the model what sensor looks. The suffix of --out names the format. "
+        "The same seed gives the same bytes, on any number of cores.",
+        ("lidarcheck simulate ideal.txt --model SLIM.toml --out scan.pcd --seed 7",),
+    ),
+    Command(
+        "compare",
+        "MEASURED SIMULATED [OPTIONS]",
+        "Compare a measured scan with a simulated one.",
+        "Prints the KPIs: distances of range residual, PEAK, AREA and WIDTH, detection, walk, overlap. With the ideal "
+        "scan also those that need to know which beams meet a surface.",
+        ("lidarcheck compare real.txt sim.pcd --ideal ideal.txt --json kpis.json",),
+    ),
+    Command(
+        "check",
+        "[SCENARIO ...] [OPTIONS]",
+        "Run scenarios against their goldens.",
+        "Exit code 0: every KPI holds; 1: one fell out; 2: could not run.",
+        ("lidarcheck check", "lidarcheck check background_SMART --seed 3 --html check.html"),
+    ),
+    Command(
+        "review",
+        "[SCENARIO ...] [OPTIONS]",
+        "Show what is proposed for the goldens, and accept it.",
+        "Without --accept no golden changes. What speaks against accepting, as a regression, must be answered with "
+        "--reason, and the golden keeps it.",
+        ("lidarcheck review", 'lidarcheck review background_SMART --accept all --reason "new SPAD"'),
+    ),
+    Command(
+        "convert",
+        "A B [OPTIONS]",
+        "Convert a scan or an ideal scan to another format.",
+        "The input is recognised by its content, the output's format follows its suffix. Unknown columns are kept.",
+        ("lidarcheck convert scan.txt scan.laz",),
+    ),
+    Command(
+        "info",
+        "FILE [OPTIONS]",
+        "Say what a file is and what is in it.",
+        "Format, rows, columns with their ranges, and what was defaulted.",
+        ("lidarcheck info scan.pcd",),
+    ),
+    Command(
+        "effects",
+        "[NAME] [OPTIONS]",
+        "List the effects that a model can name, or explain one.",
+        "With a name: its parameters with unit, range and default, its formula and its source.",
+        ("lidarcheck effects", "lidarcheck effects fog"),
+    ),
+    Command(
+        "bench",
+        "[OPTIONS]",
+        "Measure the speed on this machine.",
+        "Each figure stands beside what a user would otherwise take, measured in the same run.",
+        ("lidarcheck bench", "lidarcheck bench --quick --json"),
+    ),
+)
+
+
+def make_app() -> App:
+    """The parser, with every command known by name and none loaded."""
+    plain = not sys.stdout.isatty()
+    app = App(
+        name="lidarcheck",
+        version=__version__,
+        help="Calibrates and validates a LiDAR sensor model against measurements.",
+        help_epilogue="Every command has its own help with an example: lidarcheck simulate --help",
+        help_format="plaintext",
+        help_formatter="plain" if plain else "default",
+        suppress_keyboard_interrupt=False,
+    )
+    for rank, command in enumerate(COMMANDS):
+        app.command(
+            f"lidarcheck.cli.{command.name}:{command.name}",
+            name=command.name,
+            help=f"{command.summary}\n\n{command.more}",
+            help_epilogue="\n".join(("Example:", *(f"  {line}" for line in command.examples))),
+            usage=f"Usage: lidarcheck {command.name} {command.arguments}",
+            sort_key=rank,
+        )
+    app.command(
+        "lidarcheck.cli.completion:install_completion",
+        name="--install-completion",
+        help="Install completion for bash, zsh or fish.",
+    )
+    return app

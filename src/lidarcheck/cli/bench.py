@@ -1,0 +1,63 @@
+"""`lidarcheck bench`: how fast this machine runs what the project promises."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import JsonFlag, Quiet
+from lidarcheck.cli.outputs import json_text
+from lidarcheck.cli.terminal import Column, emit, hush, note, progress, table
+
+__all__ = ["bench"]
+
+Quick = Annotated[
+    bool, Parameter(negative=(), show_default=False, help="Less input, fewer repeats: a first impression.")
+]
+COLUMNS = (
+    Column("figure"),
+    Column("best", right=True),
+    Column("median", right=True),
+    Column("unit"),
+    Column("n", right=True),
+    Column("times faster than"),
+)
+
+
+def bench(
+    *,
+    json: JsonFlag = False,
+    quick: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="Less input, fewer repeats: a first impression.")
+    ] = False,
+    quiet: Quiet = False,
+) -> int:
+    """Measure each figure and what a user would otherwise take, side by side."""
+    hush(quiet)
+    from lidarcheck.cli.bench_figures import Figure, cases
+    from lidarcheck.cli.bench_machine import machine
+
+    measured: list[Figure] = []
+    tasks = cases(quick)
+    with progress("measuring") as show:
+        for done, (name, task) in enumerate(tasks.items()):
+            show(done, len(tasks), name)
+            measured += task()
+    about = machine()
+    if json:
+        emit(json_text({"machine": about, "quick": quick, "figures": {figure.name: figure for figure in measured}}))
+        return 0
+    note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best and median of n repeats")
+    emit(table(COLUMNS, [_row(figure, other) for figure in measured for other in figure.against or (None,)]))
+    return 0
+
+
+def _row(figure: object, other: object) -> tuple[str, ...]:
+    from lidarcheck.cli.bench_figures import Figure, Other
+
+    assert isinstance(figure, Figure)
+    first = other is None or figure.against[0] is other
+    own = (figure.name, f"{figure.best:.4g}", f"{figure.median:.4g}", figure.unit, str(figure.repeats))
+    against = f"{other.ratio:.3g} x {other.name}" if isinstance(other, Other) else ""
+    return (*(own if first else ("",) * len(own)), against)

@@ -1,0 +1,166 @@
+"""The figures that `lidarcheck bench` measures, each beside what a user would otherwise take."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lidarcheck.cli.bench_machine import cores
+from lidarcheck.errors import UsageError
+
+__all__ = ["Figure", "Other", "cases"]
+
+MEGA = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """Another way to the same: what it reached, in the figure's unit, and how many times better the figure is."""
+
+    name: str
+    best: float
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A speed, or a time where the unit is s: best and median of the repeats."""
+
+    name: str
+    unit: str
+    best: float
+    median: float
+    repeats: int
+    against: tuple[Other, ...] = ()
+
+
+def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
+    """What to measure by its name, each one or several figures; `quick` with less input and fewer repeats."""
+    repeats = 2 if quick else 5
+    return {
+        "simulate, SMART": lambda: _simulate("SMART", repeats, quick),
+        "simulate, SLIM": lambda: _simulate("SLIM", repeats, quick),
+        "reading text": lambda: _read_text(repeats, quick),
+        "KPIs": lambda: _wasserstein(repeats, quick),
+        "check": lambda: _check(1 if quick else 3),
+        "help": lambda: _help(3 if quick else 9),
+    }
+
+
+def _times(work: Callable[[], object], repeats: int) -> list[float]:
+    """Seconds of each repeat; one more before them warms compilers and caches."""
+    work()
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return seconds
+
+
+def _rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
+    """A figure where more is better."""
+    return Figure(name, unit, amount / min(seconds), amount / statistics.median(seconds), len(seconds), against)
+
+
+def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
+    from lidarcheck.cli.bench_scene import lab_frame, lab_model
+    from lidarcheck.model import simulate
+
+    model, frame = lab_model(variant), lab_frame()
+    if quick:
+        frame = frame.take(np.arange(0, len(frame), 10))
+    figures = []
+    for threads in sorted({1, cores()}):
+        seconds = _times(lambda threads=threads: simulate(frame, model, seed=1, threads=threads), repeats)  # type: ignore[misc]
+        mpts = len(frame) / MEGA / min(seconds)
+        against = _plain_numpy(variant, mpts, quick) if threads == 1 else ()
+        name = f"simulate_exact_{variant.lower()}_{threads}_mpts_s"
+        figures.append(_rate(name, "Mpoints/s", len(frame) / MEGA, seconds, against))
+    return figures
+
+
+def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Other, ...]:
+    """Plain numpy on one core, on fewer beams of the same frame."""
+    from lidarcheck.cli.bench_reference import count_chain, every_detector, rates
+    from lidarcheck.cli.bench_scene import lab_frame, lab_model
+
+    model, frame = lab_model(variant), lab_frame()
+    others = []
+    for name, chain, beams in (
+        ("numpy, a coin per detector", every_detector, 32),
+        ("numpy, a binomial per bin", count_chain, 500 if quick else 2000),
+    ):
+        few = frame.take(np.linspace(0, len(frame) - 1, beams).astype(np.int64))
+        draw = np.random.Generator(np.random.Philox(1))
+        start = time.perf_counter()
+        chain(rates(few, model), model.sensor, draw)
+        speed = beams / MEGA / (time.perf_counter() - start)
+        others.append(Other(name, speed, mpts / speed))
+    return tuple(others)
+
+
+def _read_text(repeats: int, quick: bool) -> list[Figure]:
+    from pyarrow import csv
+
+    from lidarcheck.cli.bench_scene import write_rows
+    from lidarcheck.formats import load_scan
+
+    rows, few = (200_000, 20_000) if quick else (2_000_000, 200_000)
+    with tempfile.TemporaryDirectory(prefix="lidarcheck-bench-") as name:
+        path, short = Path(name) / "scan.txt", Path(name) / "short.txt"
+        write_rows(path, rows)
+        write_rows(short, few)
+        size, short_size = path.stat().st_size / MEGA, short.stat().st_size / MEGA
+        seconds = _times(lambda: load_scan(path), repeats)
+        loadtxt = short_size / min(_times(lambda: np.loadtxt(short, skiprows=2), 1))
+        options = csv.ReadOptions(use_threads=False, skip_rows=2, autogenerate_column_names=True)
+        parse = csv.ParseOptions(delimiter=" ")
+        arrow = size / min(_times(lambda: csv.read_csv(path, options, parse), repeats))
+    best = size / min(seconds)
+    against = (Other("numpy.loadtxt", loadtxt, best / loadtxt), Other("pyarrow.csv, one core", arrow, best / arrow))
+    return [_rate("read_text_mb_s", "MB/s", size, seconds, against)]
+
+
+def _wasserstein(repeats: int, quick: bool) -> list[Figure]:
+    from scipy.stats import wasserstein_distance
+
+    from lidarcheck.kpi.distances import wasserstein
+
+    draw = np.random.Generator(np.random.Philox(1))
+    size = 100_000 if quick else 1_000_000
+    measured, simulated = draw.normal(10.0, 1.0, size), draw.normal(10.1, 1.0, size)
+    seconds = _times(lambda: wasserstein(measured, simulated), repeats)
+    scipy_seconds = min(_times(lambda: wasserstein_distance(measured, simulated), repeats))
+    against = (Other("scipy.stats", size / MEGA / scipy_seconds, scipy_seconds / min(seconds)),)
+    return [_rate("kpi_wasserstein_mpts_s", "Mpoints/s", size / MEGA, seconds, against)]
+
+
+def _check(repeats: int) -> list[Figure]:
+    """All scenarios of the working directory, as a user runs them: a process, kernels compiled before."""
+    if not Path("scenarios").is_dir():
+        return []
+    seconds = _times(lambda: _lidarcheck("check", "--quiet"), repeats)
+    return [Figure("check_s", "s", min(seconds), statistics.median(seconds), len(seconds))]
+
+
+def _help(repeats: int) -> list[Figure]:
+    seconds = _times(lambda: _lidarcheck("--help"), repeats)
+    return [Figure("help_s", "s", min(seconds), statistics.median(seconds), len(seconds))]
+
+
+def _lidarcheck(*arguments: str) -> None:
+    """Run this program in a process of its own; `UsageError` when it could not do its work."""
+    command = [sys.executable, "-m", "lidarcheck", *arguments]
+    ran = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    if ran.returncode not in (0, 1):  # a KPI that fell out takes no less time
+        first = (ran.stderr.splitlines() or [""])[0].removeprefix("error: ")
+        raise UsageError(f"cannot time lidarcheck {' '.join(arguments)}: {first}", fix="put that right first")

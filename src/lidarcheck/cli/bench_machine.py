@@ -1,0 +1,34 @@
+"""On what a speed was measured."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import version
+from typing import Any
+
+__all__ = ["cores", "machine"]
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine() -> dict[str, Any]:
+    """Cores, load, interpreter and the versions that matter."""
+    return {
+        "cores": cores(),
+        "processor": _processor(),
+        "load_1min": os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("lidarcheck", "numpy", "numba", "scipy", "pyarrow")},
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:  # noqa: PTH123 - not a file of anyone's
+            return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
+    except OSError:
+        return platform.processor()

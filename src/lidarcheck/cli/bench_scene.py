@@ -1,0 +1,65 @@
+"""Input to measure speeds with: a full frame of a lab, and a text file of its size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import LAYERS, POINTS, Material, Sensor, beam_directions
+
+__all__ = ["lab_frame", "lab_model", "write_rows"]
+
+HEIGHT_M, WALL_M, CEILING_M = 1.8, 85.0, 6.0
+PANELS_M = np.arange(5.0, 81.0, 5.0)
+MATERIALS = {
+    1: Material("panel 10 %", 0.1),
+    2: Material("panel 50 %", 0.5),
+    3: Material("panel 90 %", 0.9),
+    4: Material("concrete", 0.3),
+}
+
+
+def lab_model(variant: str) -> Model:
+    """The reference sensor of that variant with the lab's materials."""
+    return Model(sensor=Sensor.of(variant), materials=MATERIALS)
+
+
+def lab_frame() -> IdealScan:
+    """520 x 960 beams in a hall: floor, ceiling, end wall, and 16 panels from 5 to 80 m of three reflectances each."""
+    layer = np.repeat(np.arange(LAYERS, dtype=np.int32), POINTS)
+    point = np.tile(np.arange(POINTS, dtype=np.int32), LAYERS)
+    x, _, z = beam_directions(layer, point).T
+    with np.errstate(divide="ignore"):
+        hall = np.minimum(WALL_M / x, np.where(z < 0.0, HEIGHT_M / -z, CEILING_M / z))
+    slot = point // (POINTS // len(PANELS_M))
+    panel = PANELS_M[slot] / x
+    on_panel = (np.abs(layer - LAYERS // 2) < 120) & (point % 60 < 40) & (panel < hall)
+    reflectance = 1 + np.clip((layer - (LAYERS // 2 - 120)) // 80, 0, 2)
+    floor = ~on_panel & (hall < WALL_M / x)
+    incidence = np.rad2deg(np.arccos(np.clip(np.where(floor, np.abs(z), x), 0.0, 1.0)))
+    return IdealScan(
+        layer=layer,
+        point=point,
+        distance_m=np.where(on_panel, panel, hall),
+        material_id=np.where(on_panel, reflectance, 4).astype(np.int32),
+        incidence_deg=incidence,
+    )
+
+
+def write_rows(path: Path, rows: int) -> None:
+    """A CloudCompare text file of nine columns, as a sensor writes it."""
+    draw = np.random.Generator(np.random.Philox(1))
+    block = 20_000
+    xyz = draw.uniform(-80.0, 80.0, (block, 3))
+    whole = draw.integers([[0, 0, 1, 5, 50, 10]], [[POINTS, LAYERS, 4, 40, 1300, 136]], (block, 6))
+    text = "".join(
+        f"{x:.4f} {y:.4f} {z:.4f} {point} {layer} {echo} {width} {area} {peak}\n"
+        for (x, y, z), (point, layer, echo, width, area, peak) in zip(xyz.tolist(), whole.tolist(), strict=True)
+    )
+    with path.open("w", encoding="ascii") as stream:
+        stream.write(f"//X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n{rows}\n")
+        for _ in range(rows // block):
+            stream.write(text)

@@ -1,0 +1,66 @@
+"""`lidarcheck check`: scenarios against their goldens."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
+from lidarcheck.cli.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.terminal import complain, emit, hush, progress, stage
+from lidarcheck.errors import LidarcheckError
+
+if TYPE_CHECKING:
+    from lidarcheck.harness.results import CheckReport
+
+__all__ = ["check"]
+
+
+def check(
+    *scenario: Annotated[str, Parameter(help="Scenario files, directories of them, or names; all by default.")],
+    seed: Annotated[Seed | None, Parameter(help="Also run fresh seeds, drawn from this one, 0 to 2^64 - 1.")] = None,
+    model: Annotated[Path | None, Parameter(help="A model to ask in the place of the scenarios' own.")] = None,
+    jobs: Jobs | None = None,
+    json: JsonFile | None = None,
+    html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
+    junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Run scenarios against their goldens."""
+    hush(quiet)
+    for option, place in (("--json", json), ("--html", html), ("--junit", junit)):
+        if place is not None:
+            check_writable(place, option=option)
+    from lidarcheck.cli.check_text import report_text
+    from lidarcheck.harness.annotations import annotations
+    from lidarcheck.harness.check import check as run
+    from lidarcheck.harness.junit import junit_text
+
+    try:
+        with progress("checking") as show:
+            report = run(scenario, seed=seed, model=model, jobs=jobs, progress=show)
+    except LidarcheckError as error:
+        if junit is not None:
+            write_result(junit, junit_text(error))
+        raise
+    if json != "-":
+        emit(report_text(report))
+    for line in annotations(report, os.environ):
+        complain(line)
+    if json is not None:
+        write_result(json, json_text(report.to_dict()))
+    if junit is not None:
+        write_result(junit, junit_text(report))
+    if html is not None:
+        _write_page(report, html)
+    return report.exit_code
+
+
+def _write_page(report: CheckReport, html: Path) -> None:
+    from lidarcheck.plots.report import report_html
+
+    with stage("drawing the page"):
+        write_result(html, report_html(report))

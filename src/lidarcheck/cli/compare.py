@@ -1,0 +1,74 @@
+"""`lidarcheck compare`: the KPIs of a measured scan against a simulated one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import JsonFile, Quiet
+from lidarcheck.cli.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.terminal import Column, emit, hush, note, stage, table
+
+if TYPE_CHECKING:
+    from lidarcheck.kpi.compare import Comparison
+
+__all__ = ["compare"]
+
+COLUMNS = (
+    Column("KPI"),
+    Column("of"),
+    Column("measured", right=True),
+    Column("simulated", right=True),
+    Column("value", right=True),
+    Column("unit"),
+)
+
+
+def compare(
+    measured: Annotated[Path, Parameter(help="The scan of the real sensor.")],
+    simulated: Annotated[Path, Parameter(help="The scan of the model.")],
+    /,
+    *,
+    ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show.")] = None,
+    model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Compare a measured scan with a simulated one."""
+    hush(quiet)
+    if json is not None:
+        check_writable(json, option="--json")
+    from lidarcheck.formats import load_ideal, load_scan
+    from lidarcheck.kpi.compare import compare as run
+    from lidarcheck.model import load_model
+
+    with stage("reading"):
+        sensor_model = None if model is None else load_model(model)
+        scene = None if ideal is None else load_ideal(ideal)
+        scans = load_scan(measured), load_scan(simulated)
+    with stage("comparing"):
+        comparison = run(*scans, scene, model=sensor_model)
+    if json is not None:
+        write_result(json, json_text(comparison.to_dict()))
+    if json != "-":
+        _show(comparison)
+    return 0
+
+
+def _show(comparison: Comparison) -> None:
+    rows = [
+        (row.kpi, row.of, _number(row.measured), _number(row.simulated), _number(row.value), row.unit)
+        for row in comparison.rows()
+    ]
+    emit(table(COLUMNS, rows))
+    for name, why in comparison.left_out.items():
+        note(f"not compared: {name}: {why}")
+
+
+def _number(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return f"{value:.0f}" if value == int(value) and abs(value) < 1e9 else f"{value:.4g}"

@@ -1,0 +1,130 @@
+"""From arguments to an exit code: the one place that turns whatever happens into a line and a number.
+
+0: done, or every KPI holds. 1: a KPI fell out. 2: could not run. 130: interrupted. 141: nobody reads the output.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+from cyclopts.exceptions import CycloptsError
+
+from lidarcheck.cli.terminal import complain, logs_on_stderr
+from lidarcheck.cli.usage import explain_usage
+from lidarcheck.errors import InputError, LidarcheckError, UsageError
+
+__all__ = ["main"]
+
+COULD_NOT_RUN = 2
+INTERRUPTED = 130
+NO_READER = 141
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line, `sys.argv` by default, and return its exit code.
+
+    Results go to standard output, all else to standard error. Never raises for what a user did.
+    """
+    if argv is None:
+        # Numeric warnings of the libraries below mean nothing to a user; the package says what it has to say itself.
+        warnings.simplefilter("ignore")
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    with logs_on_stderr():
+        try:
+            code = _run(sys.argv[1:] if argv is None else list(argv))
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        except BrokenPipeError:
+            return _no_reader()
+        except LidarcheckError as error:
+            return _say(error)
+        except OSError as error:
+            return _no_reader() if error.errno == errno.EPIPE else _say(_system_error(error))
+        except MemoryError:
+            return _say(UsageError("there is not enough memory for this", fix="use smaller input, or fewer --jobs"))
+        except Exception as error:  # noqa: BLE001 - a bug must not show a user a traceback
+            return _internal(error)
+    return code
+
+
+def _run(argv: list[str]) -> int:
+    """The command's exit code. A `SystemExit` of the parser, as from `--help`, is one too."""
+    from lidarcheck.cli.app import make_app
+
+    app = make_app()
+    try:
+        result = app(_lone_hyphens(argv), exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        raise explain_usage(error) from error
+    except SystemExit as error:
+        if isinstance(error.__context__, BrokenPipeError):  # rich turns it into an exit of its own
+            raise error.__context__ from None
+        return error.code if isinstance(error.code, int) else 0
+    return result if isinstance(result, int) else 0
+
+
+def _lone_hyphens(argv: list[str]) -> list[str]:
+    """`--json -` as `--json=-`: the parser takes a value that begins with a hyphen for an option."""
+    joined: list[str] = []
+    for argument in argv:
+        if argument == "-" and joined and joined[-1] == "--json":
+            joined[-1] = "--json=-"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _say(error: LidarcheckError) -> int:
+    if os.environ.get("LIDARCHECK_DEBUG"):
+        _traceback(error)
+    for line in error.lines():
+        complain(line)
+    return error.exit_code
+
+
+def _system_error(error: OSError) -> InputError:
+    what = error.strerror or str(error) or type(error).__name__
+    return InputError(what[:1].lower() + what[1:], file=error.filename, fix=_remedy(error))
+
+
+def _remedy(error: OSError) -> str:
+    remedies = {
+        errno.ENOSPC: "free some space, then run it again",
+        errno.EACCES: "check its permissions",
+        errno.EPERM: "check its permissions",
+        errno.ENOENT: "check the path",
+        errno.EROFS: "choose a place that can be written",
+    }
+    return remedies.get(error.errno or 0, "")
+
+
+def _internal(error: Exception) -> int:
+    if os.environ.get("LIDARCHECK_DEBUG"):
+        _traceback(error)
+    what = " ".join(str(error).split()) or "no message"
+    complain(
+        f"error: internal error, {type(error).__name__}: {what[:200]}; "
+        "please report it with the output that LIDARCHECK_DEBUG=1 adds"
+    )
+    return COULD_NOT_RUN
+
+
+def _traceback(error: BaseException) -> None:
+    import traceback
+
+    sys.stderr.write("".join(traceback.format_exception(error)))
+
+
+def _no_reader() -> int:
+    """Leave quietly: the interpreter would complain once more while it closes standard output."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return NO_READER

@@ -1,0 +1,72 @@
+"""Where a command writes: checked before the work starts, written whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lidarcheck.cli.terminal import emit
+from lidarcheck.errors import InputError
+
+__all__ = ["check_writable", "json_text", "write_result"]
+
+STANDARD_OUTPUT = "-"
+
+
+def check_writable(path: str | Path, *, option: str) -> None:
+    """Refuse now, with an `InputError`, what could not be written after minutes of work; `option` asked for it."""
+    if str(path) == STANDARD_OUTPUT:
+        return
+    target = Path(path)
+    if target.is_dir():
+        raise InputError("is a directory", file=target, fix=f"name a file for {option}")
+    if target.exists() and not os.access(target, os.W_OK):
+        raise InputError("cannot be written", file=target, fix="check its permissions, or choose another file")
+    parent = Path(os.path.realpath(target)).parent
+    if not parent.is_dir():
+        raise InputError("its directory does not exist", file=target, fix=f"make {parent} first")
+    if not target.exists() and not os.access(parent, os.W_OK):
+        raise InputError("its directory cannot be written", file=target, fix="choose another place")
+
+
+def write_result(path: str | Path, text: str) -> None:
+    """Write text to a file, at once; `-` is standard output, and a device or pipe is written as it is."""
+    from lidarcheck.formats.atomic import write_text
+
+    target = Path(path)
+    if str(path) == STANDARD_OUTPUT:
+        emit(text)
+    elif target.exists() and not target.is_file():
+        # Renaming a file over /dev/null would take it from everyone.
+        try:
+            target.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"cannot write: {error.strerror or error}", file=path) from error
+    else:
+        write_text(target, text)
+
+
+def json_text(value: Any) -> str:
+    """JSON for machines: dataclasses and numpy values as plain ones; what is not finite is null."""
+    return json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)

@@ -1,0 +1,43 @@
+"""`lidarcheck simulate`: one ideal scan through the sensor model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import Quiet, Seed
+from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.terminal import hush, note, stage
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    ideal: Annotated[Path, Parameter(help="What each fired beam meets: text, PCD or Parquet.")],
+    /,
+    *,
+    model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
+    out: Annotated[Path, Parameter(help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet.")],
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> int:
+    """Run one ideal scan through the sensor model."""
+    hush(quiet)
+    from lidarcheck.formats import load_ideal, save_scan
+    from lidarcheck.formats.recognise import target_format
+    from lidarcheck.model import load_model
+    from lidarcheck.model import simulate as run
+
+    target_format(out)
+    check_writable(out, option="--out")
+    sensor_model = load_model(model)
+    with stage(f"reading {ideal.name}"):
+        scene = load_ideal(ideal)
+    with stage(f"simulating {len(scene)} beams"):
+        scan = run(scene, sensor_model, seed=seed)
+    with stage(f"writing {out.name}"):
+        save_scan(scan, out)
+    note(f"{out}: {len(scan)} echoes from {len(scene)} rows of {ideal}, seed {seed}")
+    return 0

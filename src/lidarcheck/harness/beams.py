@@ -1,0 +1,175 @@
+"""Shapes that a scenario can put in front of the sensor without a ray caster: beams whose geometry is a formula.
+
+Each shape is one class: its keys as they stand in a `[[beams]]` table, and `geometry`, which gives the range and the
+angle of incidence of every beam. A new shape is a class here and its name in `BeamShape`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import AfterValidator, Field, model_validator
+
+from lidarcheck.formats.config import Config
+from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import LAYERS, POINTS, beam_directions
+
+__all__ = ["BeamShape", "Incidence", "Nothing", "Panels", "Shape", "Surface", "lay_beams"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+_MAX_RANGE_M = 1000.0
+
+
+def _rising(span: tuple[int, int]) -> tuple[int, int]:
+    if span[0] > span[1]:
+        raise ValueError("the first is above the last; write [first, last], both included")
+    return span
+
+
+_Layer = Annotated[int, Field(ge=0, lt=LAYERS)]
+_Point = Annotated[int, Field(ge=0, lt=POINTS)]
+_Number = Annotated[int, Field(ge=0, le=1_000_000_000)]
+_RangeM = Annotated[float, Field(gt=0.0, le=_MAX_RANGE_M)]
+_AngleDeg = Annotated[float, Field(ge=0.0, lt=90.0)]
+
+
+class Geometry(NamedTuple):
+    """What the beams of a shape meet, shape (n,) each: range [m], 0 for nothing; incidence [deg]; object from 0."""
+
+    range_m: FloatArray
+    incidence_deg: FloatArray
+    object_index: IntArray
+
+
+class Shape(Config):
+    """What every `[[beams]]` table has: its beams as [first, last], both included, and the ID of its first object."""
+
+    layers: Annotated[tuple[_Layer, _Layer], AfterValidator(_rising)]
+    points: Annotated[tuple[_Point, _Point], AfterValidator(_rising)]
+    material: _Number = 0
+    object: _Number | None = None
+
+    @property
+    def objects(self) -> int:
+        """How many objects the shape consists of."""
+        return 1
+
+    def beams(self) -> tuple[IntArray, IntArray]:
+        """(layer, point) of every beam, layer by layer."""
+        layer = np.arange(self.layers[0], self.layers[1] + 1, dtype=np.int32)
+        point = np.arange(self.points[0], self.points[1] + 1, dtype=np.int32)
+        return np.repeat(layer, len(point)), np.tile(point, len(layer))
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """What those beams meet."""
+        raise NotImplementedError
+
+    def _swept(self, point: IntArray, span: tuple[float, float]) -> FloatArray:
+        """From span[0] at the first point to span[1] at the last, in equal steps."""
+        first, last = self.points
+        share = (point - first) / max(last - first, 1)
+        return span[0] + share * (span[1] - span[0])
+
+
+class Surface(Shape):
+    """An endless surface perpendicular to each beam; its range is swept over the points from `range_m[0]` to `[1]`."""
+
+    shape: Literal["surface"]
+    material: _Number
+    range_m: tuple[_RangeM, _RangeM]
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R swept, incidence 0."""
+        return _one_object(self._swept(point, self.range_m), np.zeros(len(point)))
+
+
+class Panels(Shape):
+    """Flat panels at X = `x_m`, facing the sensor: R = x/(cosθ cosφ), incidence = arccos(cosθ cosφ).
+
+    Several panels share the layers evenly, from the lowest layer up, and are an object each.
+    """
+
+    shape: Literal["panels"]
+    material: _Number
+    x_m: tuple[_RangeM, ...]
+
+    @model_validator(mode="after")
+    def _even(self) -> Panels:
+        if not self.x_m:
+            raise ValueError("x_m is empty; add the X of a panel")
+        layers = self.layers[1] - self.layers[0] + 1
+        if layers % len(self.x_m):
+            raise ValueError(
+                f"{layers} layers cannot be shared evenly by {len(self.x_m)} panels; "
+                f"use a multiple of {len(self.x_m)} layers"
+            )
+        return self
+
+    @property
+    def objects(self) -> int:
+        """A panel is an object."""
+        return len(self.x_m)
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R and incidence on the planes X = x."""
+        layers_each = (self.layers[1] - self.layers[0] + 1) // len(self.x_m)
+        panel = ((layer - self.layers[0]) // layers_each).astype(np.int32)
+        forward = beam_directions(layer, point)[:, 0]
+        return Geometry(np.array(self.x_m)[panel] / forward, np.rad2deg(np.arccos(forward)), panel)
+
+
+class Incidence(Shape):
+    """A surface at one range whose incidence is swept over the points from `incidence_deg[0]` to `[1]`."""
+
+    shape: Literal["incidence"]
+    material: _Number
+    range_m: _RangeM
+    incidence_deg: tuple[_AngleDeg, _AngleDeg]
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R constant, incidence swept."""
+        return _one_object(np.full(len(point), self.range_m), self._swept(point, self.incidence_deg))
+
+
+class Nothing(Shape):
+    """Beams that meet nothing: background only."""
+
+    shape: Literal["nothing"]
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """Range 0 says that the beam meets nothing."""
+        return _one_object(np.zeros(len(point)), np.zeros(len(point)))
+
+
+BeamShape = Annotated[Surface | Panels | Incidence | Nothing, Field(discriminator="shape")]
+"""Every shape that a `[[beams]]` table may name."""
+
+
+def lay_beams(shapes: Sequence[Shape]) -> tuple[IdealScan, IntArray]:
+    """The ideal scan of all shapes, one after another, and for each of its rows the index of its shape, shape (n,).
+
+    Objects without an ID of their own are numbered from 1 in the order of the file.
+    """
+    tables = []
+    next_object = 1
+    for shape in shapes:
+        layer, point = shape.beams()
+        seen = shape.geometry(layer, point)
+        first = next_object if shape.object is None else shape.object
+        next_object = max(next_object, first + shape.objects)
+        material = np.full(len(layer), shape.material, dtype=np.int32)
+        tables.append((layer, point, seen.range_m, material, seen.incidence_deg, first + seen.object_index))
+    layer, point, range_m, material, incidence, objects = (
+        np.concatenate(column) for column in zip(*tables, strict=True)
+    )
+    ideal = IdealScan(layer, point, range_m, material, incidence, object_id=objects)
+    return ideal, np.repeat(np.arange(len(shapes), dtype=np.int32), [len(table[0]) for table in tables])
+
+
+def _one_object(range_m: FloatArray, incidence_deg: FloatArray) -> Geometry:
+    return Geometry(range_m, incidence_deg, np.zeros(len(range_m), dtype=np.int32))

@@ -1,0 +1,210 @@
+"""`lidarcheck check`: run scenarios, compare them with their goldens, leave proposals."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from lidarcheck.errors import InputError
+from lidarcheck.harness import gate
+from lidarcheck.harness.case import Case, Load, Measure, open_case, suite_size
+from lidarcheck.harness.gate import Evidence, Verdict
+from lidarcheck.harness.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
+from lidarcheck.harness.golden_file import save_golden
+from lidarcheck.harness.kpi_spec import KpiSpec
+from lidarcheck.harness.layout import Layout, Selection, make_directory, select
+from lidarcheck.harness.provenance import parameters_hash, source_hash, versions
+from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
+from lidarcheck.harness.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
+from lidarcheck.model.spec import Model
+
+__all__ = ["check"]
+
+logger = logging.getLogger(__name__)
+
+_PAIRED = GOLDEN_SEEDS[: gate.PAIRED_SEEDS]
+
+
+def check(
+    paths: Sequence[Path | str] = (),
+    *,
+    seed: int | None = None,
+    model: Model | Path | str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    measure: Measure | None = None,
+    load: Load | None = None,
+) -> CheckReport:
+    """Run scenarios against their goldens, and say what each KPI has done.
+
+    `paths`: scenario files, directories of them or names; none: the project's `scenarios/`. `seed`: makes an
+    independent re-run with fresh seeds, also of a model that is bit-identical. `model`: asked in place of the
+    scenarios' own, where the variant is theirs. `jobs`: seeds run side by side, which changes no result. `measure`,
+    `load`: stand-ins for `harness.measure.measure` and `harness.scenario.load_scenario`. A KPI that fell out is in the
+    report; a `LidarcheckError` means that the run could not be made. Goldens are never written.
+    """
+    start = time.monotonic()
+    selection = select(paths)
+    cases = [open_case(file, model, measure, load) for file in selection.files]
+    share = gate.error_share(suite_size(cases))
+    run = Runner(jobs, progress)
+    active = [case for case in cases if not case.skipped]
+
+    run.seeds([case.paired_job for case in active], _PAIRED)
+    compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
+    fresh = fresh_seeds(seed, gate.FULL_SEEDS)
+    run.seeds([case.fresh_job for case in compared], fresh[: gate.FIRST_SEEDS])
+    doubtful = [case for case in compared if _in_doubt(case, share)]
+    run.seeds([case.fresh_job for case in doubtful], fresh[gate.FIRST_SEEDS :])
+
+    results = tuple(_scenario_result(case, share) for case in cases)
+    if model is None:
+        for case, result in zip(cases, results, strict=True):
+            _leave_proposal(case, result)
+    return CheckReport(
+        scenarios=results,
+        problems=_run_problems(selection, results),
+        seed=seed,
+        model="" if model is None else str(model if not isinstance(model, Model) else model.file or "given"),
+        kpis_in_suite=suite_size(cases),
+        error_budget=gate.ERROR_BUDGET,
+        seconds=time.monotonic() - start,
+        versions=versions(),
+        source=source_hash(),
+    )
+
+
+def _nothing_new(case: Case) -> bool:
+    """Whether every KPI is bit-identical with both references, so that fresh seeds could tell nothing."""
+    return all(paired_identical(golden, kpi, case.paired) for golden, kpi, _ in case.comparisons())
+
+
+def _in_doubt(case: Case, share: float) -> bool:
+    """Whether the first fresh seeds leave a doubt about any KPI, against either reference."""
+    return any(
+        gate.needs_more(spec, kpi.reference, sample_of(kpi, case.fresh, case.paired), share)
+        for _, kpi, spec in case.comparisons()
+        if case.measures(kpi.spec)
+    )
+
+
+def _scenario_result(case: Case, share: float) -> ScenarioResult:
+    scenario = case.scenario
+    kpis: tuple[KpiResult, ...] = ()
+    if not case.skipped:
+        golden = case.golden.kpis if case.golden else {}
+        specs = {spec.name: spec for spec in scenario.kpis} | {name: kpi.spec for name, kpi in golden.items()}
+        kpis = tuple(_kpi_result(case, spec, golden.get(name), share) for name, spec in specs.items())
+    return ScenarioResult(
+        name=scenario.name,
+        file=scenario.path,
+        description=scenario.description,
+        kpis=kpis,
+        problems=tuple(case.problems()),
+        notes=tuple(case.notes()),
+        seeds=len(case.paired) + len(case.fresh),
+        hashes={"scenario": scenario.content_hash, "parameters": parameters_hash(case.model)},
+    )
+
+
+def _kpi_result(case: Case, spec: KpiSpec, golden: KpiGolden | None, share: float) -> KpiResult:
+    absent = _why_missing(case, spec, golden)
+    if absent or golden is None:
+        values = tuple(record.values.get(spec.name, math.nan) for record in case.paired)
+        old = math.nan if golden is None else golden.reference.mean
+        return KpiResult(spec, Verdict.MISSING, old, _mean(values), note=absent, paired=values)
+    sample = sample_of(golden, case.fresh, case.paired)
+    assert case.golden is not None
+    last = _evidence(spec, golden, sample, paired_identical(case.golden, golden, case.paired), share)
+    release, drifted, drift_note = _release_evidence(case, spec, golden, share)
+    limit = gate.beyond_limit(spec, sample.fresh or sample.paired, share)
+    verdict = gate.worst([last.verdict, *([release.verdict] if drifted and release else ())])
+    features = [mean_quantiles(case.fresh or case.paired, spec.feature)] if spec.feature else []
+    return KpiResult(
+        spec=spec,
+        verdict=gate.worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
+        old=golden.reference.mean,
+        new=_mean(sample.fresh) if sample.fresh else golden.reference.mean,
+        golden=last,
+        release=release,
+        limit=limit,
+        note="; ".join(text for text in (f"limit: {limit}" if limit else "", last.note, drift_note) if text),
+        reason=golden.reason,
+        fresh=sample.fresh,
+        paired=sample.paired,
+        old_paired=golden.reference.paired,
+        old_quantiles=golden.quantiles,
+        new_quantiles=tuple(features[0].tolist()) if features else (),
+    )
+
+
+def _why_missing(case: Case, spec: KpiSpec, golden: KpiGolden | None) -> str:
+    name = case.scenario.name
+    if case.golden is None:
+        return f"there is no golden: run `lidarcheck review {name} --accept all`"
+    if golden is None:
+        return f"the golden does not have it: run `lidarcheck review {name}` and accept it"
+    if all(spec.name != asked.name for asked in case.scenario.kpis):
+        return f"the scenario no longer asks for it: restore it, or run `lidarcheck review {name}` and accept that"
+    return "" if case.measures(spec) else "the run did not measure it: check the scenario's selection"
+
+
+def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: gate.Sample, identical: bool, share: float) -> Evidence:
+    """The comparison with one reference; bit-identical paired seeds make EQUIVALENT IDENTICAL."""
+    if not sample.fresh:
+        smallest = gate.smallest_change(spec, kpi.reference, share)
+        return Evidence(Verdict.IDENTICAL, 0.0, math.nan, smallest, 0, note="")
+    evidence = gate.judge(spec, kpi.reference, sample, share)
+    if identical and evidence.verdict is Verdict.EQUIVALENT:
+        return dataclasses.replace(evidence, verdict=Verdict.IDENTICAL)
+    return evidence
+
+
+def _release_evidence(case: Case, spec: KpiSpec, golden: KpiGolden, share: float) -> tuple[Evidence | None, bool, str]:
+    """(comparison with the last release, whether its verdict counts, what to say of it)."""
+    kpi = case.release.kpis.get(spec.name) if case.release else None
+    if kpi is None or case.release is None:
+        return None, False, ""
+    sample = sample_of(kpi, case.fresh, case.paired)
+    evidence = _evidence(spec, kpi, sample, paired_identical(case.release, kpi, case.paired), share)
+    if not evidence.verdict.fails:
+        return evidence, False, ""
+    if golden.reason and (golden.reason, golden.reason_date) != (kpi.reason, kpi.reason_date):
+        return evidence, False, f"{evidence.verdict} since the last release, accepted: {golden.reason}"
+    return evidence, True, f"{evidence.verdict} since the last release ({evidence.delta:+.4g}): it has drifted"
+
+
+def _run_problems(selection: Selection, results: Sequence[ScenarioResult]) -> tuple[str, ...]:
+    problems = [_orphan(layout, path) for layout in selection.whole for path in layout.orphans()]
+    if not any(result.compared for result in results):
+        problems.append("no KPI was compared with a golden: a run that compares nothing proves nothing")
+    return tuple(problems)
+
+
+def _orphan(layout: Layout, path: Path) -> str:
+    name = path.relative_to(layout.root).as_posix()
+    return f"{name} has no scenario: restore scenarios/{path.name}, or delete the golden"
+
+
+def _leave_proposal(case: Case, result: ScenarioResult) -> None:
+    """Write what a review would start from, or remove what is settled; a read-only project is no reason to fail."""
+    path = case.layout.proposal(case.scenario.name)
+    try:
+        if case.skipped or (result.identical and not result.problems):
+            path.unlink(missing_ok=True)
+            return
+        case.layout.private()
+        make_directory(path.parent)
+        verdicts = {kpi.name: kpi.verdict.value for kpi in result.kpis}
+        save_golden(case.proposal(verdicts), path)
+    except (OSError, InputError) as error:
+        logger.warning("no proposal was left in %s: %s", path, error)
+
+
+def _mean(values: Sequence[float]) -> float:
+    finite = [value for value in values if math.isfinite(value)]
+    return math.fsum(finite) / len(finite) if finite else math.nan

@@ -1,0 +1,176 @@
+"""Where a golden came from: hashes of model source, scenario and parameters, seeds, versions, date."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import hashlib
+import importlib.metadata
+import json
+import platform
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import lidarcheck
+from lidarcheck.harness.scenario import Scenario
+from lidarcheck.model.spec import External, Model
+
+__all__ = [
+    "Provenance",
+    "package_directory",
+    "parameters_hash",
+    "provenance_of",
+    "source_files",
+    "source_hash",
+    "versions",
+]
+
+_PACKAGE = Path(lidarcheck.__file__).resolve().parent
+_NO_RESULTS = ("__main__.py", "cli", "tui", "plots", "calibration", "explain")
+_NO_MEASURING = (
+    "accept.py",
+    "annotations.py",
+    "case.py",
+    "check.py",
+    "evidence.py",
+    "gate.py",
+    "golden.py",
+    "golden_file.py",
+    "junit.py",
+    "layout.py",
+    "provenance.py",
+    "pytest_plugin.py",
+    "results.py",
+    "review.py",
+    "sensitivity.py",
+    "statistics.py",
+    "tree.py",
+)
+"""The harness's files that only compare and report; the others decide what a seed of a scenario measures."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Provenance:
+    """How a golden was made.
+
+    `model_source`, `scenario`, `parameters`: SHA-256 of the code that determines results, of what is measured, and of
+    the model's numbers; `seeds`, `reference_seeds`: the seeds of the means and of the distances' reference, as text;
+    `kept`: KPIs that stayed as they were when the others were last accepted; `date`: ISO 8601; `base`: in a proposal,
+    the hash of the golden's file that it was compared with.
+    """
+
+    model_source: str
+    scenario: str
+    parameters: str
+    seeds: str
+    reference_seeds: str
+    python: str
+    numpy: str
+    numba: str
+    lidarcheck: str
+    date: str
+    kept: tuple[str, ...] = ()
+    base: str = ""
+
+    def same_model(self, other: Provenance) -> bool:
+        """Whether both were measured on the same scenario with the same source and parameters."""
+        mine = (self.model_source, self.scenario, self.parameters)
+        return mine == (other.model_source, other.scenario, other.parameters)
+
+
+def provenance_of(scenario: Scenario, model: Model, *, seeds: str, reference_seeds: str) -> Provenance:
+    """The provenance of what is measured now."""
+    found = versions()
+    return Provenance(
+        model_source=source_hash(),
+        scenario=scenario.content_hash,
+        parameters=parameters_hash(model),
+        seeds=seeds,
+        reference_seeds=reference_seeds,
+        python=found["python"],
+        numpy=found["numpy"],
+        numba=found["numba"],
+        lidarcheck=found["lidarcheck"],
+        date=datetime.datetime.now(datetime.UTC).date().isoformat(),
+    )
+
+
+def versions() -> dict[str, str]:
+    """The versions that results depend on, by name."""
+    return {
+        "python": platform.python_version(),
+        "numpy": importlib.metadata.version("numpy"),
+        "numba": importlib.metadata.version("numba"),
+        "lidarcheck": lidarcheck.__version__,
+    }
+
+
+def package_directory() -> Path:
+    """Where the installed package lies."""
+    return _PACKAGE
+
+
+def source_files(package: Path = _PACKAGE) -> list[Path]:
+    """The files of the package that determine results, by path: all but the interfaces, and what only compares."""
+    files = [path for suffix in ("*.py", "*.toml") for path in package.rglob(suffix)]
+    return sorted(path for path in files if _determines_results(path.relative_to(package)))
+
+
+def source_hash(package: Path = _PACKAGE) -> str:
+    """SHA-256 over names and contents of `source_files`; line ends do not count."""
+    digest = hashlib.sha256()
+    for path in source_files(package):
+        content = path.read_bytes().replace(b"\r\n", b"\n")
+        digest.update(f"{path.relative_to(package).as_posix()}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def parameters_hash(model: Model) -> str:
+    """SHA-256 over every number and name of the model, wherever its file lies."""
+    return hashlib.sha256(json.dumps(_plain(model), sort_keys=True).encode()).hexdigest()
+
+
+def _determines_results(path: Path) -> bool:
+    if path.parts[0] == "harness":
+        return path.name not in _NO_MEASURING
+    return path.parts[0] not in _NO_RESULTS
+
+
+def _plain(value: Any) -> Any:
+    """The value as JSON holds it, the same in every process and on every machine."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value.hex()
+    if isinstance(value, External):
+        ini = None if value.ini is None else hashlib.sha256(value.ini.read_bytes()).hexdigest()
+        return {"command": list(value.command), "ini": ini}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in dataclasses.fields(value) if not _is_place(value, field.name)]
+        return {"": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
+    return _plain_container(value)
+
+
+def _plain_container(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(value[key]) for key in sorted(value, key=str)}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Enum):
+        return _plain(value.value)
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, np.ndarray):
+        return {"dtype": str(value.dtype), "values": _plain(value.tolist())}
+    if isinstance(value, Path):
+        return hashlib.sha256(value.read_bytes()).hexdigest() if value.is_file() else value.name
+    raise TypeError(f"{type(value).__name__} is no parameter that can be hashed")
+
+
+def _is_place(value: object, name: str) -> bool:
+    return isinstance(value, Model) and name == "file"

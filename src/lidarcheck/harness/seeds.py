@@ -1,0 +1,143 @@
+"""Which seeds are run for what, and running them side by side.
+
+A golden is made from its own 64 seeds, of which the first 8 are the paired ones; 32 more make the reference of its
+distances, so that no seed is compared with itself. Fresh seeds follow from one number and are never among these.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.harness import gate
+from lidarcheck.harness.kpi_spec import Measurement
+
+__all__ = [
+    "GOLDEN_SEEDS",
+    "QUANTILE_LEVELS",
+    "REFERENCE_SEEDS",
+    "Job",
+    "Progress",
+    "Runner",
+    "SeedRecord",
+    "default_jobs",
+    "distance",
+    "fresh_seeds",
+    "quantile_function",
+    "record_of",
+]
+
+GOLDEN_SEEDS = tuple(range(gate.FULL_SEEDS))
+REFERENCE_SEEDS = tuple(range(gate.FULL_SEEDS, gate.FULL_SEEDS + 32))
+QUANTILE_LEVELS = 129
+_LOWEST_FRESH, _FRESH_BITS = 1 << 20, 31
+
+Progress = Callable[[int, int, str], None]
+"""Called with (seeds done, seeds to do, scenario)."""
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SeedRecord:
+    """What is kept of one seed: KPI values, trials, the quantile function of each feature, the echoes' digest."""
+
+    values: Mapping[str, float]
+    trials: Mapping[str, int]
+    quantiles: Mapping[str, FloatArray]
+    digest: str
+
+
+class Job(NamedTuple):
+    """A scenario to be run: its name, what runs a seed of it, and the list that its records are appended to."""
+
+    label: str
+    run: Callable[[int], Measurement]
+    records: list[SeedRecord]
+
+
+class Runner:
+    """Runs seeds of several scenarios side by side, whose results do not depend on `jobs`.
+
+    Threads serve: the kernels release the interpreter's lock. On an error or interrupt nothing new is started, what
+    runs is waited for, and no record is kept. `progress` is called from the calling thread.
+    """
+
+    def __init__(self, jobs: int | None = None, progress: Progress | None = None) -> None:
+        self._jobs = jobs or default_jobs()
+        self._progress = progress or (lambda done, total, label: None)
+        self._done = 0
+
+    def seeds(self, jobs: Sequence[Job], seeds: Sequence[int]) -> None:
+        """Run `seeds` of every job and append their records, in the order of the seeds."""
+        tasks = [(job, seed) for job in jobs for seed in seeds]
+        if not tasks:
+            return
+        total = self._done + len(tasks)
+        self._progress(self._done, total, tasks[0][0].label)
+        found: dict[int, SeedRecord] = {}
+        pool = ThreadPoolExecutor(max_workers=self._jobs, thread_name_prefix="lidarcheck")
+        try:
+            futures = {pool.submit(_run, job, seed): index for index, (job, seed) in enumerate(tasks)}
+            for future in as_completed(futures):
+                found[futures[future]] = future.result()
+                self._progress(self._done + len(found), total, tasks[futures[future]][0].label)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+        self._done = total
+        for index, (job, _) in enumerate(tasks):
+            job.records.append(found[index])
+
+
+def _run(job: Job, seed: int) -> SeedRecord:
+    return record_of(job.run(seed))
+
+
+def fresh_seeds(number: int | None, count: int) -> tuple[int, ...]:
+    """`count` different seeds that follow from `number` (None: the usual ones), none of them a golden's own."""
+    name = "default" if number is None else str(number)
+    seeds: dict[int, None] = {}
+    draw = 0
+    while len(seeds) < count:
+        word = hashlib.sha256(f"fresh seed {name} {draw}".encode()).digest()
+        seed = int.from_bytes(word[:8], "big") % (1 << _FRESH_BITS)
+        if seed >= _LOWEST_FRESH:
+            seeds[seed] = None
+        draw += 1
+    return tuple(seeds)
+
+
+def quantile_function(sample: npt.NDArray[np.floating[Any]]) -> FloatArray:
+    """The sample's quantiles at the 129 levels (i + ½)/129; nan throughout if it is empty or holds a nan."""
+    values = np.sort(np.asarray(sample, dtype=np.float64).ravel())
+    if values.size == 0 or not np.isfinite(values).all():
+        return np.full(QUANTILE_LEVELS, np.nan)
+    levels = (np.arange(QUANTILE_LEVELS) + 0.5) / QUANTILE_LEVELS
+    return values[np.minimum((levels * values.size).astype(np.int64), values.size - 1)]
+
+
+def distance(quantiles: FloatArray, reference: FloatArray) -> float:
+    """1-Wasserstein distance [the feature's unit] of two quantile functions, by the midpoint rule over their levels."""
+    return float(np.abs(quantiles - reference).mean())
+
+
+def record_of(measurement: Measurement) -> SeedRecord:
+    """The measurement without its samples, which are large."""
+    return SeedRecord(
+        values={name: float(value) for name, value in measurement.values.items()},
+        trials={name: int(count) for name, count in measurement.trials.items()},
+        quantiles={name: quantile_function(sample) for name, sample in measurement.samples.items()},
+        digest=measurement.digest,
+    )
+
+
+def default_jobs() -> int:
+    """The number of processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,287 @@
+"""`simulate`, `compare`, `convert`, `info`, `effects` and `bench` as a user calls them."""
+
+import json
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lidarcheck.cli import main
+
+MODEL = 'variant = "SMART"\n[materials.1]\nname = "panel"\nreflectance = 0.5\n'
+
+
+@pytest.fixture
+def bench_dir(tmp_path, monkeypatch):
+    """A directory with an ideal scan of 40 beams at 30 m and a model, made current."""
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{layer} {point} 30.0 1 0.0" for layer in range(250, 254) for point in range(470, 480)]
+    Path("ideal.txt").write_text("Layer Point Distance MaterialID IncidenceAngle\n" + "\n".join(rows) + "\n")
+    Path("model.toml").write_text(MODEL)
+    return tmp_path
+
+
+def simulate(out, *more):
+    return main(["simulate", "ideal.txt", "--model", "model.toml", "--out", str(out), *more])
+
+
+def test_simulate_writes_echoes_and_says_so(bench_dir, capsys):
+    assert simulate("a.txt") == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == "a.txt: 40 echoes from 40 rows of ideal.txt, seed 0\n"
+    assert len(Path("a.txt").read_text().splitlines()) >= 41
+
+
+def test_the_same_seed_gives_the_same_bytes(bench_dir, capsys):
+    for name, seed in (("a.txt", "7"), ("b.txt", "7"), ("c.txt", str(2**64 - 1))):
+        assert simulate(name, "--seed", seed, "--quiet") == 0
+    a, b, c = (Path(name).read_bytes() for name in ("a.txt", "b.txt", "c.txt"))
+    assert a == b
+    assert a != c
+    assert capsys.readouterr() == ("", "")
+
+
+BAD_PLACES = {
+    "a.xyzzy": "known",
+    "nosuffix": "suffix",
+    "nowhere/a.txt": "its directory does not exist",
+    "model.toml/a.txt": "its directory does not exist",
+}
+
+
+@pytest.mark.parametrize(("out", "says"), BAD_PLACES.items())
+def test_simulate_refuses_a_bad_place_before_it_works(bench_dir, out, says, capsys, monkeypatch):
+    monkeypatch.setattr("lidarcheck.model.simulate", lambda *_, **__: pytest.fail("worked for nothing"))
+    before = sorted(bench_dir.rglob("*"))
+    assert simulate(out) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"error: {out}: ")
+    assert err.count("\n") == 1
+    assert says in err or "cannot write" in err
+    assert sorted(bench_dir.rglob("*")) == before
+
+
+def test_simulate_does_not_write_onto_a_directory(bench_dir, capsys):
+    Path("dir.txt").mkdir()
+    assert simulate("dir.txt") == 2
+    assert capsys.readouterr().err == "error: dir.txt: is a directory; name a file for --out\n"
+
+
+def test_a_full_disk_leaves_nothing(bench_dir, capsys, monkeypatch):
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    Path("a.txt").write_text("before")
+    monkeypatch.setattr("os.fsync", full)
+    assert simulate("a.txt", "-q") == 2
+    assert capsys.readouterr().err == "error: a.txt: cannot write: No space left on device; nothing was changed\n"
+    assert Path("a.txt").read_text() == "before"
+    assert sorted(path.name for path in bench_dir.iterdir()) == ["a.txt", "ideal.txt", "model.toml"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "where"),
+    [
+        ("ideal.txt", "Layer Point Distance MaterialID IncidenceAngle\n1 2 x 1 0\n", "ideal.txt:2: "),
+        ("ideal.txt", "", "ideal.txt"),
+        ("ideal.txt", "Layer Point Distance MaterialID IncidenceAngle\n1 2 30 9 0\n", "9"),
+        ("model.toml", MODEL.replace("0.5", "1.5"), "model.toml:4: "),
+        ("model.toml", MODEL.replace("variant", "varaint"), "model.toml:1: "),
+        ("model.toml", "variant = \n", "model.toml:1: "),
+    ],
+)
+def test_a_bad_input_is_one_line_and_nothing_is_written(bench_dir, name, content, where, capsys):
+    Path(name).write_text(content)
+    assert simulate("a.txt") == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert all(line.startswith("error: ") for line in err.splitlines())
+    assert where in err
+    assert not Path("a.txt").exists()
+
+
+NO_FILE = (
+    "simulate no.txt --model model.toml --out a.txt",
+    "info no.txt",
+    "convert no.txt b.pcd",
+    "compare no.txt no.txt",
+)
+
+
+@pytest.mark.parametrize("line", NO_FILE)
+def test_a_file_that_is_not_there(bench_dir, line, capsys):
+    assert main(line.split()) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: no.txt: ")
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def scans(bench_dir, capsys):
+    assert simulate("a.txt", "-q") == simulate("b.pcd", "--seed", "1", "-q") == 0
+    return bench_dir
+
+
+def test_compare_prints_a_table(scans, capsys):
+    assert main(["compare", "a.txt", "b.pcd", "--ideal", "ideal.txt"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0].split() == ["KPI", "of", "measured", "simulated", "value", "unit"]
+    for kpi in ("wasserstein", "ks", "energy", "js", "dvm_bias", "dvm_scatter", "detection_probability", "overlap"):
+        assert kpi in out
+    assert "\x1b" not in out
+    assert "not compared: ghost, blooming_profile" in err
+
+
+def test_compare_writes_json_to_a_file_beside_the_table(scans, capsys):
+    assert main(["compare", "a.txt", "b.pcd", "--json", "k.json", "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("KPI")
+    assert err == ""
+    assert json.loads(Path("k.json").read_text())["features"]["AREA"]["ks"] >= 0.0
+
+
+def test_compare_prints_json_alone(scans, capsys):
+    assert main(["compare", "a.txt", "b.pcd", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["echoes"]["measured"] == 40
+
+
+def test_compare_refuses_a_bad_place_for_json_before_it_works(scans, capsys):
+    assert main(["compare", "a.txt", "b.pcd", "--json", "nowhere/k.json"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "its directory does not exist" in err
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".csv", ".parquet", ".ply", ".laz"])
+def test_convert_and_info(scans, suffix, capsys):
+    assert main(["convert", "a.txt", f"c{suffix}"]) == 0
+    assert capsys.readouterr().err == f"c{suffix}: written from a.txt\n"
+    assert main(["info", f"c{suffix}", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == 40
+    assert main(["info", f"c{suffix}"]) == 0
+    assert "AREA" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["ideal.txt", "model.toml"])
+def test_info_of_what_else_there_is(bench_dir, name, capsys):
+    assert main(["info", name]) == 0
+    assert capsys.readouterr().out.startswith(f"{name}: ")
+
+
+def test_effects_lists_and_explains(capsys):
+    assert main(["effects"]) == 0
+    assert "layer_gain" in capsys.readouterr().out
+    assert main(["effects", "layer_gain"]) == 0
+    assert 'name = "layer_gain"' in capsys.readouterr().out
+    assert main(["effects", "--json"]) == 0
+    assert "layer_gain" in {effect["name"] for effect in json.loads(capsys.readouterr().out)}
+    assert main(["effects", "layer_gain", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["parameters"]["gain"]["low"] == 0.0
+
+
+def test_every_explained_effect_is_one_a_model_can_name(bench_dir, capsys):
+    from lidarcheck.effects import catalogue
+    from lidarcheck.model import load_model
+
+    for name in catalogue():
+        assert main(["effects", name]) == 0
+        example = capsys.readouterr().out.split("In a model file:\n")[1]
+        Path("model.toml").write_text(MODEL + example)
+        assert [effect.name for effect in load_model("model.toml").effects] == [name]
+
+
+def test_an_unknown_effect_is_refused(capsys):
+    assert main(["effects", "layer_gian"]) == 2
+    assert capsys.readouterr().err == "error: there is no effect 'layer_gian'; did you mean layer_gain?\n"
+
+
+def test_completion_is_installed_where_the_shell_looks(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    assert main(["--install-completion", "--shell", "bash"]) == 0
+    script = tmp_path / ".local/share/bash-completion/completions/lidarcheck"
+    assert str(script) in capsys.readouterr().out
+    assert subprocess.run(["bash", "-n", script], check=False).returncode == 0
+
+
+def test_a_missing_column_is_a_warning_on_standard_error(scans, capsys):
+    Path("short.txt").write_text("X Y Z\n1 2 3\n")
+    assert main(["info", "short.txt"]) == 0
+    out, err = capsys.readouterr()
+    assert err.startswith("warning: short.txt")
+    assert "warning" not in out
+    assert logging.getLogger("lidarcheck").handlers == []
+
+
+def test_an_interrupt_leaves_nothing_and_no_traceback(bench_dir):
+    program = (
+        "import sys, lidarcheck.model\n"
+        "def stop(*_, **__): raise KeyboardInterrupt\n"
+        "lidarcheck.model.simulate = stop\n"
+        "from lidarcheck.cli import main\n"
+        "sys.exit(main(['simulate', 'ideal.txt', '--model', 'model.toml', '--out', 'a.txt']))\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "")
+    assert not Path("a.txt").exists()
+
+
+@pytest.fixture
+def small_bench(monkeypatch, bench_dir):
+    """A bench of a few beams and rows, which takes a moment."""
+    from lidarcheck.cli import bench_figures, bench_scene
+
+    frame = bench_scene.lab_frame()
+    monkeypatch.setattr(bench_scene, "lab_frame", lambda: frame.take(slice(0, len(frame), 5000)))
+    monkeypatch.setattr(bench_scene, "write_rows", lambda path, rows: path.write_text("X Y Z\n" + "1 2 3\n" * 100))
+    monkeypatch.setattr(bench_figures, "_lidarcheck", lambda *arguments: None)
+    Path("scenarios").mkdir()
+
+
+FIGURES = {
+    "simulate_exact_smart_1_mpts_s": "Mpoints/s",
+    "simulate_exact_slim_1_mpts_s": "Mpoints/s",
+    "read_text_mb_s": "MB/s",
+    "kpi_wasserstein_mpts_s": "Mpoints/s",
+    "check_s": "s",
+    "help_s": "s",
+}
+
+
+def test_bench_measures_each_figure_beside_what_else_there_is(small_bench, capsys):
+    assert main(["bench", "--quick", "--json", "--quiet"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {name: found["figures"][name]["unit"] for name in FIGURES} == FIGURES
+    for figure in found["figures"].values():
+        best, median = figure["best"], figure["median"]
+        assert (best <= median) if figure["unit"] == "s" else (best >= median)
+        assert all(other["ratio"] > 0.0 for other in figure["against"])
+    assert found["machine"]["cores"] >= 1
+
+
+def test_bench_prints_a_table(small_bench, capsys):
+    assert main(["bench", "--quick"]) == 0
+    out, err = capsys.readouterr()
+    assert all(name in out for name in FIGURES)
+    assert "numpy, a coin per detector" in out
+    assert "cores, load" in err
+
+
+def test_the_numpy_references_follow_the_sensor():
+    import numpy as np
+
+    from lidarcheck.cli.bench_reference import count_chain, every_detector, rates
+    from lidarcheck.cli.bench_scene import lab_frame, lab_model
+
+    model, frame = lab_model("SMART"), lab_frame()
+    same = np.full(400, int(np.argmin(np.abs(frame.distance_m - 40.0))))
+    rate = rates(frame.take(same), model)
+    draw = np.random.Generator(np.random.Philox(1))
+    chain = count_chain(rate, model.sensor, draw)
+    detectors = every_detector(rate[:, :60], model.sensor, draw)
+    peak = int(np.argmax(chain.mean(axis=1)))
+    assert detectors[peak].mean() == pytest.approx(chain[peak].mean(), rel=0.05)
+    assert detectors[100].mean() == pytest.approx(chain[100].mean(), abs=0.4)
