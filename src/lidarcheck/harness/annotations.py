@@ -1,7 +1,7 @@
 """A KPI in plain words, and what a CI server shows of it beside the code."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
@@ -60,14 +60,16 @@ def explanation(scenario: ScenarioResult, kpi: KpiResult) -> str:
     return "\n".join([head, *table])
 
 
-def advice(scenario: ScenarioResult, kpi: KpiResult) -> str:
-    """What to do about a KPI that fails; empty if it holds, or if its note says so already."""
-    accept = f'`lidarcheck review {scenario.name} --accept {kpi.name} --reason "WHY"`'
-    if kpi.limit:
+def advice(scenario: ScenarioResult, kpis: Sequence[KpiResult]) -> str:
+    """What to do about KPIs that fail alike, by verdict and by limit; empty if their notes say so already."""
+    names = ",".join(kpi.name for kpi in kpis)
+    accept = f'`lidarcheck review {scenario.name} --accept {names} --reason "WHY"`'
+    if any(kpi.limit for kpi in kpis):
         return "bring the model back within the limit, or change the limit in the scenario if the requirement has"
-    if kpi.verdict is Verdict.REGRESSED:
+    verdicts = {kpi.verdict for kpi in kpis}
+    if verdicts == {Verdict.REGRESSED}:
         return f"undo what changed in the model; if the change is meant: {accept}"
-    if kpi.verdict is Verdict.INDETERMINATE:
+    if verdicts == {Verdict.INDETERMINATE}:
         return f"give the KPI more beams or frames, so that it scatters less; if the scatter is meant: {accept}"
     return ""
 
@@ -112,7 +114,7 @@ def _rows(scenario: ScenarioResult, kpi: KpiResult) -> list[tuple[str, str]]:
         ("last release", f"{release.delta:+.4g}, {release.verdict.value}" if release else ""),
         ("accepted as", kpi.reason),
         ("why", kpi.note),
-        ("what to do", advice(scenario, kpi)),
+        ("what to do", advice(scenario, [kpi])),
     ]
 
 

@@ -119,6 +119,18 @@ class Pen:
         axes.set_ylim(-0.02, 1.02)
         return self._svg(figure, f"{kpi.name}, cumulative distribution, golden and now")
 
+    def shift(self, kpi: KpiResult) -> str:
+        """How far each quantile of a distance's feature has moved, now minus golden; empty if it is not known."""
+        moved = [new - old for old, new in zip(kpi.old_quantiles, kpi.new_quantiles, strict=False)]
+        if not moved or not all(map(math.isfinite, moved)):
+            return ""
+        figure, axes = self._axes()
+        axes.axhline(0.0, color=_OLD, lw=0.8)
+        axes.plot([(index + 0.5) / len(moved) for index in range(len(moved))], moved, color=_NEW, lw=1.2)
+        axes.set_xticks([0.0, 0.5, 1.0], ["0", "50 %", "100 %"])
+        axes.set_xlim(0.0, 1.0)
+        return self._svg(figure, f"{kpi.name}, shift of each quantile, now minus golden")
+
     def _axes(self) -> tuple[Any, Axes]:
         from matplotlib.figure import Figure
         from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -130,7 +142,7 @@ class Pen:
         axes.yaxis.set_major_locator(MaxNLocator(3))
         axes.xaxis.set_major_locator(MaxNLocator(4))
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+            axis.set_major_formatter(FuncFormatter(_plain))
         return figure, axes
 
     def _svg(self, figure: Any, label: str) -> str:
@@ -168,8 +180,13 @@ def _near(limit: float, values: Sequence[float], tolerance: float) -> bool:
 
 def _label_decades(axes: Axes, low: float, high: float) -> None:
     """Ticks at 1, 2 and 5 in each decade, or at decades where there are many."""
-    from matplotlib.ticker import LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     wide = high > 300.0 * low
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(_plain))
     axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _plain(value: float, _position: int | None) -> str:
+    return f"{value:.6g}"

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from markupsafe import Markup, escape
 
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.harness.annotations import advice, number, with_unit
@@ -34,7 +37,7 @@ _ICONS = {
 
 @dataclass(frozen=True, slots=True)
 class _Kpi:
-    """A row of a scenario's table, as text; `strip`, `seeds`, `distribution` are SVG, empty where there is nothing."""
+    """A row of a scenario's table, as text; from `strip` on SVG, empty where there is nothing."""
 
     found: KpiResult
     icon: str
@@ -45,10 +48,10 @@ class _Kpi:
     limits: str
     catches: str
     release: str
-    advice: str
     strip: str
     seeds: str
     distribution: str
+    shift: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +77,20 @@ class _Scenario:
         return [(reason, [kpi.found.name for kpi in self.kpis if kpi.found.reason == reason]) for reason in reasons]
 
     @property
-    def open(self) -> bool:
-        """Whether its plots are shown without being asked for."""
-        return any(kpi.found.verdict not in (Verdict.IDENTICAL, Verdict.EQUIVALENT) for kpi in self.kpis)
+    def advice(self) -> list[str]:
+        """What to do, once for all KPIs that fail alike."""
+        groups: dict[tuple[Verdict, bool], list[KpiResult]] = {}
+        for kpi in self.found.kpis:
+            if kpi.fails:
+                groups.setdefault((kpi.verdict, bool(kpi.limit)), []).append(kpi)
+        return [text for kpis in groups.values() if (text := advice(self.found, kpis))]
+
+    @property
+    def fallen_by_verdict(self) -> list[tuple[str, list[str]]]:
+        """The names of the KPIs that fell out, by verdict."""
+        fallen = [kpi.found for kpi in self.kpis if kpi.found.fails]
+        verdicts = dict.fromkeys(kpi.verdict for kpi in fallen)
+        return [(word.value, [kpi.name for kpi in fallen if kpi.verdict is word]) for word in verdicts]
 
 
 _EXAMPLE = KpiResult(
@@ -113,7 +127,18 @@ def _template() -> Template:
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters |= {"breakable": _breakable, "code": _code}
     return environment.get_template("report.html.jinja")
+
+
+def _breakable(name: str) -> Markup:
+    """A name that may be broken behind its dots and underscores."""
+    return Markup(re.sub(r"([._])", r"\1<wbr>", str(escape(name))))
+
+
+def _code(text: str) -> Markup:
+    """A text whose `commands` are set as such."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _scenario(found: ScenarioResult, index: int, pen: Pen) -> _Scenario:
@@ -124,10 +149,10 @@ def _scenario(found: ScenarioResult, index: int, pen: Pen) -> _Scenario:
     else:
         icon, word = "✓", "identical" if found.identical else "holds"
     fallen = sum(kpi.fails for kpi in found.kpis)
-    return _Scenario(found, f"s{index}", icon, word, fallen, tuple(_kpi(found, kpi, pen) for kpi in found.kpis))
+    return _Scenario(found, f"s{index}", icon, word, fallen, tuple(_kpi(kpi, pen) for kpi in found.kpis))
 
 
-def _kpi(scenario: ScenarioResult, kpi: KpiResult, pen: Pen) -> _Kpi:
+def _kpi(kpi: KpiResult, pen: Pen) -> _Kpi:
     spec, release = kpi.spec, kpi.release
     limits = [f"≥ {number(spec.low)}"] if spec.low is not None else []
     limits += [f"≤ {number(spec.high)}"] if spec.high is not None else []
@@ -139,12 +164,12 @@ def _kpi(scenario: ScenarioResult, kpi: KpiResult, pen: Pen) -> _Kpi:
         change=_change(kpi),
         tolerance=with_unit(f"{'' if spec.kind == 'distance' else '±'}{number(spec.tolerance)}", kpi),
         limits=", ".join(limits),
-        catches=number(kpi.smallest),
+        catches="–" if math.isnan(kpi.smallest) else f"{kpi.smallest:.3g}",
         release=f"{release.delta:+.4g}, {release.verdict.value}" if release and not math.isnan(release.delta) else "",
-        advice=advice(scenario, kpi),
         strip=strip(kpi),
         seeds=pen.seeds(kpi),
         distribution=pen.distribution(kpi),
+        shift=pen.shift(kpi),
     )
 
 
