@@ -364,7 +364,7 @@ def test_a_given_model_keeps_the_scenarios_conditions(project: Project) -> None:
 
     plain = asked(Sensor.of("SMART"))
     assert plain.sensor == own
-    assert {number: material.reflectance for number, material in plain.materials.items()} == {1: 0.5, 2: 0.2}
+    assert {number: material.reflectance for number, material in plain.materials.items()} == {1: 0.1, 2: 0.2}
     changed = asked(Sensor.of("SMART", signal_at_1m=6180.0, threshold=12)).sensor
     assert (changed.signal_at_1m, changed.threshold, changed.background_per_ns) == (6180.0, 12, 0.002)
 

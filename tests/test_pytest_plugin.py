@@ -123,7 +123,6 @@ def test_a_failure_is_the_kpi_in_words_without_a_traceback(repo):
             "*change * of which chance explains *",
             "*tolerance * 2 counts",
             "*catches *changes from * counts on",
-            "*accepted as * first",
             "*what to do * `lidarcheck review wall --accept area_mean*",
             "FAILED scenarios/wall.toml::area_mean - *area_mean: REGRESSED*",
         ]

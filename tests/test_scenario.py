@@ -146,7 +146,7 @@ tolerance = 3
 """
     _, detection, distance = load(tmp_path, HEAD + BEAMS + KPIS + more).kpis
     assert detection.name == "detection_probability.object_1.20_25p5m.within_1m"
-    assert (detection.kind, detection.direction, detection.low) == ("proportion", "higher", 0.9)
+    assert (detection.kind, detection.direction, detection.low) == ("proportion", "target", 0.9)
     assert (distance.name, distance.kind) == ("area_distance.material_1_2", "distance")
     assert distance.feature == distance.name
 

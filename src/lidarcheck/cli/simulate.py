@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from lidarcheck.cli.options import Quiet, Seed
 from lidarcheck.cli.outputs import check_writable
-from lidarcheck.cli.terminal import hush, note, stage
+from lidarcheck.cli.terminal import hush, note, progress, stage
 
 __all__ = ["simulate"]
 
@@ -35,8 +35,8 @@ def simulate(
     sensor_model = load_model(model)
     with stage(f"reading {ideal.name}"):
         scene = load_ideal(ideal)
-    with stage(f"simulating {len(scene)} beams"):
-        scan = run(scene, sensor_model, seed=seed)
+    with progress("simulating") as show:
+        scan = run(scene, sensor_model, seed=seed, progress=lambda done, beams: show(done, beams, f"{beams} beams"))
     with stage(f"writing {out.name}"):
         save_scan(scan, out)
     note(f"{out}: {len(scan)} echoes from {len(scene)} rows of {ideal}, seed {seed}")

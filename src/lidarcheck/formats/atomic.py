@@ -22,6 +22,10 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     had; a symbolic link is followed, so the file it points at is replaced. `InputError` when it cannot be written.
     """
     target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        # Renaming a file over a device such as /dev/null would take it from everyone.
+        kind = "a directory" if target.is_dir() else "not a regular file"
+        raise InputError(f"cannot write: it is {kind}", file=path, fix="name another file")
     temporary: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)

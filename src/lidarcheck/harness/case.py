@@ -173,8 +173,8 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
     """The model to ask, and why the scenario is skipped if it is not for that model.
 
     What a scenario sets itself are its conditions, such as a raised background: they hold for the given model too,
-    where that keeps to the reference sensor. Its materials belong to what is measured: the given model replaces those
-    that it names.
+    where that keeps to the reference sensor. Its materials belong to what is measured and stay: the given model may
+    know other surfaces by the same numbers.
     """
     if model is None:
         return scenario.model, ""
@@ -192,7 +192,7 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
         if getattr(own.sensor, name) != getattr(usual, name) and getattr(given, name) == getattr(usual, name)
     }
     asked = model.with_sensor(**conditions)
-    materials = {**own.materials, **model.materials}
+    materials = {**model.materials, **own.materials}
     return dataclasses.replace(asked, materials=materials, effects=model.effects or own.effects), ""
 
 

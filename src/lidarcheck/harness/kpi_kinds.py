@@ -157,7 +157,7 @@ KINDS: Mapping[str, KpiKind] = MappingProxyType(
         "detection_probability": KpiKind(
             "beams with an echo on their surface / beams that meet one",
             "1",
-            "higher",
+            "target",
             "proportion",
             value=lambda seen: _share(seen.beams_detected, seen.beams_meeting),
             trials=lambda seen: seen.beams_meeting,
@@ -172,7 +172,7 @@ KINDS: Mapping[str, KpiKind] = MappingProxyType(
             "median range minus true range", "m", "target", value=lambda seen: _median(seen.residual_m)
         ),
         "range_noise": KpiKind(
-            "standard deviation of range minus true range", "m", "lower", value=lambda seen: _spread(seen.residual_m)
+            "standard deviation of range minus true range", "m", "target", value=lambda seen: _spread(seen.residual_m)
         ),
         "area_spread": KpiKind(
             "standard deviation of AREA on the surface", "counts", "target", value=lambda seen: _spread(seen.area)
@@ -183,7 +183,7 @@ KINDS: Mapping[str, KpiKind] = MappingProxyType(
         "false_alarm_probability": KpiKind(
             "beams with an echo on no surface / fired beams",
             "1",
-            "lower",
+            "target",
             "proportion",
             value=lambda seen: _share(seen.beams_with_stray, seen.beams),
             trials=lambda seen: seen.beams,
@@ -192,7 +192,7 @@ KINDS: Mapping[str, KpiKind] = MappingProxyType(
         "false_alarms_per_beam": KpiKind(
             "echoes on no surface / fired beams",
             "1",
-            "lower",
+            "target",
             value=lambda seen: _share(seen.stray_echoes, seen.beams),
             on_surface=False,
         ),

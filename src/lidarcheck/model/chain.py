@@ -23,16 +23,26 @@ if TYPE_CHECKING:
 
 __all__ = ["echoes_of", "simulate"]
 
+Progress = Callable[[int, int], object]
+
 _CHUNK = 8192
 """Beams a thread takes at a time: small enough to share the work evenly, large enough to forget the taking."""
 
 
-def simulate(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, threads: int | None = None) -> Scan:
+def simulate(
+    ideal: IdealScan,
+    model: Model,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Scan:
     """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
 
     The same `seed` and `frame` give the same bytes, for any number of threads and any order of rows. Beams without an
-    echo have no row. `threads`: all cores when None. Raises `InputError` for a material without an entry and
-    `ExternalModelError` when the model is an external program that fails.
+    echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). Raises `InputError` for a
+    material without an entry and `ExternalModelError` when the model is an external program that fails.
     """
     check_seed(seed)
     if model.external is not None:
@@ -45,7 +55,7 @@ def simulate(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, t
     for effect in _of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     run = run.after_stage("detector", model.effects)
-    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads)
+    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress)
     for effect in _of_stage("readout", model.effects):
         scan = effect.readout(scan, run.of(effect))
     return scan
@@ -89,7 +99,15 @@ def check_seed(seed: int) -> None:
         raise UsageError(f"seed {seed} is out of range", fix="use a whole number from 0 to 18446744073709551615")
 
 
-def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, threads: int | None = None) -> Scan:
+def echoes_of(
+    light: Light,
+    sensor: Sensor,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Scan:
     """The SPADs' echoes of the light that reaches each beam; see `simulate`."""
     from lidarcheck.model import kernel, streams
 
@@ -113,19 +131,26 @@ def echoes_of(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0, th
         scratch = kernel.new_scratch(numbers)
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, start, stop, scratch, echoes)
 
-    _share(run, range(0, n, _CHUNK), threads)
+    _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
     return _report(light, sensor, echoes)
 
 
-def _share(run: Callable[[int], None], starts: range, threads: int | None) -> None:
-    """Run the chunks, on several threads where that helps."""
+def _share(run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object]) -> None:
+    """Run the chunks, on several threads where that helps; `told` hears how many are done."""
     workers = min(threads or os.cpu_count() or 1, len(starts))
     if workers <= 1:
-        for start in starts:
+        for done, start in enumerate(starts, start=1):
             run(start)
+            told(done)
         return
     with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(run, starts))
+        try:
+            for done, _ in enumerate(pool.map(run, starts), start=1):
+                told(done)
+        except BaseException:
+            # An interrupt waits for the chunks that are under way, not for those that have not begun.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:

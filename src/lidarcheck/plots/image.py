@@ -7,6 +7,7 @@ replaced by the page's CSS variables. The same numbers give the same bytes.
 from __future__ import annotations
 
 import contextlib
+import html
 import io
 import math
 import re
@@ -23,7 +24,7 @@ __all__ = ["Pen", "drawing"]
 _INK, _MUTED, _BAND, _OLD, _NEW = "#010203", "#020304", "#030405", "#040506", "#050607"
 _VARIABLES = {_INK: "--ink", _MUTED: "--muted", _BAND: "--band", _OLD: "--old", _NEW: "--new"}
 _WIDTH_IN, _HEIGHT_IN = 3.0, 1.6
-_AXES = (0.2, 0.17, 0.78, 0.78)
+_AXES = (0.2, 0.17, 0.74, 0.78)
 _STYLE: Any = {
     "axes.edgecolor": _MUTED,
     "axes.formatter.useoffset": False,
@@ -158,7 +159,7 @@ class Pen:
         for colour, variable in _VARIABLES.items():
             text = text.replace(colour, f"var({variable})")
         size = f"0 0 {_WIDTH_IN * 72:g} {_HEIGHT_IN * 72:g}"
-        opening = f'<svg class="plot" role="img" aria-label="{label}" viewBox="{size}">'
+        opening = f'<svg class="plot" role="img" aria-label="{html.escape(label)}" viewBox="{size}">'
         return _OPENING.sub(
             opening, "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip()), count=1
         )
