@@ -183,7 +183,7 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
 
         model = load_model(Path(model))
     own, given = scenario.model, model.sensor
-    if own.sensor.variant != given.variant:
+    if model.external is None and own.sensor.variant != given.variant:
         return own, f"not run: the scenario is for {own.sensor.variant}, the model is a {given.variant}"
     usual = Sensor.of(given.variant)
     conditions = {

@@ -121,6 +121,8 @@ def _kpi_result(case: Case, spec: KpiSpec, golden: KpiGolden | None, share: floa
     assert case.golden is not None
     last = _evidence(spec, golden, sample, paired_identical(case.golden, golden, case.paired), share)
     release, drifted, drift_note = _release_evidence(case, spec, golden, share)
+    if last.verdict.fails:
+        drift_note = ""  # a change since the last golden is no slow drift
     limit = gate.beyond_limit(spec, sample.fresh or sample.paired, share)
     verdict = gate.worst([last.verdict, *([release.verdict] if drifted and release else ())])
     features = [mean_quantiles(case.fresh or case.paired, spec.feature)] if spec.feature else []
