@@ -185,11 +185,12 @@ def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
     """Unit vectors of beams, shape (n, 3), in the sensor frame."""
     cos_phi, sin_phi = _cos_sin(layer, "layer")
     cos_theta, sin_theta = _cos_sin(point, "point")
-    directions = np.empty((*np.shape(layer), 3))
-    np.multiply(cos_theta, cos_phi, out=directions[..., 0])
-    np.multiply(sin_theta, cos_phi, out=directions[..., 1])
-    directions[..., 2] = sin_phi
-    return directions
+    directions = np.empty((3, *np.shape(layer)))
+    np.multiply(cos_theta, cos_phi, out=directions[0])
+    np.multiply(sin_theta, cos_phi, out=directions[1])
+    directions[2] = sin_phi
+    # Each coordinate lies in one piece: tables want columns.
+    return np.moveaxis(directions, 0, -1)
 
 
 @functools.cache

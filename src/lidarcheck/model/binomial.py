@@ -13,7 +13,7 @@ __all__ = ["binomial", "inverses"]
 
 FloatArray = npt.NDArray[np.float64]
 
-_ONE, _TWO, _THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 _LN2 = 0.6931471805599453
 _BELOW_ONE = 1.0 - 1e-12
 """Rounding may leave the largest uniform numbers above the sum of all terms; they must not run through all trials."""
@@ -22,8 +22,8 @@ _SAFE_EXPONENT = 600.0
 
 
 def inverses(trials: int) -> FloatArray:
-    """1 / k for k up to trials + 3, shape (trials + 4,); the first, for k = 0, is never used."""
-    return 1.0 / np.maximum(np.arange(trials + 4), 1)
+    """1 / k for k up to trials + 4, shape (trials + 5,); the first, for k = 0, is never used."""
+    return 1.0 / np.maximum(np.arange(trials + 5), 1)
 
 
 @kernel
@@ -38,22 +38,29 @@ def _odds(rate: float) -> float:
 def _from_zero(uniform: float, trials: int, zero: float, odds: float, inverse: FloatArray) -> int:
     """Smallest k with P(K <= k) > uniform, where P(K = 0) = `zero`.
 
-    P(k) = P(k - 1) odds (trials - k + 1) / k. Three terms a step: the steps' branches are what costs, not the sums.
+    P(k) = P(k - 1) odds (trials - k + 1) / k. Four terms a step, their ratios multiplied before the first of them is
+    known: a step then waits for one product, not for four.
     """
     growth = odds * (trials + 1.0)
     term = zero
     # An unsigned index cannot count from the array's end, which saves the test for it.
     k, last = np.uint64(0), np.uint64(trials)
     while k <= last:
-        second = term * (growth * inverse[k + _ONE] - odds)
-        third = second * (growth * inverse[k + _TWO] - odds)
-        two = term + second
-        three = two + third
-        if uniform < three:
-            return int(k) + (1 if uniform >= term else 0) + (1 if uniform >= two else 0)
-        uniform -= three
-        term = third * (growth * inverse[k + _THREE] - odds)
-        k += _THREE
+        one = growth * inverse[k + _ONE] - odds
+        two = one * (growth * inverse[k + _TWO] - odds)
+        three = two * (growth * inverse[k + _THREE] - odds)
+        four = two * ((growth * inverse[k + _THREE] - odds) * (growth * inverse[k + _FOUR] - odds))
+        up_to_one = 1.0 + one
+        up_to_two = up_to_one + two
+        step = term * (up_to_two + three)
+        if uniform < step:
+            above_zero = 1 if uniform >= term else 0
+            above_one = 1 if uniform >= term * up_to_one else 0
+            above_two = 1 if uniform >= term * up_to_two else 0
+            return int(k) + above_zero + above_one + above_two
+        uniform -= step
+        term *= four
+        k += _FOUR
     return trials
 
 
@@ -97,7 +104,7 @@ def binomial(uniform: float, trials: int, rate: float, inverse: FloatArray) -> i
     """Number of `trials` that fire, each with probability 1 - exp(-rate).
 
     Inversion of the distribution function: exact up to double rounding, and as many steps as trials that fire (or
-    that do not, where those are fewer). `inverse[k]` is 1 / k, up to at least trials + 3: see `inverses`.
+    that do not, where those are fewer). `inverse[k]` is 1 / k, up to at least trials + 4: see `inverses`.
     """
     if trials <= 0 or rate <= 0.0:
         return 0

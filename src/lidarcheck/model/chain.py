@@ -115,11 +115,11 @@ def echoes_of(
     numbers = kernel.numbers_of(sensor)
     room = sensor.max_echoes
     echoes = kernel.Echoes(
-        held=np.zeros(n, dtype=np.int64),
-        centre=np.zeros((n, room)),
-        width=np.zeros((n, room), dtype=np.int64),
-        area=np.zeros((n, room), dtype=np.int64),
-        peak=np.zeros((n, room), dtype=np.int64),
+        held=np.zeros(n, dtype=np.int32),
+        centre=np.empty((n, room)),
+        width=np.empty((n, room), dtype=np.int32),
+        area=np.empty((n, room), dtype=np.int32),
+        peak=np.empty((n, room), dtype=np.int32),
     )
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns

@@ -97,11 +97,11 @@ def new_scratch(numbers: Numbers) -> Scratch:
 class Echoes(NamedTuple):
     """Echoes of each beam: `held` (n,), how many; per echo (n, max_echoes) centre [bins], width, area, peak."""
 
-    held: IntArray
+    held: npt.NDArray[np.int32]
     centre: FloatArray
-    width: IntArray
-    area: IntArray
-    peak: IntArray
+    width: npt.NDArray[np.int32]
+    area: npt.NDArray[np.int32]
+    peak: npt.NDArray[np.int32]
 
 
 class Pulses(NamedTuple):
