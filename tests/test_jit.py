@@ -10,8 +10,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "lidarcheck"
 ASK = """
 import numpy as np
 from lidarcheck.model import kernel, streams
+from lidarcheck.model.numbers import numbers_of
 from lidarcheck.sensor import Sensor
-numbers = kernel.numbers_of(Sensor.of("SMART", max_range_m=5.0))
+numbers = numbers_of(Sensor.of("SMART", max_range_m=5.0))
 scratch = kernel.new_scratch(numbers)
 scratch.draws[:] = 0.9
 print(kernel._enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))

@@ -11,6 +11,7 @@ the same one.
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import difflib
 import functools
@@ -88,7 +89,7 @@ def parameter(unit: str, *, low: float, high: float, typical: float, meaning: st
 
 
 @dataclass(frozen=True)
-class Effect:
+class Effect(abc.ABC):
     """A configured effect. Derive from one of the stage classes below, not from this one."""
 
     name: ClassVar[str]
@@ -128,9 +129,9 @@ class AimEffect(Effect):
 
     stage = "aim"
 
+    @abc.abstractmethod
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
         """The ideal scan with the effect."""
-        raise NotImplementedError
 
 
 class LightEffect(Effect):
@@ -138,9 +139,9 @@ class LightEffect(Effect):
 
     stage = "light"
 
+    @abc.abstractmethod
     def light(self, light: Light, around: Surroundings) -> Light:
         """The light with the effect."""
-        raise NotImplementedError
 
 
 class DetectorEffect(Effect):
@@ -148,9 +149,9 @@ class DetectorEffect(Effect):
 
     stage = "detector"
 
+    @abc.abstractmethod
     def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
         """The sensor with the effect."""
-        raise NotImplementedError
 
 
 class ReadoutEffect(Effect):
@@ -158,9 +159,9 @@ class ReadoutEffect(Effect):
 
     stage = "readout"
 
+    @abc.abstractmethod
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """The echoes with the effect."""
-        raise NotImplementedError
 
 
 @functools.cache

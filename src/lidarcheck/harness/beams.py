@@ -6,6 +6,7 @@ angle of incidence of every beam. A new shape is a class here and its name in `B
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
@@ -46,7 +47,7 @@ class Geometry(NamedTuple):
     object_index: IntArray
 
 
-class Shape(Config):
+class Shape(Config, abc.ABC):
     """What every `[[beams]]` table has: its beams as [first, last], both included, and the ID of its first object."""
 
     layers: Annotated[tuple[_Layer, _Layer], AfterValidator(_rising)]
@@ -65,9 +66,9 @@ class Shape(Config):
         point = np.arange(self.points[0], self.points[1] + 1, dtype=np.int32)
         return np.repeat(layer, len(point)), np.tile(point, len(layer))
 
+    @abc.abstractmethod
     def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
         """What those beams meet."""
-        raise NotImplementedError
 
     def _swept(self, point: IntArray, span: tuple[float, float]) -> FloatArray:
         """From span[0] at the first point to span[1] at the last, in equal steps."""

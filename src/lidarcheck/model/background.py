@@ -14,12 +14,13 @@ the window follow from the state at its start as those behind it from the state 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.streams import Stream, fill
 
 __all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
@@ -183,7 +184,7 @@ def _complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, las
 
 @kernel
 def _place(
-    numbers: Any,
+    numbers: Numbers,
     blocks: Blocks,
     stream: Stream,
     draws: FloatArray,
@@ -209,7 +210,7 @@ def _place(
 
 @kernel
 def _thin(
-    numbers: Any, stream: Stream, draws: FloatArray, first: int, number: int, step: int, counts: IntArray
+    numbers: Numbers, stream: Stream, draws: FloatArray, first: int, number: int, step: int, counts: IntArray
 ) -> None:
     """Keep the candidates whose detector is armed, from bin `first` on in the direction of `step`."""
     for n in range(number):
@@ -230,7 +231,7 @@ def _thin(
 
 @inlined
 def is_quiet(
-    numbers: Any,
+    numbers: Numbers,
     blocks: Blocks,
     stream: Stream,
     draws: FloatArray,

@@ -19,7 +19,7 @@ from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 if TYPE_CHECKING:
-    from lidarcheck.model.kernel import Echoes
+    from lidarcheck.model.echoes import Echoes
 
 __all__ = ["echoes_of", "simulate"]
 
@@ -110,20 +110,16 @@ def echoes_of(
 ) -> Scan:
     """The SPADs' echoes of the light that reaches each beam; see `simulate`."""
     from lidarcheck.model import kernel, streams
+    from lidarcheck.model.echoes import new_echoes
+    from lidarcheck.model.numbers import numbers_of
+    from lidarcheck.model.pulses import pulses_of
 
     n = len(light)
-    numbers = kernel.numbers_of(sensor)
-    room = sensor.max_echoes
-    echoes = kernel.Echoes(
-        held=np.zeros(n, dtype=np.int32),
-        centre=np.empty((n, room)),
-        width=np.empty((n, room), dtype=np.int32),
-        area=np.empty((n, room), dtype=np.int32),
-        peak=np.empty((n, room), dtype=np.int32),
-    )
+    numbers = numbers_of(sensor)
+    echoes = new_echoes(n, sensor.max_echoes)
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
-    pulses = kernel.pulses_of(light, sensor, numbers)
+    pulses = pulses_of(light, sensor, numbers)
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
@@ -155,12 +151,12 @@ def _share(run: Callable[[int], None], starts: range, threads: int | None, told:
 
 def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:
     """Echoes as the sensor reports them: range quantised, PEAK saturated, numbered from 1."""
-    from lidarcheck.model import kernel
+    from lidarcheck.model.echoes import list_echoes
 
     n = int(echoes.held.sum())
     row, slot = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     centre, features = np.empty(n), np.empty((3, n))
-    kernel.list_echoes(echoes, row, slot, centre, features)
+    list_echoes(echoes, row, slot, centre, features)
     range_m = 0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns)
     if sensor.range_resolution_m > 0.0:
         range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m

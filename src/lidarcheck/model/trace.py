@@ -58,15 +58,17 @@ def draw_traces(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0) 
     only the bins that matter and therefore draws other numbers of the same distribution.
     """
     from lidarcheck.model import kernel, streams
+    from lidarcheck.model.numbers import numbers_of
+    from lidarcheck.model.pulses import pulses_of
 
-    numbers = kernel.numbers_of(sensor)
+    numbers = numbers_of(sensor)
     traces = np.empty((len(light), sensor.bins), dtype=np.int32)
     kernel.trace_beams(
         numbers,
         streams.new_stream(seed, "traces", frame),
         streams.beam_keys(light.layer, light.point),
         light.background_per_ns * sensor.bin_ns,
-        kernel.pulses_of(light, sensor, numbers),
+        pulses_of(light, sensor, numbers),
         kernel.new_scratch(numbers),
         traces,
     )
