@@ -71,6 +71,7 @@ WRONG_LINES = {
     "compare a b --json": "--json needs a value; see lidarcheck compare --help",
     "info": "lidarcheck info needs FILE; see lidarcheck info --help",
     "check --jobs 0": "--jobs 0 is out of range; use a whole number from 1 to 1024",
+    "check --jobs 00001025": "--jobs 00001025 is out of range; use a whole number from 1 to 1024",
     "bench --quick=maybe": "",
     "--install-completion --shell tcsh": "",
 }
@@ -86,7 +87,9 @@ def test_a_wrong_line_is_one_line(line, says, capsys):
     assert err == f"error: {says}\n" or not says
 
 
-@pytest.mark.parametrize("seed", ["-1", "x", "1.0", "", "0x1", "1_0", "18446744073709551616", "9" * 400, "²", "nan"])
+@pytest.mark.parametrize(
+    "seed", ["-1", "x", "1.0", "", "0x1", "1_0", "18446744073709551616", "0" * 30 + "9" * 30, "9" * 400, "²", "nan"]
+)
 @pytest.mark.parametrize("command", ["simulate a --model m.toml --out s.txt", "check"])
 def test_a_seed_out_of_range(seed, command, capsys):
     assert main([*command.split(), f"--seed={seed}"]) == 2

@@ -96,7 +96,7 @@ ROWS = (("ks", "0.1"), ("wasserstein", "12"))
 
 
 def test_a_table_is_plain_where_nobody_watches():
-    assert table(COLUMNS, ROWS, title="t") == "t\nkpi          value\nks             0.1\nwasserstein     12\n"
+    assert table(COLUMNS, ROWS) == "kpi          value\nks             0.1\nwasserstein     12\n"
 
 
 def test_a_table_fits_a_terminal_and_shows_markup_as_it_is(monkeypatch):

@@ -1,3 +1,5 @@
+import os
+import threading
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -116,8 +118,8 @@ def test_a_good_file_becomes_frozen_values(tmp_path: Path) -> None:
         ("seeds = 0x" + "f" * 5000, ":1: seeds = a very large number is out of range; use a whole number from 1 to 64"),
         (b"variant = 'a'\n# \xe4\n", ":2: byte 0xE4 is not UTF-8; save it as UTF-8"),
         ("seeds = 1".encode("utf-16"), ":1: the text is UTF-16, not UTF-8; save it as UTF-8"),
-        (b"", ": the file is empty; write it again or name another"),
-        (b" \r\n\n", ": the file is empty; write it again or name another"),
+        (b"", ": the file is empty; was it written completely?"),
+        (b" \r\n\n", ": the file is empty; was it written completely?"),
         (b"seeds = 1\x00", None),
         ("weights = " + "[" * 5000, ": lists or tables are nested too deeply; write it flatter"),
         ("seeds = " + "9" * 5000, None),
@@ -146,10 +148,21 @@ def test_all_faults_come_at_once_in_the_files_order(tmp_path: Path) -> None:
 def test_missing_file_and_directory(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         load_toml(tmp_path / "none.toml", Scenario)
-    with pytest.raises(InputError, match="this is a directory"):
+    with pytest.raises(InputError, match="is a directory, not a file"):
         load_toml(tmp_path, Scenario)
-    with pytest.raises(InputError, match="cannot read"):
+    with pytest.raises(InputError, match="cannot be read"):
         load_toml("a\0b", Scenario)
+    with pytest.raises(InputError, match="is not a regular file"):
+        load_toml("/dev/zero", Scenario)
+
+
+def test_a_pipe_is_read(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_text, args=('variant = "SLIM"',))
+    writer.start()
+    assert load_toml(pipe, Scenario).variant == "SLIM"
+    writer.join()
 
 
 def test_faults_found_later_get_their_line(tmp_path: Path) -> None:

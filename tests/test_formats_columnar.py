@@ -13,7 +13,7 @@ from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.formats.convert import convert, describe
 from lidarcheck.formats.parquet import read_parquet, write_parquet
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise, target_format
-from lidarcheck.formats.table import Table, check_names, shown
+from lidarcheck.formats.table import Table, check_names, quoted
 from lidarcheck.scan import IdealScan, Scan
 
 STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=60)
@@ -223,4 +223,4 @@ def test_a_table_is_equally_long_columns_of_numbers(tmp_path: Path) -> None:
     assert len(Table({})) == 0
     with pytest.raises(InputError, match="column 2 has no name"):
         check_names(["a", ""], tmp_path)
-    assert shown(b"\xff" + b"a" * 50).endswith("...'")
+    assert quoted(b"\xff" + b"a" * 50).endswith("...'")

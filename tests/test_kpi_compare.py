@@ -108,6 +108,33 @@ def test_target():
         compare(m, s, ideal, target=[True])
 
 
+def scene(rows):
+    """An ideal scan of (layer, distance [m], material) on one point column, and an echo on each of its surfaces."""
+    layer, distance, material = (np.array(column) for column in zip(*rows, strict=True))
+    point = np.full(len(rows), 20)
+    ideal = IdealScan(layer, point, distance, material, np.zeros(len(rows)))
+    return ideal, Scan.from_beams(layer, point, distance, area=np.full(len(rows), 50.0), peak=np.full(len(rows), 9.0))
+
+
+def test_a_surface_at_twice_the_range_is_no_ghost():
+    ideal, scan = scene([(15, 25.0, 2), (15, 50.0, 1), (16, 25.0, 2)])
+    found = compare(scan, scan, ideal, model=MODEL).target
+    assert (found.ghost_measured.targets, found.ghost_measured.ghosts) == (2, 0)
+
+
+def test_a_surface_beside_the_target_is_no_blooming():
+    ideal, scan = scene([(15, 25.0, 2), (16, 25.5, 1), (17, 60.0, 1)])
+    found = compare(scan, scan, ideal, model=MODEL).target
+    np.testing.assert_array_equal(found.blooming_vertical.offset, [0.0])
+
+
+@pytest.mark.parametrize(("off_m", "residuals"), [(-1.95, 1), (1.95, 1), (2.05, 0)])
+def test_an_echo_within_two_metres_comes_from_its_surface(off_m, residuals):
+    ideal, scan = scene([(15, 25.0, 1)])
+    moved = Scan.from_beams(scan.layer, scan.point, scan.range_m + off_m)
+    assert compare(moved, scan, ideal).features["range_residual"].n_measured == residuals
+
+
 def test_without_ideal():
     ideal = street()
     found = compare(echoes(ideal, 1, shift_m=0.1), echoes(ideal, 2))

@@ -46,3 +46,5 @@ def test_empty():
     assert all(math.isnan(x) for x in overlap([], [])[:3])
     with pytest.raises(UsageError, match="shape"):
         overlap([1.0, 2.0, 3.0], one)
+    with pytest.raises(UsageError, match="not finite"):
+        overlap([[math.nan, 2.0, 3.0]], one)

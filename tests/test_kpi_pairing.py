@@ -116,6 +116,14 @@ class TestDetection:
         np.testing.assert_array_equal(range_edges([0.0]), [0.0, 10.0])
         np.testing.assert_array_equal(range_edges([20.0, 30.0]), [20.0, 30.0, 40.0])
 
+    def test_a_stray_distance_makes_bins_wider_not_countless(self):
+        edges = range_edges([5.0, 1e9])
+        assert edges.size <= 1002
+        assert edges[0] <= 5.0
+        assert edges[-1] > 1e9
+        found = detection_probability([5.0, 1e9], [True, False])
+        assert found.beams.sum() == 2
+
 
 class TestWilson:
     def test_published_values(self):

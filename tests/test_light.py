@@ -73,7 +73,7 @@ def test_the_order_of_rows_does_not_matter() -> None:
 
 def test_a_missing_material_is_named_with_its_first_beam_and_the_file() -> None:
     rows = ideal_of(
-        layer=[1, 2, 3], point=[4, 5, 6], distance_m=[9.0, 9.0, 9.0], material_id=[1, 4, 4], incidence_deg=np.zeros(3)
+        layer=[1, 2, 3], point=[4, 5, 6], distance_m=[9.0, 9.0, 9.0], material_id=[1, 4, 3], incidence_deg=np.zeros(3)
     )
     with pytest.raises(InputError, match=r"material 4 .*there: 1, 7.*Layer 2, Point 5") as caught:
         light_of(rows, Model(Sensor.of("SLIM"), {1: WALL, 7: SIGN}, file="m.toml"))  # type: ignore[arg-type]

@@ -105,7 +105,7 @@ def test_interpolation_is_linear_in_y_and_zero_outside() -> None:
 @pytest.mark.parametrize(
     ("text", "messages"),
     [
-        (b"", [": the file is empty; write it again or name another"]),
+        (b"", [": the file is empty; was it written completely?"]),
         (b"# nothing\n", [": the file has no blooming table; add PostPro.LUT_blooming_X and _Y"]),
         (
             b"\nPostPro.LUT_bloming_X = 1\nPostPro.LUT_bloming_Y = 1\n",

@@ -112,7 +112,7 @@ def test_the_axis_is_told_by_the_keys(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "messages"),
     [
-        ("", [": the file is empty; write it again or name another"]),
+        ("", [": the file is empty; was it written completely?"]),
         (
             "[]",
             [

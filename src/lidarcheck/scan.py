@@ -54,7 +54,7 @@ class IdealScan:
     """What each fired beam meets, a row each; several rows of one (layer, point) are sub-beams of equal weight.
 
     `distance_m` 0: nothing within range. `incidence_deg`: angle between beam and surface normal. `time_s`: from the
-    frame's start. `extra`: unknown columns, kept. All columns have shape (n,).
+    frame's start. `extra`: unknown columns, kept. `file`: where it was read from, for messages. All columns have shape (n,).
     """
 
     layer: IntArray
@@ -66,6 +66,7 @@ class IdealScan:
     time_s: FloatArray | None = None
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
+    file: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.layer)
@@ -188,7 +189,7 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
         value = getattr(table, f.name)
         if f.name == "extra":
             parts[f.name] = {name: column[rows] for name, column in value.items()}
-        elif f.name == "defaulted" or value is None:
+        elif value is None or isinstance(value, str | tuple):
             parts[f.name] = value
         else:
             parts[f.name] = value[rows]

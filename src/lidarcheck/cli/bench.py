@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import JsonFlag, Quiet
 from lidarcheck.cli.outputs import json_text
 from lidarcheck.cli.terminal import Column, emit, hush, note, progress, table
+
+if TYPE_CHECKING:
+    from lidarcheck.cli.bench_figures import Figure, Other
 
 __all__ = ["bench"]
 
@@ -28,14 +31,12 @@ COLUMNS = (
 def bench(
     *,
     json: JsonFlag = False,
-    quick: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Less input, fewer repeats: a first impression.")
-    ] = False,
+    quick: Quick = False,
     quiet: Quiet = False,
 ) -> int:
     """Measure each figure and what a user would otherwise take, side by side."""
     hush(quiet)
-    from lidarcheck.cli.bench_figures import Figure, cases
+    from lidarcheck.cli.bench_figures import cases
     from lidarcheck.cli.bench_machine import machine
 
     measured: list[Figure] = []
@@ -53,11 +54,9 @@ def bench(
     return 0
 
 
-def _row(figure: object, other: object) -> tuple[str, ...]:
-    from lidarcheck.cli.bench_figures import Figure, Other
-
-    assert isinstance(figure, Figure)
+def _row(figure: Figure, other: Other | None) -> tuple[str, ...]:
+    """A figure beside one of the others; its own numbers stand in the first of its rows."""
     first = other is None or figure.against[0] is other
     own = (figure.name, f"{figure.best:.4g}", f"{figure.median:.4g}", figure.unit, str(figure.repeats))
-    against = f"{other.ratio:.3g} x {other.name}" if isinstance(other, Other) else ""
+    against = f"{other.ratio:.3g} x {other.name}" if other else ""
     return (*(own if first else ("",) * len(own)), against)

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lidarcheck.cli.bench_machine import cores
 from lidarcheck.errors import UsageError
+from lidarcheck.harness.seeds import default_jobs
 
 __all__ = ["Figure", "Other", "cases"]
 
@@ -79,7 +79,7 @@ def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
     if quick:
         frame = frame.take(np.arange(0, len(frame), 10))
     figures = []
-    for threads in sorted({1, cores()}):
+    for threads in sorted({1, default_jobs()}):
         seconds = _times(lambda threads=threads: simulate(frame, model, seed=1, threads=threads), repeats)  # type: ignore[misc]
         mpts = len(frame) / MEGA / min(seconds)
         against = _plain_numpy(variant, mpts, quick) if threads == 1 else ()

@@ -7,18 +7,15 @@ import platform
 from importlib.metadata import version
 from typing import Any
 
-__all__ = ["cores", "machine"]
+from lidarcheck.harness.seeds import default_jobs
 
-
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+__all__ = ["machine"]
 
 
 def machine() -> dict[str, Any]:
     """Cores, load, interpreter and the versions that matter."""
     return {
-        "cores": cores(),
+        "cores": default_jobs(),
         "processor": _processor(),
         "load_1min": os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
         "python": platform.python_version(),

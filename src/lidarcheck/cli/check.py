@@ -31,9 +31,11 @@ def check(
 ) -> int:
     """Run scenarios against their goldens."""
     hush(quiet)
-    for option, place in (("--json", json), ("--html", html), ("--junit", junit)):
+    outputs = {"--json": json, "--html": html, "--junit": junit}
+    for option, place in outputs.items():
         if place is not None:
-            check_writable(place, option=option)
+            others = [other for name, other in outputs.items() if name != option]
+            check_writable(place, option=option, besides=(*scenario, model, *others))
     from lidarcheck.cli.check_text import report_text
     from lidarcheck.harness.annotations import annotations
     from lidarcheck.harness.check import check as run

@@ -40,7 +40,7 @@ def compare(
     """Compare a measured scan with a simulated one."""
     hush(quiet)
     if json is not None:
-        check_writable(json, option="--json")
+        check_writable(json, option="--json", besides=(measured, simulated, ideal, model))
     from lidarcheck.formats import load_ideal, load_scan
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.model import load_model
@@ -71,4 +71,4 @@ def _show(comparison: Comparison) -> None:
 def _number(value: float) -> str:
     if math.isnan(value):
         return "-"
-    return f"{value:.0f}" if value == int(value) and abs(value) < 1e9 else f"{value:.4g}"
+    return f"{value:.0f}" if abs(value) < 1e9 and value == int(value) else f"{value:.4g}"

@@ -7,6 +7,8 @@ from typing import Literal
 from lidarcheck.cli.terminal import emit
 from lidarcheck.errors import UsageError
 
+__all__ = ["install_completion"]
+
 
 def install_completion(*, shell: Literal["bash", "zsh", "fish"] | None = None) -> int:
     """Write the completion script to where the shell looks for it.

@@ -9,23 +9,31 @@ from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["MAX_SEED", "JsonFile", "JsonFlag", "Quiet", "Seed"]
+__all__ = ["MAX_SEED", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed"]
 
 MAX_SEED = 2**64 - 1
+MAX_JOBS = 1024
 
 
 def _seed(_type: Any, tokens: Sequence[Any]) -> int:
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal()) or int(text[:21]) > MAX_SEED:
-        raise UsageError(f"--seed {text} is not a seed", fix=f"use a whole number from 0 to {MAX_SEED} (2^64 - 1)")
-    return int(text)
+    seed = _whole(tokens[0].value)
+    if seed is None or seed > MAX_SEED:
+        what = f"--seed {tokens[0].value} is not a seed"
+        raise UsageError(what, fix=f"use a whole number from 0 to {MAX_SEED} (2^64 - 1)")
+    return seed
 
 
 def _jobs(_type: Any, tokens: Sequence[Any]) -> int:
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal()) or not 1 <= int(text[:5]) <= 1024:
-        raise UsageError(f"--jobs {text} is out of range", fix="use a whole number from 1 to 1024")
-    return int(text)
+    jobs = _whole(tokens[0].value)
+    if jobs is None or not 1 <= jobs <= MAX_JOBS:
+        raise UsageError(f"--jobs {tokens[0].value} is out of range", fix=f"use a whole number from 1 to {MAX_JOBS}")
+    return jobs
+
+
+def _whole(text: str) -> int | None:
+    """The number that decimal digits spell; None for other text, and for more digits than any option takes."""
+    digits = text.lstrip("0") or text[-1:]
+    return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 20 else None
 
 
 Seed = Annotated[

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +16,11 @@ __all__ = ["check_writable", "json_text", "write_result"]
 STANDARD_OUTPUT = "-"
 
 
-def check_writable(path: str | Path, *, option: str) -> None:
-    """Refuse now, with an `InputError`, what could not be written after minutes of work; `option` asked for it."""
+def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Path | None] = ()) -> None:
+    """Refuse now, with an `InputError`, what could not be written after minutes of work; `option` asked for it.
+
+    `besides`: the command's other files, which the output must not replace; None for one that was not given.
+    """
     if str(path) == STANDARD_OUTPUT:
         return
     target = Path(path)
@@ -32,6 +33,9 @@ def check_writable(path: str | Path, *, option: str) -> None:
         raise InputError("its directory does not exist", file=target, fix=f"make {parent} first")
     if not target.exists() and not os.access(parent, os.W_OK):
         raise InputError("its directory cannot be written", file=target, fix="choose another place")
+    places = (os.path.realpath(other) for other in besides if other is not None and str(other) != STANDARD_OUTPUT)
+    if os.path.realpath(target) in places and not target.is_char_device():
+        raise InputError("would replace another file of this command", file=target, fix=f"name another for {option}")
 
 
 def write_result(path: str | Path, text: str) -> None:
@@ -53,20 +57,6 @@ def write_result(path: str | Path, text: str) -> None:
 
 def json_text(value: Any) -> str:
     """JSON for machines: dataclasses and numpy values as plain ones; what is not finite is null."""
-    return json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    from lidarcheck.formats.plain import plain
 
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    return str(value)
+    return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -15,7 +15,7 @@ __all__ = ["simulate"]
 
 
 def simulate(
-    ideal: Annotated[Path, Parameter(help="What each fired beam meets: text, PCD or Parquet.")],
+    ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
     /,
     *,
     model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
@@ -31,7 +31,7 @@ def simulate(
     from lidarcheck.model import simulate as run
 
     target_format(out)
-    check_writable(out, option="--out")
+    check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
     with stage(f"reading {ideal.name}"):
         scene = load_ideal(ideal)

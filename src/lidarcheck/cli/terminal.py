@@ -93,12 +93,10 @@ class Column(str):
         return column
 
 
-def table(
-    columns: Sequence[Column], rows: Sequence[Sequence[str]], *, title: str = "", styles: Sequence[str] = ()
-) -> str:
+def table(columns: Sequence[Column], rows: Sequence[Sequence[str]], *, styles: Sequence[str] = ()) -> str:
     """Text of a table: drawn and fitted to a terminal, aligned plain columns elsewhere. `styles`: one a row."""
     if sys.stdout.isatty():
-        return _drawn(columns, rows, title, styles)
+        return _drawn(columns, rows, styles)
     widths = [max(len(row[i]) for row in [columns, *rows]) for i in range(len(columns))]
     lines = [
         "  ".join(
@@ -107,16 +105,16 @@ def table(
         ).rstrip()
         for row in [columns, *rows]
     ]
-    return "\n".join([title, *lines] if title else lines) + "\n"
+    return "\n".join(lines) + "\n"
 
 
-def _drawn(columns: Sequence[Column], rows: Sequence[Sequence[str]], title: str, styles: Sequence[str]) -> str:
+def _drawn(columns: Sequence[Column], rows: Sequence[Sequence[str]], styles: Sequence[str]) -> str:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     # No box: over a slow line every byte counts, and 80 columns are few.
-    drawn = Table(title=Text(title) if title else None, title_justify="left", box=None, pad_edge=False, padding=(0, 1))
+    drawn = Table(box=None, pad_edge=False, padding=(0, 1))
     for column in columns:
         drawn.add_column(Text(column), justify="right" if column.right else "left", overflow="fold")
     for i, row in enumerate(rows):

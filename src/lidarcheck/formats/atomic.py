@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -28,20 +28,21 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise InputError(f"cannot write: it is {kind}", file=path, fix="name another file")
     temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
-        os.close(handle)
-        temporary = Path(name)
+        temporary = _new_beside(target)
         yield temporary
-        temporary.chmod(_mode(target))
+        if target.exists():
+            temporary.chmod(target.stat().st_mode & 0o7777)
         _sync(temporary)
         temporary.replace(target)
         temporary = None
-        _sync(target.parent)
     except OSError as error:
         raise InputError(f"cannot write: {error.strerror or error}", file=path, fix="nothing was changed") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+    # The file is in its place; some file systems cannot sync a directory, and a system may not open one.
+    with contextlib.suppress(OSError):
+        _sync(target.parent)
 
 
 @contextlib.contextmanager
@@ -62,12 +63,14 @@ def write_text(path: str | os.PathLike[str], content: str) -> None:
     write_bytes(path, content.encode("utf-8"))
 
 
-def _mode(target: Path) -> int:
-    if target.exists():
-        return target.stat().st_mode & 0o7777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+def _new_beside(target: Path) -> Path:
+    """An empty file of a new name, with the permissions of any new file.
+
+    Not `tempfile`: its files are private, and to learn what others get means to change the umask of all threads.
+    """
+    path = target.with_name(f".{target.name[:32]}.{secrets.token_hex(8)}.part")
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    return path
 
 
 def _sync(path: Path) -> None:

@@ -27,7 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lidarcheck.errors import ConfigError, InputError
 from lidarcheck.formats.config_words import allowed, dotted, kind_of, nearest, printable, shown, slots_at
-from lidarcheck.formats.textfile import read_text
+from lidarcheck.formats.source import read_text
 from lidarcheck.formats.toml_lines import KeyPath, locate
 
 __all__ = ["Config", "LineIndex", "PathText", "load_toml", "parse_toml", "validate"]

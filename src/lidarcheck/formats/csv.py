@@ -7,7 +7,7 @@ import re
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.table import Table, shown
+from lidarcheck.formats.table import Table, quoted
 from lidarcheck.formats.text import read_text, rows_as_text, source_as_text
 
 __all__ = ["read_csv", "write_csv"]
@@ -30,7 +30,7 @@ def write_csv(table: Table, path: str | os.PathLike[str]) -> None:
     else:
         for name in table.columns:
             if not _NAME_IN_CSV.fullmatch(name):
-                what = f"the column name {shown(name)} cannot stand in a header separated by commas"
+                what = f"the column name {quoted(name)} cannot stand in a header separated by commas"
                 raise InputError(what, file=path, fix="rename the column, or write Parquet")
         content = f"{','.join(table.columns)}\n".encode() + rows_as_text(table, ",", path)
     with atomic_write(path) as stream:

@@ -71,7 +71,8 @@ def ideal_from_table(table: Table) -> IdealScan:
         defaulted = ("IncidenceAngle",)
         columns["incidence_deg"] = np.zeros(len(table))
         _log.warning("%s: missing columns were filled in: IncidenceAngle is 0", table.path)
-    return IdealScan(**columns, extra=extra_columns(table, IDEAL_COLUMNS), defaulted=defaulted)
+    source = str(table.path or "")
+    return IdealScan(**columns, extra=extra_columns(table, IDEAL_COLUMNS), defaulted=defaulted, file=source)
 
 
 def table_from_ideal(ideal: IdealScan) -> Table:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.table import shown
+from lidarcheck.formats.table import quoted
 
 __all__ = ["LasLayout", "check_layout"]
 
@@ -55,7 +55,7 @@ class _Packing:
 def check_layout(content: bytes, path: Path) -> LasLayout:
     """The layout, once the file has the bytes for it; `InputError` says which of its numbers cannot be."""
     if content[:4] != b"LASF":
-        what = f"{shown(content[:4])} is not the signature 'LASF'"
+        what = f"{quoted(content[:4])} is not the signature 'LASF'"
         raise InputError(what, file=path, fix="this is no LAS or LAZ file")
     if len(content) < SMALLEST_HEADER:
         raise _fault(path, f"the header needs {SMALLEST_HEADER} bytes, the file has {len(content)}")

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.config_words import nearest, shown
-from lidarcheck.formats.textfile import read_bytes
+from lidarcheck.formats.source import read_source
 
 __all__ = [
     "SCALE_MAX",
@@ -151,7 +151,7 @@ def y_of_scaled(scaled: int) -> float:
 
 def load_lut(path: str | os.PathLike[str]) -> LutFile:
     """Read a LUT file. `InputError` when it cannot be read, `ConfigError` with each fault of its tables."""
-    return parse_lut(read_bytes(path), Path(path))
+    return parse_lut(read_source(path, pipes=True), Path(path))
 
 
 def save_lut(lut: LutFile, path: str | os.PathLike[str]) -> None:
@@ -162,7 +162,7 @@ def save_lut(lut: LutFile, path: str | os.PathLike[str]) -> None:
 def parse_lut(content: bytes, file: Path | None = None) -> LutFile:
     """The tables in a LUT file's bytes; errors as `load_lut`, naming `file`."""
     if not content.strip():
-        raise InputError("the file is empty", file=file, fix="write it again or name another")
+        raise InputError("the file is empty", file=file, fix="was it written completely?")
     if b"\0" in content:
         line = content.count(b"\n", 0, content.index(b"\0")) + 1
         raise InputError("this is not a text file in UTF-8 or ASCII", file=file, line=line, fix="save it as UTF-8")

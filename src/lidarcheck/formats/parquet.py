@@ -11,7 +11,7 @@ import numpy as np
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_path
 from lidarcheck.formats.source import check_file
-from lidarcheck.formats.table import Column, Table, check_names, shown
+from lidarcheck.formats.table import Column, Table, check_names, quoted
 
 __all__ = ["read_parquet", "write_parquet"]
 
@@ -40,11 +40,11 @@ def _numbers(name: str, column: Any, file: Path) -> Column:
         column = column.cast(column.type.value_type)
     kind = column.type
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
-        what = f"the column {shown(name)} is {shown(str(kind))}, not a number"
+        what = f"the column {quoted(name)} is {quoted(str(kind))}, not a number"
         raise InputError(what, file=file, fix="store it as a number, or leave it out")
     if column.null_count:
         row = int(np.flatnonzero(column.is_null().to_numpy())[0])
-        raise InputError(f"row {row + 1}: {shown(name)} has no value", file=file, fix="give every column a value")
+        raise InputError(f"row {row + 1}: {quoted(name)} has no value", file=file, fix="give every column a value")
     return np.asarray(column.to_numpy())
 
 

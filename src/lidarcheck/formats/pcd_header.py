@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.records import Field, Rows
-from lidarcheck.formats.table import shown
+from lidarcheck.formats.table import quoted
 
 __all__ = ["ENCODINGS", "Encoding", "PcdHeader", "compose_header", "read_header"]
 
@@ -91,13 +91,13 @@ def _words(raw: bytes, path: Path, line: int) -> tuple[str, list[str]]:
     try:
         text = raw[:MAX_LINE].decode("utf-8").strip()
     except UnicodeDecodeError:
-        raise InputError(f"{shown(raw)} is no PCD header line", file=path, line=line, fix=KEY_FIX) from None
+        raise InputError(f"{quoted(raw)} is no PCD header line", file=path, line=line, fix=KEY_FIX) from None
     if not text or text.startswith("#"):
         return "", []
     key, *values = text.split()
     name = "FIELDS" if key.upper() == "COLUMNS" else key.upper()
     if name not in KEYS:
-        raise InputError(f"{shown(key)} is no PCD header key", file=path, line=line, fix=KEY_FIX)
+        raise InputError(f"{quoted(key)} is no PCD header key", file=path, line=line, fix=KEY_FIX)
     if not values:
         raise InputError(f"{name} has no value", file=path, line=line, fix="complete the line")
     return name, values
@@ -110,7 +110,7 @@ def _rows(words: Mapping[str, _Word], path: Path) -> Rows:
             raise InputError(f"the header has no {key} line", file=path, line=words["DATA"].line, fix=f"add {key}")
     version = words.get("VERSION")
     if version and version.values[0] not in VERSIONS:
-        what = f"PCD version {shown(version.values[0])} is not known"
+        what = f"PCD version {quoted(version.values[0])} is not known"
         raise InputError(what, file=path, line=version.line, fix="use 0.7")
     points, line, claim = _points(words, path)
     names = words["FIELDS"].values
@@ -127,11 +127,11 @@ def _rows(words: Mapping[str, _Word], path: Path) -> Rows:
 def _field(name: str, kind: str, size: int, count: int, words: Mapping[str, _Word], path: Path) -> Field:
     code = TYPES.get((kind.upper(), size))
     if code is None:
-        what = f"field {shown(name)} has TYPE {shown(kind)} with SIZE {size}"
+        what = f"field {quoted(name)} has TYPE {quoted(kind)} with SIZE {size}"
         fix = "F goes with 4 or 8, I and U with 1, 2, 4 or 8"
         raise InputError(what, file=path, line=words["TYPE"].line, fix=fix)
     if count < 1:
-        raise InputError(f"field {shown(name)} has COUNT 0", file=path, line=words["COUNT"].line, fix="use 1 or more")
+        raise InputError(f"field {quoted(name)} has COUNT 0", file=path, line=words["COUNT"].line, fix="use 1 or more")
     return Field(name, np.dtype("<" + code), count, kept=name != "_")
 
 
@@ -156,7 +156,7 @@ def _whole(word: _Word, key: str, path: Path, expected: int) -> list[int]:
     _same_number(word, key, path, expected)
     for value in word.values:
         if not (value.isascii() and value.isdecimal() and len(value) <= MAX_DIGITS):
-            what = f"{key} has {shown(value)}, not a whole number"
+            what = f"{key} has {quoted(value)}, not a whole number"
             fix = f"use a number from 0 with at most {MAX_DIGITS} digits"
             raise InputError(what, file=path, line=word.line, fix=fix)
     return [int(value) for value in word.values]
@@ -174,7 +174,7 @@ def _encoding(word: _Word, path: Path) -> Encoding:
         if encoding == found:
             return encoding
     fix = f"use one of {', '.join(ENCODINGS)}"
-    raise InputError(f"DATA {shown(found)} is not known", file=path, line=word.line, fix=fix)
+    raise InputError(f"DATA {quoted(found)} is not known", file=path, line=word.line, fix=fix)
 
 
 def _warn_of_viewpoint(words: Mapping[str, _Word], path: Path) -> None:
@@ -186,7 +186,7 @@ def _warn_of_viewpoint(words: Mapping[str, _Word], path: Path) -> None:
     try:
         pose = [float(value) for value in word.values]
     except ValueError:
-        what = f"VIEWPOINT {shown(' '.join(word.values))} is not seven numbers"
+        what = f"VIEWPOINT {quoted(' '.join(word.values))} is not seven numbers"
         raise InputError(what, file=path, line=word.line, fix="use 0 0 0 1 0 0 0") from None
     if pose != [0, 0, 0, 1, 0, 0, 0]:
         logger.warning("%s:%d: VIEWPOINT is not applied: X Y Z are taken as the sensor's own frame", path, word.line)

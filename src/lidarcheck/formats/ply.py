@@ -20,7 +20,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.records import Field, Rows, check_finite, packed_columns, text_columns, writable
 from lidarcheck.formats.source import read_source
-from lidarcheck.formats.table import Table, shown
+from lidarcheck.formats.table import Table, quoted
 from lidarcheck.formats.text import rows_as_text
 
 __all__ = ["ENCODINGS", "read_ply", "write_ply"]
@@ -132,7 +132,7 @@ def _header(content: bytes, path: Path) -> _Header:
         header.start = end + 1 if end >= 0 else len(content)
         words = _words(raw, path, line)
         if line == 1 and words != ["ply"]:
-            raise InputError(f"{shown(raw)} is not the word 'ply'", file=path, line=1, fix="this is no PLY file")
+            raise InputError(f"{quoted(raw)} is not the word 'ply'", file=path, line=1, fix="this is no PLY file")
         if words == ["end_header"]:
             header.first_line = line + 1
             return header
@@ -149,7 +149,7 @@ def _words(raw: bytes, path: Path, line: int) -> list[str]:
     try:
         return raw.decode("ascii").split()
     except UnicodeDecodeError:
-        raise InputError(f"{shown(raw)} is no PLY header line", file=path, line=line, fix="write it again") from None
+        raise InputError(f"{quoted(raw)} is no PLY header line", file=path, line=line, fix="write it again") from None
 
 
 def _header_line(header: _Header, words: list[str], path: Path, line: int) -> None:
@@ -163,19 +163,19 @@ def _header_line(header: _Header, words: list[str], path: Path, line: int) -> No
         case ["format", encoding, "1.0"] if encoding in ENCODINGS and not header.encoding:
             header.encoding = encoding
         case ["format", *_]:
-            what = "the format is said twice" if header.encoding else f"the format {shown(' '.join(words[1:]))}"
+            what = "the format is said twice" if header.encoding else f"the format {quoted(' '.join(words[1:]))}"
             fix = f"use one format line, with one of {', '.join(ENCODINGS)} and version 1.0"
             raise InputError(f"{what} cannot be read", file=path, line=line, fix=fix)
         case ["element", name, count] if count.isascii() and count.isdecimal() and len(count) <= MAX_DIGITS:
             header.elements.append(_Element(name, int(count), line))
         case ["element", *_]:
-            what = f"{shown(' '.join(words))} is not a name and a whole number"
+            what = f"{quoted(' '.join(words))} is not a name and a whole number"
             fix = f"write 'element NAME COUNT' with at most {MAX_DIGITS} digits"
             raise InputError(what, file=path, line=line, fix=fix)
         case ["property", *rest] if header.elements:
             _property(header, rest, path, line)
         case _:
-            what = f"{shown(' '.join(words))} does not belong here in a PLY header"
+            what = f"{quoted(' '.join(words))} does not belong here in a PLY header"
             raise InputError(what, file=path, line=line, fix=KEYWORD_FIX)
 
 
@@ -187,7 +187,7 @@ def _property(header: _Header, words: list[str], path: Path, line: int) -> None:
         case ["list", kind, of, _] if kind in TYPES and of in TYPES:
             element.has_list = line
         case _:
-            what = f"{shown('property ' + ' '.join(words))} has no known type"
+            what = f"{quoted('property ' + ' '.join(words))} has no known type"
             raise InputError(what, file=path, line=line, fix=TYPE_FIX)
 
 
@@ -201,7 +201,7 @@ def _find_vertex(header: _Header, path: Path) -> tuple[list[_Element], _Element,
     at = names.index("vertex")
     for element in header.elements[: at + 1]:
         if element.has_list and (element.name == "vertex" or header.encoding != "ascii"):
-            what = f"element {shown(element.name)} has a list property"
+            what = f"element {quoted(element.name)} has a list property"
             fix = "write the points without lists, as the first element"
             raise InputError(what, file=path, line=element.has_list, fix=fix)
     others = [name for name in names if name != "vertex"]
@@ -239,6 +239,6 @@ def _without_64_bits(name: str, column: Column, path: str | Path) -> Column:
     if column.dtype.kind == "f" or column.dtype.itemsize < 8:
         return column
     if max(-int(column.min()), int(column.max())) > EXACT_IN_FLOAT:
-        what = f"column {shown(name)} holds integers beyond ±2^53, which no PLY type keeps"
+        what = f"column {quoted(name)} holds integers beyond ±2^53, which no PLY type keeps"
         raise InputError(what, file=path, fix="write PCD or Parquet instead")
     return column.astype(np.float64)

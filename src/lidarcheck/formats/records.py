@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError
 from lidarcheck.formats.rows import Rows as TextRows
 from lidarcheck.formats.rows import parse_rows
-from lidarcheck.formats.table import Table, check_names, shown
+from lidarcheck.formats.table import Table, check_names, quoted
 
 __all__ = ["MAX_COLUMNS", "Field", "Rows", "check_finite", "packed_columns", "text_columns", "writable"]
 
@@ -103,7 +103,7 @@ def check_finite(columns: Mapping[str, Column], path: Path, fix: str = "", line:
         return
     row, name = first
     where = f"row {row + 1}: " if line is None else ""
-    what = f"{where}{shown(name)} is {columns[name][row]}, not a finite number"
+    what = f"{where}{quoted(name)} is {columns[name][row]}, not a finite number"
     raise InputError(what, file=path, line=None if line is None else line + row, fix=fix or "remove the row")
 
 
@@ -152,7 +152,7 @@ def _cast(name: str, values: Column, dtype: np.dtype[Any], path: Path, first_lin
         fits = (values >= low) & (values <= min(high, np.iinfo(np.int64).max))
     if not fits.all():
         row = int(np.argmin(fits))
-        what = f"{shown(name)} is {values[row]}, not a whole number from {low} to {high}"
+        what = f"{quoted(name)} is {values[row]}, not a whole number from {low} to {high}"
         raise InputError(what, file=path, line=first_line + row, fix="correct it, or the type in the header")
     return values.astype(dtype)
 
@@ -169,7 +169,7 @@ def writable(table: Table, path: str | Path, plain_name: Callable[[str], bool]) 
     columns: dict[str, Column] = {}
     for name, column in table.columns.items():
         if not plain_name(name):
-            what = f"this format cannot hold the column name {shown(name)}"
+            what = f"this format cannot hold the column name {quoted(name)}"
             raise InputError(what, file=path, fix="rename the column, or write text, CSV or Parquet")
         if column.dtype.kind == "b":
             column = column.astype(np.uint8)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.table import Column, shown
+from lidarcheck.formats.table import Column, quoted
 
 __all__ = ["NUMBER", "REAL_COLUMNS", "Rows", "parse_rows"]
 
@@ -145,11 +145,11 @@ def _line_fault(rows: Rows, line: bytes, number: int, *, last: bool) -> InputErr
 
 
 def _cell_fault(rows: Rows, name: str, cell: bytes, number: int, *, few: bool) -> InputError:
-    what, fix = f"{shown(name)} is {shown(cell)}, not a number", "give every column a number"
+    what, fix = f"{quoted(name)} is {quoted(cell)}, not a number", "give every column a number"
     if not cell:
-        what = f"{shown(name)} has no value"
+        what = f"{quoted(name)} has no value"
     elif _NOT_FINITE.fullmatch(cell):
-        what, fix = f"{shown(name)} is {shown(cell)}, not a finite number", "take the row out or repair the value"
+        what, fix = f"{quoted(name)} is {quoted(cell)}, not a finite number", "take the row out or repair the value"
     elif rows.delimiter != "," and _DECIMAL_COMMA.fullmatch(cell):
         fix = "write decimals with a point, not a comma"
     elif few and re.search(rb"[,;]", cell):
@@ -167,7 +167,7 @@ def _slow(rows: Rows) -> dict[str, Column]:
         for column, cell in enumerate(_cells(line, rows.delimiter)):
             value = float(cell)
             if value in (float("inf"), float("-inf")):
-                what = f"{shown(rows.names[column])} is {shown(cell)}, beyond the range of a 64-bit float"
+                what = f"{quoted(rows.names[column])} is {quoted(cell)}, beyond the range of a 64-bit float"
                 raise InputError(what, file=rows.path, line=rows.first_line + index, fix="use values up to 1.7e308")
             reals[column].append(value)
             whole = wholes[column]

@@ -25,7 +25,7 @@ from lidarcheck.formats.config import Config, LineIndex, validate
 from lidarcheck.formats.config_words import dotted, kind_of, shown
 from lidarcheck.formats.json_lines import locate_json
 from lidarcheck.formats.lut import Axis
-from lidarcheck.formats.textfile import decode_text, read_bytes
+from lidarcheck.formats.source import decode_text, read_source
 from lidarcheck.sensor import LAYERS, POINTS, VARIANTS
 
 __all__ = [
@@ -160,7 +160,7 @@ def load_settings(path: str | os.PathLike[str] | None, axis: Axis | None = None)
     if path is None:
         return default_settings(axis or "vertical")
     file = Path(path)
-    content = read_bytes(file)
+    content = read_source(file, pipes=True)
     data, lines = _parse(decode_text(content, file), file)
     found = _axis_of(data, file, axis)
     if axis is not None and found != axis:

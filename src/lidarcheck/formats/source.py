@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 from pathlib import Path
 
 from lidarcheck.errors import InputError
 
-__all__ = ["check_file", "first_bytes", "read_source"]
+__all__ = ["check_file", "decode_text", "first_bytes", "read_source", "read_text"]
 
 
-def check_file(path: str | os.PathLike[str]) -> Path:
-    """The path, once it is known to be a file that has content; `InputError` otherwise."""
+def check_file(path: str | os.PathLike[str], *, pipes: bool = False) -> Path:
+    """The path, once it is known to be a file that has content, or with `pipes` a pipe; `InputError` otherwise."""
     file = Path(path)
     try:
         size = file.stat().st_size
+        if pipes and file.is_fifo():
+            return file
         if file.is_dir():
             raise InputError("is a directory, not a file", file=file, fix="name a file in it")
         if not file.is_file():
@@ -26,9 +29,9 @@ def check_file(path: str | os.PathLike[str]) -> Path:
     return file
 
 
-def read_source(path: str | os.PathLike[str]) -> bytes:
-    """The whole content of a file that has some; `InputError` when it cannot be read."""
-    file = check_file(path)
+def read_source(path: str | os.PathLike[str], *, pipes: bool = False) -> bytes:
+    """The whole content of a file that has some, or with `pipes` of a pipe; `InputError` when it cannot be read."""
+    file = check_file(path, pipes=pipes)
     try:
         return file.read_bytes()
     except OSError as error:
@@ -43,6 +46,29 @@ def first_bytes(path: str | os.PathLike[str], count: int = 65536) -> bytes:
             return stream.read(count)
     except OSError as error:
         raise _unreadable(file, error) from error
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """The text of a file or pipe, UTF-8, without a byte order mark; newlines as they stand.
+
+    `InputError` when it is empty, missing, unreadable or not UTF-8; the last with its line.
+    """
+    return decode_text(read_source(path, pipes=True), path)
+
+
+def decode_text(content: bytes, path: str | os.PathLike[str]) -> str:
+    """The text in a file's bytes; `path` is named in errors, which are those of `read_text`."""
+    if not content.strip():
+        raise InputError("the file is empty", file=path, fix="was it written completely?")
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InputError("the text is UTF-16, not UTF-8", file=path, line=1, fix="save it as UTF-8")
+    content = content.removeprefix(codecs.BOM_UTF8)
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise InputError(f"byte 0x{byte:02X} is not UTF-8", file=path, line=line, fix="save it as UTF-8") from None
 
 
 def _unreadable(file: Path, error: OSError | ValueError) -> InputError:

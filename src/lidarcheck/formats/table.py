@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 
-__all__ = ["Table", "TextLayout", "check_names", "shown"]
+__all__ = ["Table", "TextLayout", "check_names", "quoted"]
 
 Column = npt.NDArray[Any]
 NUMBER_KINDS = "biuf"
@@ -107,14 +107,14 @@ def check_names(names: Iterable[str], path: Path, line: int | None = None) -> No
         if not name:
             raise InputError(f"column {number} has no name", file=path, line=line, fix="name it, or leave it out")
         if not name.isprintable():
-            raise InputError(f"column {number} has the unprintable name {shown(name)}", file=path, line=line)
+            raise InputError(f"column {number} has the unprintable name {quoted(name)}", file=path, line=line)
     repeated = _repeated(listed)
     if repeated:
         fix = "keep one of them; case does not count"
-        raise InputError(f"the column {shown(repeated)} appears twice", file=path, line=line, fix=fix)
+        raise InputError(f"the column {quoted(repeated)} appears twice", file=path, line=line, fix=fix)
 
 
-def shown(text: str | bytes) -> str:
+def quoted(text: str | bytes) -> str:
     """Somebody else's text as it can stand in a one-line message: quoted, escaped, cut to 40 characters."""
     plain = text.decode("utf-8", "replace") if isinstance(text, bytes) else text
     return repr(plain if len(plain) <= 40 else plain[:37] + "...")

@@ -20,7 +20,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
 from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, Rows, parse_rows
 from lidarcheck.formats.source import read_source
-from lidarcheck.formats.table import Column, Table, TextLayout, check_names, shown
+from lidarcheck.formats.table import Column, Table, TextLayout, check_names, quoted
 
 __all__ = ["header_delimiter", "read_text", "rows_as_text", "source_as_text", "write_text"]
 
@@ -110,7 +110,7 @@ def _names(text: str, delimiter: str, file: Path) -> list[str]:
     if not names:
         raise InputError("the header names no columns", file=file, line=1, fix="name them, as //X Y Z Layer Point")
     if all(re.fullmatch(NUMBER, name.encode()) for name in names):
-        what = f"the first line holds numbers ({shown(bare)}), not the names of the columns"
+        what = f"the first line holds numbers ({quoted(bare)}), not the names of the columns"
         raise InputError(what, file=file, line=1, fix="put a header before it, such as //X Y Z Layer Point")
     check_names(names, file, 1)
     return names
@@ -122,7 +122,7 @@ def _count(line: bytes, file: Path) -> int | None:
     if not re.fullmatch(rb"[0-9]+", text):
         return None
     if len(text) > 18:
-        what = f"the count line says {shown(text)}, more rows than any file holds"
+        what = f"the count line says {quoted(text)}, more rows than any file holds"
         raise InputError(what, file=file, line=2, fix="correct the count")
     return int(text)
 
@@ -145,7 +145,7 @@ def write_text(table: Table, path: str | os.PathLike[str]) -> None:
     else:
         for name in table.columns:
             if not _NAME_IN_TEXT.fullmatch(name):
-                what = f"the column name {shown(name)} cannot stand in a header separated by blanks"
+                what = f"the column name {quoted(name)} cannot stand in a header separated by blanks"
                 raise InputError(what, file=path, fix="rename the column, or write CSV or Parquet")
         header = f"//{' '.join(table.columns)}\n{len(table)}\n"
         content = header.encode() + rows_as_text(table, " ", path)
@@ -173,13 +173,13 @@ def _printable(name: str, column: Column, path: str | os.PathLike[str]) -> Colum
         return column.astype(np.int64)
     if column.dtype.kind != "f":
         if column.dtype.itemsize == 8 and column.dtype.kind == "u" and len(column) and column.max() > 2**63 - 1:
-            what = f"the column {shown(name)} holds {column.max()}, text can hold up to {2**63 - 1}"
+            what = f"the column {quoted(name)} holds {column.max()}, text can hold up to {2**63 - 1}"
             raise InputError(what, file=path, fix="write Parquet, or leave the column out")
         return column
     reals = column.astype(np.float64)
     if not np.isfinite(reals).all():
         row = int(np.flatnonzero(~np.isfinite(reals))[0])
-        raise InputError(f"row {row + 1}: {shown(name)} is {reals[row]}, text holds finite numbers", file=path)
+        raise InputError(f"row {row + 1}: {quoted(name)} is {reals[row]}, text holds finite numbers", file=path)
     if name.casefold() not in REAL_COLUMNS and (reals == np.rint(reals)).all():
         return [repr(value) for value in reals.tolist()]
     return reals

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.blooming import BloomingProfile
 from lidarcheck.kpi.detection import Detection, FalseAlarms
 from lidarcheck.kpi.ghost import Ghost
@@ -124,7 +124,7 @@ class Comparison:
             kpis["ghost"] = _sides(bright.ghost_measured, bright.ghost_simulated)
             axes = {"vertical": bright.blooming_vertical, "horizontal": bright.blooming_horizontal}
             kpis["blooming_profile"] = axes
-        return {name: _plain(kpi) for name, kpi in {**kpis, "left_out": self.left_out}.items() if kpi is not None}
+        return {name: plain(kpi) for name, kpi in {**kpis, "left_out": self.left_out}.items() if kpi is not None}
 
     def rows(self) -> list[Row]:
         """The comparison as a table, in the order of reading."""
@@ -179,18 +179,3 @@ def _target_rows(gap: TargetGap) -> Iterator[Row]:
         yield Row("ghost", name, m, s, m - s, "")
     yield Row("blooming_profile", "vertical", NAN, NAN, gap.blooming_vertical.rms_log10, "log10")
     yield Row("blooming_profile", "horizontal", NAN, NAN, gap.blooming_horizontal.rms_log10, "log10")
-
-
-def _plain(value: Any) -> Any:
-    """Numbers, strings, lists and dicts, with None for what is not finite."""
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {name: _plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, np.ndarray):
-        return [_plain(part) for part in value.tolist()]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value

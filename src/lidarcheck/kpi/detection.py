@@ -17,6 +17,7 @@ IndexArray = npt.NDArray[np.int64]
 
 Z_95 = 1.959963984540054
 BIN_M = 10.0
+MOST_BINS = 1000
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,16 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, *, z: float = Z_95) 
 
 
 def range_edges(distance_m: npt.ArrayLike, *, width_m: float = BIN_M) -> FloatArray:
-    """Edges of equal range bins that hold every distance above 0, at multiples of the width; shape (k + 1,)."""
+    """Edges of equal range bins that hold every distance above 0, at multiples of the width; shape (k + 1,).
+
+    Where that would be more than 1000 bins, they are ten times as wide, or a hundred times, and so on.
+    """
     some = np.asarray(distance_m, dtype=np.float64)
     some = some[some > 0.0]
     if not some.size:
         return np.array([0.0, width_m])
+    while some.max() - some.min() > MOST_BINS * width_m:
+        width_m *= 10.0
     first, last = np.floor(some.min() / width_m), np.floor(some.max() / width_m)
     return np.arange(first, last + 2.0) * width_m
 

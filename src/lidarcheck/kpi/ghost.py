@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.errors import UsageError
+from lidarcheck.kpi.overlap import positions
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line, ranges
+from lidarcheck.kpi.validation import mean
 from lidarcheck.scan import Scan
 
 __all__ = ["GHOST_RATIO", "Ghost", "ghost", "ghost_partners"]
@@ -56,13 +57,13 @@ def ghost(
     median ranges. A ghost sensor – sign – own car – sign – sensor lies on the target's beams at twice the range and
     is twice the size.
     """
-    t_xyz, g_xyz = _positions(target_xyz_m), _positions(ghost_xyz_m)
+    t_xyz, g_xyz = positions(target_xyz_m), positions(ghost_xyz_m)
     return Ghost(
         targets=len(t_xyz),
         ghosts=len(g_xyz),
         count_ratio=_ratio(float(len(g_xyz)), float(len(t_xyz))),
-        area_ratio=_ratio(_mean(ghost_area), _mean(target_area)),
-        peak_ratio=_ratio(_mean(ghost_peak), _mean(target_peak)),
+        area_ratio=_ratio(mean(ghost_area), mean(target_area)),
+        peak_ratio=_ratio(mean(ghost_peak), mean(target_peak)),
         range_ratio=_range_ratio(g_xyz, t_xyz, partner),
         size_ratio=_ratio(_size(g_xyz), _size(t_xyz)),
     )
@@ -96,22 +97,8 @@ def _range_ratio(ghost_m: FloatArray, target_m: FloatArray, partner: npt.ArrayLi
     return float(np.median(far / near[np.asarray(partner, dtype=np.int64)]))
 
 
-def _positions(xyz_m: npt.ArrayLike) -> FloatArray:
-    xyz = np.asarray(xyz_m, dtype=np.float64)
-    if xyz.size == 0:
-        return np.zeros((0, 3))
-    if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise UsageError(f"positions have shape {xyz.shape}", fix="give them as (n, 3)")
-    return xyz
-
-
 def _ratio(above: float, below: float) -> float:
     return above / below if below > 0.0 else float("nan")
-
-
-def _mean(values: npt.ArrayLike) -> float:
-    sample = np.asarray(values, dtype=np.float64)
-    return float(sample.mean()) if sample.size else float("nan")
 
 
 def _size(xyz_m: FloatArray) -> float:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["RADIUS_M", "Overlap", "overlap"]
+__all__ = ["RADIUS_M", "Overlap", "overlap", "positions"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,18 +33,21 @@ def overlap(measured_xyz_m: npt.ArrayLike, simulated_xyz_m: npt.ArrayLike, *, ra
     nearest neighbour. One cloud empty: the other's share is 0, its own share and the Chamfer distance are NaN; both
     empty: all NaN.
     """
-    m, s = _cloud(measured_xyz_m), _cloud(simulated_xyz_m)
+    m, s = positions(measured_xyz_m), positions(simulated_xyz_m)
     there, back = _nearest_m(m, s), _nearest_m(s, m)
     chamfer = 0.5 * (float(there.mean()) + float(back.mean())) if len(m) and len(s) else float("nan")
     return Overlap(_share(there, radius_m), _share(back, radius_m), chamfer, radius_m)
 
 
-def _cloud(xyz_m: npt.ArrayLike) -> FloatArray:
+def positions(xyz_m: npt.ArrayLike) -> FloatArray:
+    """Positions [m], shape (n, 3), also of none; `UsageError` for any other shape, NaN and infinity."""
     xyz = np.asarray(xyz_m, dtype=np.float64)
     if xyz.size == 0:
         return np.zeros((0, 3))
     if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise UsageError(f"a point cloud has shape {xyz.shape}", fix="give positions as (n, 3)")
+        raise UsageError(f"positions have shape {xyz.shape}", fix="give them as (n, 3)")
+    if not np.isfinite(xyz).all():
+        raise UsageError("a position is not finite", fix="leave out NaN and infinite values")
     return xyz
 
 

@@ -37,13 +37,13 @@ def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]
     """Reflectance times gain, and the power of the cosine, of each row's material."""
     ids, row_id = _distinct(ideal.material_id)
     strength, power = np.zeros(len(ids)), np.zeros(len(ids))
+    unknown = np.flatnonzero(hit & ~np.isin(ideal.material_id, list(model.materials)))
+    if len(unknown):
+        raise _missing(ideal, int(unknown[0]), model)
     for i, material_id in enumerate(ids):
         material = model.materials.get(int(material_id))
         if material is None:
-            rows = np.flatnonzero(hit & (row_id == i))
-            if len(rows):
-                raise _missing(int(material_id), ideal, int(rows[0]), model)
-            continue
+            continue  # nothing but misses bears it
         retro = material.kind == "retro"
         strength[i] = material.reflectance * (material.retro_gain if retro else 1.0)
         power[i] = 0.0 if retro else 1.0
@@ -61,11 +61,13 @@ def _distinct(values: npt.NDArray[np.int32]) -> tuple[npt.NDArray[Any], npt.NDAr
     return ids, row_id
 
 
-def _missing(material_id: int, ideal: IdealScan, row: int, model: Model) -> InputError:
+def _missing(ideal: IdealScan, row: int, model: Model) -> InputError:
+    material_id = int(ideal.material_id[row])
+    scene = ideal.file or "the ideal scan"
     known = ", ".join(str(i) for i in sorted(model.materials)) or "none"
     return InputError(
         f"material {material_id} is not in the table of materials (there: {known}); "
-        f"the ideal scan's beam Layer {ideal.layer[row]}, Point {ideal.point[row]} meets it first",
+        f"in {scene} the beam Layer {ideal.layer[row]}, Point {ideal.point[row]} meets it first",
         file=model.file,
         fix=f"add [materials.{material_id}] with name, reflectance and kind",
     )
