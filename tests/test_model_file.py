@@ -209,7 +209,7 @@ def test_external_models_know_their_directory(tmp_path: Path) -> None:
 
 def test_what_no_file_may_hold_is_not_written(tmp_path: Path) -> None:
     path = tmp_path / "m.toml"
-    bad = Model(Sensor.of("SLIM"), {1: Material("x", 1.5), -1: Material("y", 0.5)})
+    bad = Model(Sensor.of("SLIM"), {-2: Material("x", 0.5), -1: Material("y", 0.5)})
     with pytest.raises(ConfigError) as caught:
         save_model(bad, path)
     assert len(caught.value.faults) == 2

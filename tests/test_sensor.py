@@ -1,5 +1,7 @@
 """Beam geometry, the sensor's numbers, and the tables."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -128,3 +130,32 @@ def test_errors_are_one_line_each() -> None:
     assert str(one) == "error: a.txt:3: text in a number; write a number"
     assert ConfigError([one, InputError("b")]).lines() == [str(one), "error: b"]
     assert UsageError("no").exit_code == 2
+
+
+def test_what_is_lost_in_a_cast_is_refused() -> None:
+    with pytest.raises(UsageError, match="column layer holds a number that is not whole"):
+        IdealScan(np.array([2.7]), [1], [1.0], [1], [0.0])  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="a sensor has no number 'treshold'; did you mean threshold"):
+        Sensor.of("SMART", treshold=3)
+    with pytest.raises(UsageError, match=r"reflectance = 1\.5 of wall is out of range"):
+        Material("wall", 1.5)
+    assert type(Sensor.of("SMART", spads=27.0).spads) is int
+    model = Model(Sensor.of("SMART"), {1: Material("wall", 0.5)})
+    for distance in (np.nan, np.inf, -1.0):
+        with pytest.raises(UsageError, match="a distance below 0, or one that is not finite"):
+            simulate(IdealScan([1], [1], [distance], [1], [0.0]), model)  # type: ignore[arg-type]
+    ideal = IdealScan([1], [1], [30.0], [1], [0.0])  # type: ignore[arg-type]
+    for wrong in ({"seed": 1.5}, {"frame": -1}):
+        with pytest.raises(UsageError, match="is out of range"):
+            simulate(ideal, model, **wrong)  # type: ignore[arg-type]
+
+
+def test_one_beam_has_one_direction() -> None:
+    assert beam_directions(3, 4).shape == (3,)
+    assert beam_directions(3, 4) == pytest.approx(beam_directions([3], [4])[0])
+
+
+def test_errors_cross_process_borders() -> None:
+    faults = ConfigError([InputError("a", file="f", line=3, fix="x"), InputError("b")])
+    for error in (faults, UsageError("c", fix="d")):
+        assert str(pickle.loads(pickle.dumps(error))) == str(error)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
+from typing import Any
 
 __all__ = ["ConfigError", "ExternalModelError", "GoldenError", "InputError", "LidarcheckError", "UsageError"]
 
@@ -39,6 +40,10 @@ class LidarcheckError(Exception):
         self.line = line
         self.fix = fix
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Errors cross process borders; arguments by keyword would be lost on the way.
+        return _rebuilt, (type(self), self.what, self.file, self.line, self.fix)
+
     def lines(self) -> list[str]:
         """One `error: FILE:LINE: what is wrong; what to do` per fault."""
         where = "" if self.file is None else self.file
@@ -51,6 +56,10 @@ class LidarcheckError(Exception):
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
+
+
+def _rebuilt(kind: type[LidarcheckError], what: str, file: str | None, line: int | None, fix: str) -> LidarcheckError:
+    return kind(what, file=file, line=line, fix=fix)
 
 
 class UsageError(LidarcheckError):
@@ -68,6 +77,9 @@ class ConfigError(LidarcheckError):
         first = faults[0]
         super().__init__(first.what, file=first.file, line=first.line, fix=first.fix)
         self.faults = tuple(faults)
+
+    def __reduce__(self) -> tuple[type[ConfigError], tuple[tuple[InputError, ...]]]:
+        return type(self), (self.faults,)
 
     def lines(self) -> list[str]:
         """The faults in the order of the file."""

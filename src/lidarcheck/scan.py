@@ -30,6 +30,10 @@ def _freeze(table: Any, dtypes: Mapping[str, Any], length: int) -> None:
         if value is None:
             continue
         column = np.ascontiguousarray(value, dtype=dtype)
+        if np.issubdtype(dtype, np.integer) and np.asarray(value).dtype.kind == "f" and np.any(column != value):
+            raise UsageError(
+                f"column {name} holds a number that is not whole", fix="round it yourself, if that is meant"
+            )
         if column.shape != (length,):
             raise UsageError(f"column {name} has shape {column.shape}, the table has {length} rows")
         if column is value and column.flags.writeable:
@@ -54,7 +58,8 @@ class IdealScan:
     """What each fired beam meets, a row each; several rows of one (layer, point) are sub-beams of equal weight.
 
     `distance_m` 0: nothing within range. `incidence_deg`: angle between beam and surface normal. `time_s`: from the
-    frame's start. `extra`: unknown columns, kept. `file`: where it was read from, for messages. All columns have shape (n,).
+    frame's start. `extra`: unknown columns, kept. `file`: where it was read from, for messages. All
+    columns have shape (n,).
     """
 
     layer: IntArray
@@ -104,6 +109,8 @@ class Light:
         n = len(self.layer)
         _freeze(self, {"layer": np.int32, "point": np.int32, "background_per_ns": np.float64}, n)
         _freeze(self, {"first_pulse": np.int64}, n + 1)
+        if self.first_pulse[0] != 0 or np.any(np.diff(self.first_pulse) < 0):
+            raise UsageError("first_pulse must begin with 0 and not decrease")
         pulses = int(self.first_pulse[-1])
         _freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64}, pulses)
 

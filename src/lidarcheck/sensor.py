@@ -6,6 +6,7 @@ Sensor frame, metres: X forward, Y left, Z up; azimuth positive to the left, ele
 
 from __future__ import annotations
 
+import difflib
 import functools
 import tomllib
 from dataclasses import dataclass, fields, replace
@@ -22,6 +23,7 @@ __all__ = [
     "LAYERS",
     "LIGHT_SPEED_M_PER_NS",
     "POINTS",
+    "RETRO_GAIN_MAX",
     "VARIANTS",
     "Bounds",
     "Material",
@@ -38,6 +40,7 @@ FWHM_PER_SIGMA = 2.3548
 LAYERS = 520
 POINTS = 960
 VARIANTS = ("SMART", "SLIM")
+RETRO_GAIN_MAX = 1e6
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -97,12 +100,15 @@ class Sensor:
     def __post_init__(self) -> None:
         for name, bounds in SENSOR_BOUNDS.items():
             value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise UsageError(f"{name} = {value!r} is no number", fix=f"use a number of {bounds.unit}")
             if not bounds.low <= value <= bounds.high or (bounds.whole and value != int(value)):
                 kind = "a whole number" if bounds.whole else "a number"
                 raise UsageError(
                     f"{name} = {value} is out of range",
                     fix=f"use {kind} from {bounds.low:g} to {bounds.high:g} {bounds.unit}",
                 )
+            object.__setattr__(self, name, int(value) if bounds.whole else float(value))
         if self.dead_bins < self.on_bins:
             raise UsageError(
                 f"dead_bins = {self.dead_bins} is below on_bins = {self.on_bins}",
@@ -114,6 +120,11 @@ class Sensor:
         """The sensor of that variant, with numbers replaced by name."""
         if variant not in VARIANTS:
             raise UsageError(f"there is no sensor variant {variant!r}", fix='use "SMART" or "SLIM"')
+        for name in overrides:
+            if name not in SENSOR_BOUNDS:
+                near = difflib.get_close_matches(name, SENSOR_BOUNDS, n=1)
+                fix = f"did you mean {near[0]}?" if near else f"known: {', '.join(SENSOR_BOUNDS)}"
+                raise UsageError(f"a sensor has no number {name!r}", fix=fix)
         return replace(_default(variant), **overrides)  # type: ignore[arg-type]
 
     @property
@@ -160,6 +171,13 @@ class Material:
     kind: Literal["lambertian", "retro"] = "lambertian"
     retro_gain: float = 1.0
 
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.reflectance <= 1.0:
+            raise UsageError(f"reflectance = {self.reflectance} of {self.name} is out of range", fix="use 0 to 1")
+        if not 0.0 <= self.retro_gain <= RETRO_GAIN_MAX:
+            fix = f"use 0 to {RETRO_GAIN_MAX:g}"
+            raise UsageError(f"retro_gain = {self.retro_gain} of {self.name} is out of range", fix=fix)
+
 
 def elevation_deg(layer: npt.ArrayLike) -> FloatArray:
     """Elevation of a layer [deg]; same shape."""
@@ -186,9 +204,9 @@ def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
     cos_phi, sin_phi = _cos_sin(layer, "layer")
     cos_theta, sin_theta = _cos_sin(point, "point")
     directions = np.empty((3, *np.shape(layer)))
-    np.multiply(cos_theta, cos_phi, out=directions[0])
-    np.multiply(sin_theta, cos_phi, out=directions[1])
-    directions[2] = sin_phi
+    np.multiply(cos_theta, cos_phi, out=directions[0, ...])
+    np.multiply(sin_theta, cos_phi, out=directions[1, ...])
+    directions[2, ...] = sin_phi
     # Each coordinate lies in one piece: tables want columns.
     return np.moveaxis(directions, 0, -1)
 

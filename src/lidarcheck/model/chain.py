@@ -21,7 +21,7 @@ from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
 
-__all__ = ["echoes_of", "simulate"]
+__all__ = ["check_seed", "echoes_of", "simulate", "usable_cores"]
 
 Progress = Callable[[int, int], object]
 
@@ -44,7 +44,7 @@ def simulate(
     echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). Raises `InputError` for a
     material without an entry and `ExternalModelError` when the model is an external program that fails.
     """
-    check_seed(seed)
+    check_seed(seed, frame)
     if model.external is not None:
         from lidarcheck.model.external import run_external
 
@@ -93,10 +93,12 @@ def _of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:
     return [effect for effect in effects if effect.stage == stage]
 
 
-def check_seed(seed: int) -> None:
-    """Refuse a seed that is no unsigned 64-bit number."""
-    if not 0 <= seed < 2**64:
-        raise UsageError(f"seed {seed} is out of range", fix="use a whole number from 0 to 18446744073709551615")
+def check_seed(seed: int, frame: int = 0) -> None:
+    """Refuse a seed or a frame that is no unsigned 64-bit whole number."""
+    for name, value in (("seed", seed), ("frame", frame)):
+        if isinstance(value, bool) or not hasattr(value, "__index__") or not 0 <= value < 2**64:
+            fix = "use a whole number from 0 to 18446744073709551615"
+            raise UsageError(f"{name} {value} is out of range", fix=fix)
 
 
 def echoes_of(
@@ -131,9 +133,16 @@ def echoes_of(
     return _report(light, sensor, echoes)
 
 
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def _share(run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object]) -> None:
     """Run the chunks, on several threads where that helps; `told` hears how many are done."""
-    workers = min(threads or os.cpu_count() or 1, len(starts))
+    workers = min(threads or usable_cores(), len(starts))
     if workers <= 1:
         for done, start in enumerate(starts, start=1):
             run(start)

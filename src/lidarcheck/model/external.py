@@ -135,14 +135,13 @@ def _run(command: Sequence[str], external: External, directory: Path) -> str:
 
 @contextlib.contextmanager
 def _group_killed_on_error(process: subprocess.Popen[bytes]) -> Iterator[None]:
-    """Whatever interrupts the block, the process and all that it started are gone afterwards."""
+    """However the block ends, the process and all that it started are gone afterwards."""
     try:
         yield
-    except BaseException:
+    finally:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        raise
 
 
 def _filled(argument: str, values: Mapping[str, object]) -> str:

@@ -19,7 +19,7 @@ from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, v
 from lidarcheck.formats.config_words import shown
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
+from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
 
 __all__ = ["load_model", "model_of", "save_model"]
 
@@ -58,7 +58,7 @@ class _MaterialTable(Config):
     name: str = Field("", min_length=1, validate_default=False)
     reflectance: float = Field(ge=0.0, le=1.0)
     kind: Literal["lambertian", "retro"] = "lambertian"
-    retro_gain: float | None = Field(None, ge=0.0, le=1e6)
+    retro_gain: float | None = Field(None, ge=0.0, le=RETRO_GAIN_MAX)
 
     @model_validator(mode="after")
     def _gain_belongs_to_retro(self) -> _MaterialTable:

@@ -6,6 +6,8 @@ a gate on such a cache would pass a changed model. So the cache directory is nam
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import hashlib
 import os
 import shutil
@@ -36,24 +38,40 @@ def source_hash() -> str:
 
 @cache
 def cache_directory() -> Path:
-    """Where this source's compiled kernels lie: below `LIDARCHECK_CACHE`, else the user's cache directory."""
-    given = os.environ.get("LIDARCHECK_CACHE")
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lidarcheck"
-    base = (Path(given) if given else home) / "kernels"
-    directory = base / source_hash()[:16]
+    """Where this source's compiled kernels lie: below `LIDARCHECK_CACHE`, else the user's cache directory.
+
+    Where neither can be written, a temporary directory, gone when the process ends.
+    """
     try:
+        base = _base() / "kernels"
+        directory = base / source_hash()[:16]
         directory.mkdir(parents=True, exist_ok=True)
         directory.touch()
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix="lidarcheck-kernels-"))
+    except (OSError, RuntimeError):  # RuntimeError: there is no home directory
+        scratch = tempfile.mkdtemp(prefix="lidarcheck-kernels-")
+        atexit.register(shutil.rmtree, scratch, ignore_errors=True)
+        return Path(scratch)
     _prune(base)
     return directory
 
 
+def _base() -> Path:
+    given = os.environ.get("LIDARCHECK_CACHE")
+    if given:
+        return Path(given)
+    shared = os.environ.get("XDG_CACHE_HOME")
+    return (Path(shared) if shared else Path.home() / ".cache") / "lidarcheck"
+
+
 def _prune(base: Path) -> None:
-    """Remove the caches of sources that have not been run for longest."""
-    caches = sorted((path for path in base.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime)
-    for path in caches[:-_KEPT_CACHES]:
+    """Remove the caches of sources that have not been run for longest; others may do so at the same time."""
+    caches: list[tuple[float, Path]] = []
+    with contextlib.suppress(OSError):
+        for path in base.iterdir():
+            with contextlib.suppress(OSError):
+                if path.is_dir():
+                    caches.append((path.stat().st_mtime, path))
+    for _, path in sorted(caches)[:-_KEPT_CACHES]:
         shutil.rmtree(path, ignore_errors=True)
 
 

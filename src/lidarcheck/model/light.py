@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light
 
@@ -25,6 +25,8 @@ def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
     an extended target in a clear atmosphere, constants folded into K). `InputError` names a material without an entry.
     """
+    if not np.all(np.isfinite(ideal.distance_m) & np.isfinite(ideal.incidence_deg) & (ideal.distance_m >= 0.0)):
+        raise UsageError("the ideal scan holds a distance below 0, or one that is not finite", fix="0 means no surface")
     hit = ideal.distance_m > 0.0
     strength, incidence_power = _material_columns(ideal, model, hit)
     cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), 0.0, 1.0)
