@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness_fakes import SPECS, Project
+from lidarcheck import effects
 from lidarcheck.errors import GoldenError, InputError, UsageError
 from lidarcheck.harness import case, gate, seeds
 from lidarcheck.harness import review as review_module
@@ -16,6 +17,7 @@ from lidarcheck.harness.accept import ALL, accept, release
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import Verdict
 from lidarcheck.harness.golden_file import load_golden, save_golden
+from lidarcheck.harness.layout import select
 from lidarcheck.harness.results import CheckReport
 from lidarcheck.harness.review import review
 from lidarcheck.model.spec import Model
@@ -244,6 +246,32 @@ def test_a_change_accepted_with_a_reason_is_no_drift(project: Project) -> None:
     assert run(project).scenarios[0].kpis[0].verdict is Verdict.IDENTICAL
 
 
+def test_a_reason_that_the_release_has_excuses_no_drift(project: Project) -> None:
+    project.shift = 5.0
+    accept(review([project.root], **project.stand_ins), [ALL], reason="a stronger laser")
+    release([project.root])
+    for step in (5.9, 6.8, 7.7):
+        project.shift = step
+        report = run(project)
+        if report.exit_code:
+            break
+        accept(review([project.root], **project.stand_ins), [ALL])
+    failed = [kpi for result in report.scenarios for kpi in result.kpis if kpi.fails]
+    assert failed
+    assert all(kpi.reason == "a stronger laser" for kpi in failed)
+    assert "drifted" in failed[0].note
+
+
+def test_a_fresh_change_is_not_called_drift(project: Project) -> None:
+    release([project.root])
+    project.shift = 5.0
+    kpi = run(project).scenarios[0].kpis[0]
+    assert kpi.golden is not None
+    assert kpi.release is not None
+    assert kpi.golden.verdict is kpi.release.verdict is Verdict.REGRESSED
+    assert "since the last release" not in kpi.note
+
+
 def test_a_release_of_another_scenario_is_not_compared(project: Project) -> None:
     release([project.root])
     project.version = "v2"
@@ -367,6 +395,24 @@ def test_a_given_model_keeps_the_scenarios_conditions(project: Project) -> None:
     assert {number: material.reflectance for number, material in plain.materials.items()} == {1: 0.1, 2: 0.2}
     changed = asked(Sensor.of("SMART", signal_at_1m=6180.0, threshold=12)).sensor
     assert (changed.signal_at_1m, changed.threshold, changed.background_per_ns) == (6180.0, 12, 0.002)
+
+
+def test_a_given_model_keeps_the_scenarios_effects_unless_it_has_its_own(project: Project) -> None:
+    own, others = ((effects.make(name, {}),) for name in sorted(effects.catalogue())[:2])
+    project.model = Model(Sensor.of("SMART"), effects=own)
+
+    def asked(given: Model) -> Model:
+        return case.open_case(project.file("one"), given, **project.stand_ins).model
+
+    assert asked(Model(Sensor.of("SMART"))).effects == own
+    assert asked(Model(Sensor.of("SMART"), effects=others)).effects == others
+
+
+def test_hidden_files_are_no_scenarios_and_no_goldens(project: Project) -> None:
+    for directory in ("scenarios", "goldens"):
+        (project.root / directory / ".x.toml").write_text("half-written", encoding="utf-8")
+    assert [file.name for file in select([project.root]).files] == ["one.toml", "two.toml"]
+    assert run(project).exit_code == 0
 
 
 def test_golden_with_too_few_seeds_is_indeterminate(project: Project) -> None:

@@ -277,6 +277,14 @@ def test_constants() -> None:
     assert (same.verdict, other.verdict) == (Verdict.EQUIVALENT, Verdict.REGRESSED)
 
 
+def test_a_constant_is_constant_only_to_its_printed_digits() -> None:
+    golden = reference(np.full(64, 0.5))
+    for by, want in ((1e-12, Verdict.EQUIVALENT), (1e-6, Verdict.REGRESSED)):
+        moved_by = sample(np.full(64, 0.5 * (1.0 + by)))
+        assert gate.judge(spec(), golden, moved_by, SHARE).verdict is want
+    assert not gate.needs_more(spec(), golden, sample(np.full(16, 0.5 * (1.0 + 1e-12))), SHARE)
+
+
 def test_all_of_n_has_an_error() -> None:
     golden = reference(np.ones(64), trials=500)
     asked = spec("proportion", tolerance=0.0005, direction="higher")

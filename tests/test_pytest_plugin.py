@@ -252,7 +252,7 @@ def test_another_model_and_seed(repo):
     assert not (repo.path / ".lidarcheck" / "proposals" / "wall.toml").exists()
 
 
-@pytest.mark.parametrize("seed", ["-1", str(2**64), "one"])
+@pytest.mark.parametrize("seed", ["-1", str(2**64), "one", "", "+3", " 3", "1_0", "٣"])
 def test_a_bad_seed_is_refused(repo, seed):
     result = repo.runpytest_inprocess("scenarios", f"--lidarcheck-seed={seed}")
     assert result.ret == pytest.ExitCode.USAGE_ERROR

@@ -10,12 +10,14 @@ import pytest
 
 from harness_fakes import SPECS, Project
 from lidarcheck.errors import GoldenError, UsageError
+from lidarcheck.harness import gate
 from lidarcheck.harness import review as review_module
 from lidarcheck.harness.accept import ALL, accept, release
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import Verdict
 from lidarcheck.harness.golden_file import load_golden
 from lidarcheck.harness.review import ReviewReport, review
+from lidarcheck.harness.sensitivity import resolution
 
 
 @pytest.fixture
@@ -85,6 +87,21 @@ def test_a_complete_proposal_is_taken_as_it_is(project: Project) -> None:
     project.shift = 0.8
     look(project)
     assert len(project.seeds) == 8 + 96, "another model's proposal is none"
+
+
+def test_a_proposal_made_beside_another_golden_is_made_anew(project: Project) -> None:
+    first = project.golden("one").read_bytes()
+    project.shift = -5.0
+    accept(look(project), [ALL], reason="elsewhere")
+    other = project.golden("one").read_bytes()
+    project.golden("one").write_bytes(first)
+    project.shift = 0.9
+    assert look(project).scenarios[0].kpis[0].verdict is Verdict.CHANGED
+    project.golden("one").write_bytes(other)
+    report = look(project)
+    assert report.scenarios[0].kpis[0].verdict is Verdict.REGRESSED
+    with pytest.raises(UsageError, match="area_mean: regressed"):
+        accept(report, [ALL])
 
 
 def test_a_regression_needs_a_reason(project: Project) -> None:
@@ -216,6 +233,16 @@ def test_some_goldens_are_never_accepted(project: Project, spec: object, what: s
     for reason in ("", "I want it"):
         with pytest.raises(UsageError, match=what):
             accept(look(project), [ALL], reason=reason)
+
+
+def test_a_golden_must_stay_fine_enough_when_the_suite_grows(project: Project) -> None:
+    reference = load_golden(project.golden("one")).kpis["area_mean"].reference
+    small, grown = (resolution(gate.error_share(kpis), reference.sd) for kpis in (3, 500))
+    asked = dataclasses.replace(SPECS[0], tolerance=(small + grown) / 2.0)
+    assert gate.too_coarse(asked, reference, gate.error_share(3)) == ""
+    project.specs = (asked, *SPECS[1:])
+    with pytest.raises(UsageError, match="set the tolerance to"):
+        accept(look(project), [ALL], reason="fine today")
 
 
 def test_unknown_names(project: Project) -> None:

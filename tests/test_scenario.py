@@ -195,6 +195,18 @@ def test_a_measured_file_makes_distances_means(tmp_path):
     assert "Layer 100, Point 100" in fault[1]
 
 
+def test_other_measured_echoes_are_another_scenario(tmp_path):
+    text = 'measured = "measured.csv"\n' + HEAD + BEAMS + KPIS.replace("area_mean", "area_distance")
+    layer, point = np.array([10, 11], dtype=np.int32), np.array([100, 100], dtype=np.int32)
+
+    def content_hash(area: list[float]) -> str:
+        echoes = Scan.from_beams(layer, point, np.array([20.0, 20.1]), area=np.array(area))
+        save_scan(echoes, tmp_path / "measured.csv")
+        return load(tmp_path, text).content_hash
+
+    assert content_hash([5.0, 7.0]) == content_hash([5.0, 7.0]) != content_hash([5.0, 7.5])
+
+
 # Faults
 
 

@@ -50,7 +50,8 @@ def check(
     start = time.monotonic()
     selection = select(paths)
     cases = [open_case(file, model, measure, load) for file in selection.files]
-    share = gate.error_share(suite_size(cases))
+    kpis_in_suite = suite_size(cases)
+    share = gate.error_share(kpis_in_suite)
     run = Runner(jobs, progress)
     active = [case for case in cases if not case.skipped]
 
@@ -70,7 +71,7 @@ def check(
         problems=_run_problems(selection, results),
         seed=seed,
         model="" if model is None else str(model if not isinstance(model, Model) else model.file or "given"),
-        kpis_in_suite=suite_size(cases),
+        kpis_in_suite=kpis_in_suite,
         error_budget=gate.ERROR_BUDGET,
         seconds=time.monotonic() - start,
         versions=versions(),

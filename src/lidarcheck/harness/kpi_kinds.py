@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lidarcheck.harness.kpi_spec import Direction, GateKind
 from lidarcheck.kpi.pairing import Pairing
+from lidarcheck.kpi.validation import mean
 from lidarcheck.scan import Scan
 
 __all__ = ["KINDS", "Echoes", "KpiKind", "Seen", "Selection"]
@@ -114,15 +115,11 @@ class Seen:
     width_ns: FloatArray
 
 
-def _mean(values: FloatArray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
-
-
 def _share(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
 
 
-def _spread(values: FloatArray) -> float:
+def _standard_deviation(values: FloatArray) -> float:
     return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
 
 
@@ -162,20 +159,26 @@ KINDS: Mapping[str, KpiKind] = MappingProxyType(
             value=lambda seen: _share(seen.beams_detected, seen.beams_meeting),
             trials=lambda seen: seen.beams_meeting,
         ),
-        "area_mean": KpiKind("mean AREA on the surface", "counts", "target", value=lambda seen: _mean(seen.area)),
-        "peak_mean": KpiKind("mean PEAK on the surface", "detectors", "target", value=lambda seen: _mean(seen.peak)),
-        "width_mean": KpiKind("mean WIDTH on the surface", "ns", "target", value=lambda seen: _mean(seen.width_ns)),
+        "area_mean": KpiKind("mean AREA on the surface", "counts", "target", value=lambda seen: mean(seen.area)),
+        "peak_mean": KpiKind("mean PEAK on the surface", "detectors", "target", value=lambda seen: mean(seen.peak)),
+        "width_mean": KpiKind("mean WIDTH on the surface", "ns", "target", value=lambda seen: mean(seen.width_ns)),
         "range_residual_mean": KpiKind(
-            "mean range minus true range: offset and walk", "m", "target", value=lambda seen: _mean(seen.residual_m)
+            "mean range minus true range: offset and walk", "m", "target", value=lambda seen: mean(seen.residual_m)
         ),
         "range_residual_median": KpiKind(
             "median range minus true range", "m", "target", value=lambda seen: _median(seen.residual_m)
         ),
         "range_noise": KpiKind(
-            "standard deviation of range minus true range", "m", "target", value=lambda seen: _spread(seen.residual_m)
+            "standard deviation of range minus true range",
+            "m",
+            "target",
+            value=lambda seen: _standard_deviation(seen.residual_m),
         ),
         "area_spread": KpiKind(
-            "standard deviation of AREA on the surface", "counts", "target", value=lambda seen: _spread(seen.area)
+            "standard deviation of AREA on the surface",
+            "counts",
+            "target",
+            value=lambda seen: _standard_deviation(seen.area),
         ),
         "echoes_per_beam": KpiKind(
             "echoes / fired beams", "1", "target", value=lambda seen: _share(seen.echoes, seen.beams), on_surface=False

@@ -251,7 +251,6 @@ def _holds_scenarios(directory: Path, named: frozenset[Path]) -> bool:
 
 def _seed(text: str) -> int:
     """A seed as `lidarcheck check --seed` takes it; a `ValueError` becomes the option's error."""
-    seed = int(text)
-    if not 0 <= seed < 1 << 64:
+    if not (text.isascii() and text.isdecimal()) or int(text) >= 1 << 64:
         raise ValueError(text)
-    return seed
+    return int(text)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.formats.plain import plain
 from lidarcheck.harness.gate import Evidence, Verdict
 from lidarcheck.harness.kpi_spec import KpiSpec
 
@@ -127,26 +127,10 @@ class CheckReport:
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON holds it: lists, numbers, text; null where there is no number."""
-        plain: dict[str, Any] = _plain(self)
-        plain |= {"verdict": "failed" if self.failed else "holds", "exit_code": self.exit_code, "counts": self.counts}
-        for table, scenario in zip(plain["scenarios"], self.scenarios, strict=True):
-            table |= {"failed": scenario.failed, "identical": scenario.identical, "compared": scenario.compared}
-            for entry, kpi in zip(table["kpis"], scenario.kpis, strict=True):
+        table: dict[str, Any] = plain(self)
+        table |= {"verdict": "failed" if self.failed else "holds", "exit_code": self.exit_code, "counts": self.counts}
+        for found, scenario in zip(table["scenarios"], self.scenarios, strict=True):
+            found |= {"failed": scenario.failed, "identical": scenario.identical, "compared": scenario.compared}
+            for entry, kpi in zip(found["kpis"], scenario.kpis, strict=True):
                 entry |= {"name": kpi.name, "fails": kpi.fails}
-        return plain
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Verdict):
-        return value.value
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
+        return table

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import GoldenError
+from lidarcheck.formats.plain import plain
 from lidarcheck.harness import gate
 from lidarcheck.harness.case import Case, Load, Measure, open_case, provenance_now, suite_size
 from lidarcheck.harness.gate import Verdict
@@ -280,9 +281,9 @@ def _scenario_dict(found: ScenarioReview) -> dict[str, Any]:
             {
                 "name": kpi.name,
                 "verdict": kpi.verdict.value,
-                "old": _finite(kpi.old.reference.mean) if kpi.old else None,
-                "new": _finite(kpi.new.reference.mean) if kpi.new else None,
-                "delta": _finite(kpi.delta),
+                "old": plain(kpi.old.reference.mean) if kpi.old else None,
+                "new": plain(kpi.new.reference.mean) if kpi.new else None,
+                "delta": plain(kpi.delta),
                 "unit": (kpi.new or kpi.old).spec.unit if kpi.new or kpi.old else "",  # type: ignore[union-attr]
                 "needs_reason": list(kpi.needs_reason),
                 "refused": list(kpi.refused),
@@ -290,7 +291,3 @@ def _scenario_dict(found: ScenarioReview) -> dict[str, Any]:
             for kpi in found.kpis
         ],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
