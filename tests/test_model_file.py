@@ -315,4 +315,4 @@ def test_a_gain_without_effect_is_said(tmp_path: Path, caplog: pytest.LogCapture
     path = tmp_path / "m.toml"
     path.write_text('variant = "SLIM"\n[materials.3]\nreflectance = 0.5\nretro_gain = 9.0\n')
     assert load_model(path).materials[3].retro_gain == 1.0
-    assert "material 3 is lambertian: its retro_gain = 9 has no effect" in caplog.text
+    assert "m.toml:4: material 3 is lambertian: retro_gain = 9 has no effect" in caplog.text

@@ -1,5 +1,16 @@
 """The command line: one file a command, thin."""
 
-from lidarcheck.cli.entry import main
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 __all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line, `sys.argv` by default, and return its exit code; see `lidarcheck.cli.entry`."""
+    try:
+        from lidarcheck.cli import entry
+    except KeyboardInterrupt:  # an impatient one, while the interpreter is still loading
+        return 130
+    return entry.main(argv)

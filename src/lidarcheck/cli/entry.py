@@ -1,6 +1,7 @@
 """From arguments to an exit code: the one place that turns whatever happens into a line and a number.
 
 0: done, or every KPI holds. 1: a KPI fell out. 2: could not run. 130: interrupted. 141: nobody reads the output.
+143: told to end.
 """
 
 from __future__ import annotations
@@ -8,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 from cyclopts.exceptions import CycloptsError
 
@@ -23,6 +26,15 @@ __all__ = ["main"]
 COULD_NOT_RUN = 2
 INTERRUPTED = 130
 NO_READER = 141
+TERMINATED = 143
+
+
+class Terminated(KeyboardInterrupt):
+    """Somebody asked the process to end; it cleans up as it does when it is interrupted."""
+
+
+def _terminate(*_: object) -> None:
+    raise Terminated
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,6 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         # Numeric warnings of the libraries below mean nothing to a user; the package says what it has to say itself.
         warnings.simplefilter("ignore")
+        signal.signal(signal.SIGTERM, _terminate)
+    _provide_streams()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
@@ -40,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             code = _run(sys.argv[1:] if argv is None else list(argv))
             sys.stdout.flush()
+        except Terminated:
+            return TERMINATED
         except KeyboardInterrupt:
             return INTERRUPTED
         except BrokenPipeError:
@@ -53,6 +69,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         except Exception as error:  # noqa: BLE001 - a bug must not show a user a traceback
             return _internal(error)
     return code
+
+
+def _provide_streams() -> None:
+    """A service may start us without standard streams; what we say there is for nobody, and no reason to fail."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 - open to the end
 
 
 def _run(argv: list[str]) -> int:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.harness import gate
 from lidarcheck.harness.kpi_spec import Measurement
+from lidarcheck.model.external import stop_external_models
 
 __all__ = [
     "GOLDEN_SEEDS",
@@ -66,8 +67,9 @@ class Job(NamedTuple):
 class Runner:
     """Runs seeds of several scenarios side by side, whose results do not depend on `jobs`.
 
-    Threads serve: the kernels release the interpreter's lock. On an error or interrupt nothing new is started, what
-    runs is waited for, and no record is kept. `progress` is called from the calling thread.
+    Threads serve: the kernels release the interpreter's lock. On an error or interrupt nothing new is started, external
+    models are killed, kernels that run are waited for, and no record is kept. `progress` is called from the calling
+    thread.
     """
 
     def __init__(self, jobs: int | None = None, progress: Progress | None = None) -> None:
@@ -89,6 +91,11 @@ class Runner:
             for future in as_completed(futures):
                 found[futures[future]] = future.result()
                 self._progress(self._done + len(found), total, tasks[futures[future]][0].label)
+        except BaseException:
+            # An external model may run for minutes; nobody waits for it after an error or an interrupt.
+            pool.shutdown(wait=False, cancel_futures=True)
+            stop_external_models()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
         self._done = total

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects import Effect
-from lidarcheck.errors import UsageError
+from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.light import light_of
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -48,7 +48,11 @@ def simulate(
     if model.external is not None:
         from lidarcheck.model.external import run_external
 
-        return run_external(ideal, model.external, seed=seed)
+        try:
+            return run_external(ideal, model.external, seed=seed)
+        except ExternalModelError as error:
+            error.file = error.file or (None if model.file is None else str(model.file))
+            raise
     run = _Run(seed, frame, model.sensor, ideal)
     run = run.after_stage("aim", model.effects)
     light = light_of(run.ideal, model)

@@ -18,7 +18,7 @@ from lidarcheck.formats.config_words import nearest, printable
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["PLACEHOLDERS", "check_command", "run_external"]
+__all__ = ["PLACEHOLDERS", "check_command", "run_external", "stop_external_models"]
 
 PLACEHOLDERS = ("ideal", "ini", "scan", "seed")
 """What a command may name in braces; `{{` and `}}` stand for the braces themselves."""
@@ -26,6 +26,8 @@ PLACEHOLDERS = ("ideal", "ini", "scan", "seed")
 _BRACES = re.compile(r"\{\{|\}\}|\{(?P<name>[^{}]*)\}|[{}]")
 _TAIL_BYTES = 8192
 _log = logging.getLogger(__name__)
+_running: set[int] = set()
+"""Process groups of the external models that run."""
 
 
 def check_command(command: Sequence[str]) -> list[tuple[int | None, UsageError]]:
@@ -136,12 +138,24 @@ def _run(command: Sequence[str], external: External, directory: Path) -> str:
 @contextlib.contextmanager
 def _group_killed_on_error(process: subprocess.Popen[bytes]) -> Iterator[None]:
     """However the block ends, the process and all that it started are gone afterwards."""
+    _running.add(process.pid)
     try:
         yield
     finally:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
+        _running.discard(process.pid)
+        _kill(process.pid)
         process.wait()
+
+
+def stop_external_models() -> None:
+    """Kill all external models that run now, in whatever thread, with all that they started."""
+    for group in list(_running):
+        _kill(group)
+
+
+def _kill(group: int) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGKILL)
 
 
 def _filled(argument: str, values: Mapping[str, object]) -> str:

@@ -129,7 +129,7 @@ def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
         faults += error.faults
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
-    materials = {int(number): _material(number, entry) for number, entry in table.materials.items()}
+    materials = {int(number): _material(number, entry, lines) for number, entry in table.materials.items()}
     return Model(sensor, materials, effects, file=lines.file)
 
 
@@ -143,9 +143,10 @@ def _sensor(table: _ModelTable, lines: LineIndex) -> Sensor:
         raise ConfigError([fault]) from None
 
 
-def _material(number: str, table: _MaterialTable) -> Material:
+def _material(number: str, table: _MaterialTable, lines: LineIndex) -> Material:
     if table.kind == "lambertian" and table.retro_gain not in (None, 1.0):
-        _log.warning("material %s is lambertian: its retro_gain = %g has no effect", number, table.retro_gain)
+        where = f"{lines.file}:{lines.line(('materials', number, 'retro_gain'))}"
+        _log.warning("%s: material %s is lambertian: retro_gain = %g has no effect", where, number, table.retro_gain)
     gain = 1.0 if table.retro_gain is None or table.kind == "lambertian" else table.retro_gain
     return Material(table.name or f"material_{number}", table.reflectance, table.kind, gain)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import hashlib
+import logging
 import os
 import shutil
 import tempfile
@@ -22,6 +23,8 @@ import numba
 __all__ = ["cache_directory", "inlined", "kernel", "source_hash"]
 
 _KEPT_CACHES = 6
+_ROOM_BYTES = 1 << 22
+_log = logging.getLogger(__name__)
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -47,12 +50,26 @@ def cache_directory() -> Path:
         directory = base / source_hash()[:16]
         directory.mkdir(parents=True, exist_ok=True)
         directory.touch()
-    except (OSError, RuntimeError):  # RuntimeError: there is no home directory
+        _check_room(directory)
+    except (OSError, RuntimeError) as error:  # RuntimeError: there is no home directory
+        place = getattr(error, "filename", None) or "the cache directory"
+        _log.warning("%s cannot be written: kernels are compiled anew in each run; set LIDARCHECK_CACHE", place)
         scratch = tempfile.mkdtemp(prefix="lidarcheck-kernels-")
         atexit.register(shutil.rmtree, scratch, ignore_errors=True)
         return Path(scratch)
     _prune(base)
     return directory
+
+
+def _check_room(directory: Path) -> None:
+    """Raise `OSError` where an empty cache could not take the kernels."""
+    if not any(directory.iterdir()):
+        with tempfile.NamedTemporaryFile(dir=directory) as probe:
+            try:
+                probe.write(bytes(_ROOM_BYTES))
+                probe.flush()
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(directory)) from error
 
 
 def _base() -> Path:
