@@ -115,3 +115,14 @@ def test_progress_is_silent_where_nobody_watches(capsys):
     with stage("reading"):
         pass
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("option", ["--html", "--json", "--junit"])
+def test_a_report_never_replaces_a_scenario(option, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scenarios").mkdir()
+    wall = tmp_path / "scenarios" / "wall.toml"
+    wall.write_text("#")
+    assert main(["check", "wall", option, "scenarios/wall.toml"]) == 2
+    assert "is the name of a scenario, golden or model" in capsys.readouterr().err
+    assert wall.read_text() == "#"
