@@ -26,9 +26,6 @@ def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Pat
     target = Path(path)
     if target.is_dir():
         raise InputError("is a directory", file=target, fix=f"name a file for {option}")
-    if target.suffix.lower() == ".toml":
-        # Scenarios, goldens and models, found by name, are not among the arguments; a report never is TOML.
-        raise InputError("is the name of a scenario, golden or model", file=target, fix=f"name another for {option}")
     if target.exists() and not os.access(target, os.W_OK):
         raise InputError("cannot be written", file=target, fix="check its permissions, or choose another file")
     parent = Path(os.path.realpath(target)).parent
@@ -39,6 +36,9 @@ def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Pat
     places = (os.path.realpath(other) for other in besides if other is not None and str(other) != STANDARD_OUTPUT)
     if os.path.realpath(target) in places and not target.is_char_device():
         raise InputError("would replace another file of this command", file=target, fix=f"name another for {option}")
+    if target.suffix.lower() == ".toml":
+        # Scenarios, goldens and models, found by name, are not among the arguments; a report never is TOML.
+        raise InputError("is the name of a scenario, golden or model", file=target, fix=f"name another for {option}")
 
 
 def write_result(path: str | Path, text: str) -> None:
