@@ -211,6 +211,15 @@ def test_an_edited_golden_cannot_be_run(project: Project) -> None:
         run(project)
 
 
+def test_a_broken_release_golden_is_made_anew_by_a_release(project: Project) -> None:
+    (broken,) = (path for path in release([project.root]) if path.name == "one.toml")
+    broken.write_text("x", encoding="utf-8")
+    with pytest.raises(GoldenError, match="lidarcheck review --release"):
+        run(project)
+    release([project.root])
+    assert run(project).exit_code == 0
+
+
 def test_a_golden_of_another_scenario_fails(project: Project) -> None:
     project.golden("two").write_bytes(project.golden("one").read_bytes())
     report = run(project)
@@ -365,6 +374,11 @@ def test_selection(project: Project, monkeypatch: pytest.MonkeyPatch, tmp_path: 
     assert len(check(**project.stand_ins).scenarios) == 2
     with pytest.raises(InputError, match="no such scenario"):
         check(["three.toml"], **project.stand_ins)
+    with pytest.raises(InputError, match=r"did you mean one\.toml\?"):
+        check(["ome.toml"], **project.stand_ins)
+    monkeypatch.chdir(project.root)
+    with pytest.raises(InputError, match=r"did you mean two\?"):
+        check(["tow"], **project.stand_ins)
     empty = tmp_path / "empty"
     empty.mkdir()
     assert check([empty], **project.stand_ins).exit_code == 1

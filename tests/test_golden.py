@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from harness_fakes import SPECS, Project
-from lidarcheck.errors import GoldenError
+from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.harness import gate
 from lidarcheck.harness.golden import Golden, build, paired_identical, thresholds_changed, values_of
 from lidarcheck.harness.golden_file import dump_golden, load_golden, save_golden
-from lidarcheck.harness.provenance import Provenance, parameters_hash, source_files, source_hash
+from lidarcheck.harness.provenance import Provenance, external_files, parameters_hash, source_files, source_hash
+from lidarcheck.harness.scenario import load_scenario
 from lidarcheck.harness.seeds import (
     GOLDEN_SEEDS,
     QUANTILE_LEVELS,
@@ -241,6 +242,41 @@ def test_parameters_hash(tmp_path: Path) -> None:
     assert parameters_hash(external) not in (first, parameters_hash(model))
 
 
+def test_parameters_hash_sees_the_program(tmp_path: Path) -> None:
+    def model(where: Path, program: str) -> Model:
+        (where / "src").mkdir(parents=True, exist_ok=True)
+        (where / "src" / "post.py").write_text(program, encoding="utf-8")
+        (where / "a.cfg").write_text("a", encoding="utf-8")
+        command = ("python3", "src/post.py", "--config=a.cfg", "{ideal}", "../b/a.cfg", "x" * 5000, "\0")
+        return Model(Sensor.of("SMART"), external=External(command, where))
+
+    first = model(tmp_path / "a", "a = 1")
+    assert first.external is not None
+    names = [path.relative_to(tmp_path).as_posix() for path in external_files(first.external)]
+    assert names == ["a/a.cfg", "a/src/post.py"]
+    before = parameters_hash(first)
+    assert parameters_hash(model(tmp_path / "b", "a = 1")) == before
+    assert parameters_hash(model(tmp_path / "a", "a = 2")) != before
+    gone = dataclasses.replace(first, external=External(("./run",), tmp_path, tmp_path / "gone.ini"))
+    with pytest.raises(InputError, match=r"gone\.ini: cannot read this file of the external model"):
+        parameters_hash(gone)
+
+
+def test_hashes_of_built_in_models_stay() -> None:
+    goldens = Path(__file__).resolve().parents[1] / "goldens"
+    for path in sorted(goldens.glob("*.toml")):
+        scenario = load_scenario(goldens.parent / "scenarios" / path.name)
+        assert parameters_hash(scenario.model) == load_golden(path).provenance.parameters
+
+
+def test_a_golden_that_is_empty_or_the_releases_says_so(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_text("\n", encoding="utf-8")
+    with pytest.raises(GoldenError, match=r"the golden is empty; .*--accept all"):
+        load_golden(tmp_path / "x.toml")
+    with pytest.raises(GoldenError, match=r"the golden is empty; .*`lidarcheck review --release`"):
+        load_golden(tmp_path / "x.toml", release=True)
+
+
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_uncommitted_names_the_scenario(tmp_path: Path) -> None:
     project = Project(tmp_path)
@@ -259,3 +295,6 @@ def test_uncommitted_names_the_scenario(tmp_path: Path) -> None:
     project.file("one").write_text("# changed\n", encoding="utf-8")
     assert "one.toml" in uncommitted(scenario)[0]
     assert "two.toml" not in uncommitted(scenario)[0]
+    (tmp_path / "post.py").write_text("a = 1\n", encoding="utf-8")
+    scenario.model = dataclasses.replace(scenario.model, external=External(("python3", "post.py"), tmp_path))
+    assert "post.py" in uncommitted(scenario)[0]

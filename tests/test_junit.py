@@ -1,5 +1,6 @@
 """The JUnit report and the annotations of a check, as a CI server reads them."""
 
+import dataclasses
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -64,6 +65,15 @@ def test_the_numbers_are_properties():
         "note": "the 8 paired seeds differ",
         "reason": "a new lens",
     }
+
+
+def test_the_file_is_told_from_the_current_directory(tmp_path, monkeypatch):
+    wall = dataclasses.replace(scenario("wall", kpi()), file=tmp_path / "scenarios" / "wall.toml")
+    monkeypatch.chdir(tmp_path)
+    assert '"scenarios/wall.toml"' in junit_text(report(wall))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert f'"{wall.file.as_posix()}"' in junit_text(report(wall))
 
 
 def test_what_has_no_number_has_no_property():

@@ -172,8 +172,13 @@ def test_absent_features_are_named_and_stand_ins_taken():
 def test_the_first_beam_that_is_not_in_the_ideal_scan_is_named():
     ideal = street()
     s = echoes(ideal, 1)
-    with pytest.raises(UsageError, match="the measured scan: the scan has an echo on Layer 0, Point 0,"):
-        compare(s.take(np.lexsort((s.point, s.layer))), s, ideal.take(np.flatnonzero(ideal.layer > 0)))
+    with pytest.raises(UsageError, match=r"^error: real\.txt: the measured scan has an echo on Layer 0, Point 0,"):
+        compare(
+            s.take(np.lexsort((s.point, s.layer))),
+            s,
+            ideal.take(np.flatnonzero(ideal.layer > 0)),
+            files={"measured": "real.txt"},
+        )
 
 
 def test_empty_scans():

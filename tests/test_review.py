@@ -285,6 +285,12 @@ def test_an_old_reason_stays(project: Project) -> None:
     assert load_golden(project.golden("one")).kpis["area_mean"].reason == "a stronger laser"
 
 
+def test_a_golden_without_scenario_is_named(project: Project, caplog: pytest.LogCaptureFixture) -> None:
+    project.golden("gone").write_bytes(project.golden("one").read_bytes())
+    assert look(project).settled
+    assert "goldens/gone.toml has no scenario" in caplog.text
+
+
 def test_release_copies_goldens(project: Project) -> None:
     target = project.root / "goldens" / "release" / "one.toml"
     assert release([project.root]) == [target]

@@ -257,6 +257,17 @@ def test_a_fault_names_its_line(tmp_path, old, new, at, says):
     assert fault[0] == (1 if whole_document else line_of(text, at))
 
 
+def test_a_fix_is_in_words(tmp_path):
+    path = tmp_path / "one.toml"
+    text = HEAD + BEAMS.replace("[10, 12]", "[240]") + KPIS + 'name = ""\n'
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(path)
+    said = str(caught.value)
+    assert "layers = [240]: 1 entry; write [first, last], both included" in said
+    assert 'name = "" is not valid; use a name of letters, digits, _, . and -' in said
+
+
 def test_a_surface_kpi_on_nothing_is_refused(tmp_path):
     nothing = '\n[[beams]]\nshape = "nothing"\nlayers = [0, 1]\npoints = [0, 1]\n'
     (fault,) = faults(tmp_path, HEAD + nothing + KPIS)

@@ -73,7 +73,7 @@ COMMANDS = (
         "[NAME] [OPTIONS]",
         "List the effects that a model can name, or explain one.",
         "With a name: its parameters with unit, range and default, its formula and its source.",
-        ("lidarcheck effects", "lidarcheck effects fog"),
+        ("lidarcheck effects", "lidarcheck effects dark_counts"),
     ),
     Command(
         "bench",

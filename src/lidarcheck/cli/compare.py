@@ -50,7 +50,8 @@ def compare(
         scene = None if ideal is None else load_ideal(ideal)
         scans = load_scan(measured), load_scan(simulated)
     with stage("comparing"):
-        comparison = run(*scans, scene, model=sensor_model)
+        files = {"measured": measured, "simulated": simulated}
+        comparison = run(*scans, scene, model=sensor_model, files=files)
     if json is not None:
         write_result(json, json_text(comparison.to_dict()))
     if json != "-":

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from lidarcheck.formats.config import Config
 from lidarcheck.scan import IdealScan
@@ -29,6 +29,12 @@ _MAX_RANGE_M = 1000.0
 def _rising(span: tuple[int, int]) -> tuple[int, int]:
     if span[0] > span[1]:
         raise ValueError("the first is above the last; write [first, last], both included")
+    return span
+
+
+def _two(span: object) -> object:
+    if isinstance(span, list | tuple) and len(span) != 2:
+        raise ValueError(f"{len(span)} {'entry' if len(span) == 1 else 'entries'}; write [first, last], both included")
     return span
 
 
@@ -50,8 +56,8 @@ class Geometry(NamedTuple):
 class Shape(Config, abc.ABC):
     """What every `[[beams]]` table has: its beams as [first, last], both included, and the ID of its first object."""
 
-    layers: Annotated[tuple[_Layer, _Layer], AfterValidator(_rising)]
-    points: Annotated[tuple[_Point, _Point], AfterValidator(_rising)]
+    layers: Annotated[tuple[_Layer, _Layer], BeforeValidator(_two), AfterValidator(_rising)]
+    points: Annotated[tuple[_Point, _Point], BeforeValidator(_two), AfterValidator(_rising)]
     material: _Number = 0
     object: _Number | None = None
 

@@ -133,7 +133,7 @@ def open_case(
     layout = layout_of(file)
     asked, skipped = _model_for(scenario, model)
     golden, damage = _golden(layout.golden(scenario.name), tolerate_damage)
-    release, _ = _golden(layout.release(scenario.name), tolerate_damage)
+    release, _ = _golden(layout.release(scenario.name), tolerate_damage, release=True)
     if release and release.provenance.scenario != scenario.content_hash:
         release = None
     return Case(
@@ -196,9 +196,9 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
     return dataclasses.replace(asked, materials=materials, effects=model.effects or own.effects), ""
 
 
-def _golden(path: Path, tolerate_damage: bool) -> tuple[Golden | None, str]:
+def _golden(path: Path, tolerate_damage: bool, *, release: bool = False) -> tuple[Golden | None, str]:
     try:
-        return (load_golden(path) if path.is_file() else None), ""
+        return (load_golden(path, release=release) if path.is_file() else None), ""
     except GoldenError as error:
         if not tolerate_damage:
             raise

@@ -16,7 +16,7 @@ from lidarcheck.harness.gate import Evidence, Verdict
 from lidarcheck.harness.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
 from lidarcheck.harness.golden_file import save_golden
 from lidarcheck.harness.kpi_spec import KpiSpec
-from lidarcheck.harness.layout import Layout, Selection, make_directory, select
+from lidarcheck.harness.layout import Selection, make_directory, select
 from lidarcheck.harness.provenance import parameters_hash, source_hash, versions
 from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.harness.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
@@ -182,15 +182,10 @@ def _release_evidence(case: Case, spec: KpiSpec, golden: KpiGolden, share: float
 
 
 def _run_problems(selection: Selection, results: Sequence[ScenarioResult]) -> tuple[str, ...]:
-    problems = [_orphan(layout, path) for layout in selection.whole for path in layout.orphans()]
+    problems = [text for layout in selection.whole for text in layout.orphans_in_words()]
     if not any(result.compared for result in results):
         problems.append("no KPI was compared with a golden: a run that compares nothing proves nothing")
     return tuple(problems)
-
-
-def _orphan(layout: Layout, path: Path) -> str:
-    name = path.relative_to(layout.root).as_posix()
-    return f"{name} has no scenario: restore scenarios/{path.name}, or delete the golden"
 
 
 def _leave_proposal(case: Case, result: ScenarioResult) -> None:

@@ -26,28 +26,34 @@ _HEAD = (
     "# What the KPIs of this scenario were when somebody last agreed to them. Written by `lidarcheck review`: do not\n"
     "# edit it, the content hash at the end would no longer fit.\n"
 )
-_RESTORE = "restore it from version control, or make it anew with `lidarcheck review --accept all`"
+_ANEW = "make it anew with `lidarcheck review --accept all`"
+_RELEASE_ANEW = "make it anew from the last golden with `lidarcheck review --release`"
 _SPEC_FIELDS = ("kind", "unit", "direction", "tolerance", "low", "high", "feature")
 _NUMBER_FIELDS = ("mean", "sd", "seeds", "drawn", "trials")
 _WORDS = ("reason", "reason_date", "verdict")
 
 
-def load_golden(path: Path) -> Golden:
-    """Read a golden; `GoldenError` if it is not TOML, not a golden, of another format, or edited by hand."""
-    document = _parse(path)
+def load_golden(path: Path, *, release: bool = False) -> Golden:
+    """Read a golden; `GoldenError` if it is not TOML, not a golden, of another format, or edited by hand.
+
+    `release`: it is a release golden, which is made anew in another way.
+    """
+    anew = _RELEASE_ANEW if release else _ANEW
+    restore = f"restore it from version control, or {anew}"
+    document = _parse(path, restore)
     if document.get("format") != FORMAT:
         raise GoldenError(
             f"golden format {document.get('format')!r} is not {FORMAT}",
             file=path,
-            fix=f"use the lidarcheck that wrote it, or {_RESTORE.split(', or ')[1]}",
+            fix=f"use the lidarcheck that wrote it, or {anew}",
         )
     try:
         content = document["provenance"].pop("content", None)
         if content != _content_hash(document):
-            raise GoldenError("the golden was edited by hand: its content hash does not fit", file=path, fix=_RESTORE)
+            raise GoldenError("the golden was edited by hand: its content hash does not fit", file=path, fix=restore)
         return _golden(document)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise GoldenError(f"this is no golden: {type(error).__name__} {error}", file=path, fix=_RESTORE) from error
+        raise GoldenError(f"this is no golden: {type(error).__name__} {error}", file=path, fix=restore) from error
 
 
 def save_golden(golden: Golden, path: Path) -> None:
@@ -67,19 +73,22 @@ def dump_golden(golden: Golden) -> str:
     return "\n".join(parts)
 
 
-def _parse(path: Path) -> dict[str, Any]:
+def _parse(path: Path, restore: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        if not text.strip():
+            raise GoldenError("the golden is empty", file=path, fix=restore)
+        return tomllib.loads(text)
     except FileNotFoundError as error:
         raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`") from error
     except OSError as error:
         raise GoldenError(f"cannot read: {error.strerror or error}", file=path, fix="check the file") from error
     except UnicodeDecodeError as error:
-        raise GoldenError("the golden is not UTF-8 text", file=path, fix=_RESTORE) from error
+        raise GoldenError("the golden is not UTF-8 text", file=path, fix=restore) from error
     except tomllib.TOMLDecodeError as error:
         where = re.search(r"at line (\d+)", str(error))
         line = int(where.group(1)) if where else None
-        raise GoldenError(f"the golden is not TOML: {error}", file=path, line=line, fix=_RESTORE) from error
+        raise GoldenError(f"the golden is not TOML: {error}", file=path, line=line, fix=restore) from error
 
 
 def _golden(document: Mapping[str, Any]) -> Golden:

@@ -97,7 +97,7 @@ def _run_suite(root: ET.Element, report: CheckReport) -> None:
 
 def _scenario_suite(root: ET.Element, scenario: ScenarioResult) -> None:
     suite = ET.SubElement(root, "testsuite", name=_clean(scenario.name))
-    about = {"file": scenario.file.as_posix(), "description": scenario.description, "seeds": str(scenario.seeds)}
+    about = {"file": _from_here(scenario.file), "description": scenario.description, "seeds": str(scenario.seeds)}
     _properties(suite, {**about, **{f"{name}_hash": value for name, value in scenario.hashes.items()}}.items())
     golden = _case(suite, scenario.name, GOLDEN_CASE)
     if scenario.kpis or scenario.problems:
@@ -111,6 +111,12 @@ def _scenario_suite(root: ET.Element, scenario: ScenarioResult) -> None:
             _outcome(case, "failure", kpi.verdict.value, headline(scenario, kpi), explanation(scenario, kpi))
     if scenario.notes:
         ET.SubElement(suite, "system-out").text = _clean("\n".join(scenario.notes))
+
+
+def _from_here(file: Path) -> str:
+    """The path from the current directory, where the file lies below it."""
+    path, here = file.resolve(), Path.cwd().resolve()
+    return (path.relative_to(here) if path.is_relative_to(here) else file).as_posix()
 
 
 def _case(suite: ET.Element, classname: str, name: str) -> ET.Element:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_text
+from lidarcheck.formats.config_words import nearest
 
 __all__ = ["Layout", "Selection", "layout_of", "make_directory", "select"]
 
@@ -70,6 +71,11 @@ class Layout:
         found = [*_toml_files(self.goldens), *_toml_files(self.releases)]
         return [path for path in found if not self.scenario(path.stem).is_file()]
 
+    def orphans_in_words(self) -> list[str]:
+        """What each of `orphans` is, and what to do about it."""
+        names = [(path, path.relative_to(self.root).as_posix()) for path in self.orphans()]
+        return [f"{name} has no scenario: restore scenarios/{path.name}, or delete the golden" for path, name in names]
+
 
 @dataclass(frozen=True, slots=True)
 class Selection:
@@ -120,7 +126,10 @@ def _scenario_file(path: Path) -> Path:
         named = Path(_SCENARIOS) / f"{path.name}.toml"
         if named.is_file():
             return named.resolve()
-    raise InputError("there is no such scenario", file=path, fix="give a scenario file, or a directory of them")
+    beside = Path(_SCENARIOS) if path.parent == Path() and not path.suffix else path.parent
+    near = nearest(path.stem, [file.stem for file in _toml_files(beside)])
+    fix = f"did you mean {path.with_stem(near)}?" if near else "give a scenario file, or a directory of them"
+    raise InputError("there is no such scenario", file=path, fix=fix)
 
 
 def _scenarios_from(start: Path) -> Path:

@@ -7,6 +7,7 @@ import datetime
 import hashlib
 import importlib.metadata
 import json
+import os
 import platform
 from collections.abc import Mapping
 from enum import Enum
@@ -16,11 +17,13 @@ from typing import Any
 import numpy as np
 
 import lidarcheck
+from lidarcheck.errors import InputError
 from lidarcheck.harness.scenario import Scenario
 from lidarcheck.model.spec import External, Model
 
 __all__ = [
     "Provenance",
+    "external_files",
     "package_directory",
     "parameters_hash",
     "provenance_of",
@@ -131,8 +134,19 @@ def source_hash(package: Path = _PACKAGE) -> str:
 
 
 def parameters_hash(model: Model) -> str:
-    """SHA-256 over every number and name of the model, wherever its file lies."""
+    """SHA-256 over every number and name of the model, wherever its file lies, and over an external model's files."""
     return hashlib.sha256(json.dumps(_plain(model), sort_keys=True).encode()).hexdigest()
+
+
+def external_files(external: External) -> list[Path]:
+    """The files of an external model: its `ini`, and what its command names and its directory holds, by path.
+
+    An argument counts as it stands, and what follows its first `=`, as in `--config=FILE`.
+    """
+    words = [word for argument in external.command for word in (argument, argument.partition("=")[2]) if word]
+    named = {external.directory / word.replace("{{", "{").replace("}}", "}") for word in words}
+    files = {path for path in named if _is_file(path) and not _within(external.directory, path).startswith("..")}
+    return sorted(files | ({external.ini} if external.ini else set()))
 
 
 def _determines_results(path: Path) -> bool:
@@ -148,12 +162,37 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return value.hex()
     if isinstance(value, External):
-        ini = None if value.ini is None else hashlib.sha256(value.ini.read_bytes()).hexdigest()
-        return {"command": list(value.command), "ini": ini}
+        return _plain_external(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in dataclasses.fields(value) if not _is_place(value, field.name)]
         return {"": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
     return _plain_container(value)
+
+
+def _plain_external(external: External) -> dict[str, Any]:
+    files = [path for path in external_files(external) if path != external.ini]
+    hashes = {_within(external.directory, path): _file_hash(path) for path in files}
+    ini = None if external.ini is None else _file_hash(external.ini)
+    return {"command": list(external.command), "ini": ini, "files": hashes}
+
+
+def _within(directory: Path, path: Path) -> str:
+    return Path(os.path.relpath(path, directory)).as_posix()
+
+
+def _file_hash(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        what = f"cannot read this file of the external model: {error.strerror or error}"
+        raise InputError(what, file=path, fix="make it readable: its content is part of what was measured") from error
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:
+        return False  # an argument that no file can be called, such as a long script
 
 
 def _plain_container(value: Any) -> Any:

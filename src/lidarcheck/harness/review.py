@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ from lidarcheck.harness.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Job, Progres
 from lidarcheck.harness.tree import uncommitted
 
 __all__ = ["KpiReview", "ReviewReport", "ScenarioReview", "file_hash", "review"]
+
+logger = logging.getLogger(__name__)
 
 _PAIRED = GOLDEN_SEEDS[: gate.PAIRED_SEEDS]
 _REST = GOLDEN_SEEDS[gate.PAIRED_SEEDS :]
@@ -112,9 +115,12 @@ def review(
 
     A complete proposal that an earlier review left is taken as it is, if source, scenario, parameters and golden are
     the same. `complete=False`: look at the 8 paired seeds alone. Other arguments as in `check`. Writes proposals, no
-    goldens.
+    goldens. Warns of goldens without a scenario, on which a check fails.
     """
-    cases = [open_case(file, None, measure, load, tolerate_damage=True) for file in select(paths).files]
+    selection = select(paths)
+    for text in (text for layout in selection.whole for text in layout.orphans_in_words()):
+        logger.warning("%s", text)
+    cases = [open_case(file, None, measure, load, tolerate_damage=True) for file in selection.files]
     bases = [file_hash(case.layout.golden(case.scenario.name)) for case in cases]
     run = Runner(jobs, progress)
     run.seeds([case.paired_job for case in cases], _PAIRED)

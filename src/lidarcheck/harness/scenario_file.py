@@ -49,6 +49,13 @@ def _not_empty(entries: tuple[_EntryT, ...]) -> tuple[_EntryT, ...]:
 
 
 _Kind = Annotated[str, AfterValidator(_known_kind), Field(json_schema_extra={"words": "a kind of KPI"})]
+_Name = Annotated[
+    str,
+    Field(
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.\-]*$",
+        json_schema_extra={"words": "a name of letters, digits, _, . and -, that begins with a letter, a digit or _"},
+    ),
+]
 _Id = Annotated[int, Field(ge=ID_MIN, le=ID_MAX)]
 _Ids = Annotated[tuple[_Id, ...], BeforeValidator(_as_list), AfterValidator(_not_empty)]
 _Window = Annotated[tuple[float, float], AfterValidator(_ordered)]
@@ -58,7 +65,7 @@ class KpiTable(Config):
     """One `[[kpis]]` table: a kind from `KINDS`, what it looks at, and what is asked of it."""
 
     kpi: _Kind
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.\-]*$")] | None = None
+    name: _Name | None = None
     object: _Ids | None = None
     material: _Ids | None = None
     range_m: _Window | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from lidarcheck.harness.provenance import package_directory, source_files
+from lidarcheck.harness.provenance import external_files, package_directory, source_files
 from lidarcheck.harness.scenario import Scenario
 
 __all__ = ["uncommitted"]
@@ -15,12 +15,14 @@ _NAMED = 3
 
 
 def uncommitted(scenario: Scenario) -> tuple[str, str]:
-    """(files with uncommitted changes, a note): of the model's source, the scenario and its model.
+    """(files with uncommitted changes, a note): of the model's source, the scenario, its model and what that runs.
 
     Files that no git repository holds count as clean, and the note says so.
     """
     package = package_directory()
-    files = {scenario.path} | ({scenario.model.file} if scenario.model.file else set())
+    model = scenario.model
+    files = {scenario.path} | ({model.file} if model.file else set())
+    files |= set(external_files(model.external)) if model.external else set()
     changed, notes = [], []
     for directory, paths in [*((file.parent, [file]) for file in sorted(files)), (package, source_files())]:
         found = _status(directory, paths)

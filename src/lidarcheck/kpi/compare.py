@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +44,7 @@ def compare(
     model: Model | None = None,
     target: npt.ArrayLike | None = None,
     radius_m: float = RADIUS_M,
+    files: Mapping[str, PathLike[str] | str] | None = None,
 ) -> Comparison:
     """Every KPI that the two scans, and what is known besides, allow.
 
@@ -50,7 +53,8 @@ def compare(
     detection probability per 10 m and false alarms (±0.5 m). Without it there is no residual; `paired` then tells how
     the ranges of one beam differ. Ghost and blooming need a target: the rows of the ideal scan in the mask `target`,
     shape (n_ideal,), or else those whose material is a retro-reflector in `model`. `left_out` names what was not
-    compared. `UsageError`: an echo on a beam that the ideal scan does not have; a mask of another shape.
+    compared. `files`: where the scans `measured` and `simulated` were read from, for messages. `UsageError`: an echo on
+    a beam that the ideal scan does not have; a mask of another shape.
     """
     features: dict[str, FeatureGap] = {}
     left_out: dict[str, str] = {}
@@ -59,7 +63,9 @@ def compare(
     if ideal is None:
         left_out[RANGE_RESIDUAL] = "needs the ideal scan"
     else:
-        m, s = _pair(ideal, measured, "measured"), _pair(ideal, simulated, "simulated")
+        m, s = (
+            _pair(ideal, scan, side, files or {}) for side, scan in (("measured", measured), ("simulated", simulated))
+        )
         features[RANGE_RESIDUAL] = feature_gap(m.residual_m[m.of_surface], s.residual_m[s.of_surface], unit="m")
         surfaces = _surfaces(measured, simulated, m, s)
         if surfaces.walk is None:
@@ -123,11 +129,12 @@ def _column(scan: Scan, name: str) -> FloatArray | None:
     return named.get(name)
 
 
-def _pair(ideal: IdealScan, scan: Scan, side: str) -> Pairing:
+def _pair(ideal: IdealScan, scan: Scan, side: str, files: Mapping[str, PathLike[str] | str]) -> Pairing:
     try:
         return pair_with_ideal(ideal, scan)
     except UsageError as error:
-        raise UsageError(f"the {side} scan: {error.what}", fix=error.fix) from error
+        what = error.what.replace("the scan", f"the {side} scan", 1)
+        raise UsageError(what, file=files.get(side), fix=error.fix) from error
 
 
 def _surfaces(measured: Scan, simulated: Scan, m: Pairing, s: Pairing) -> SurfaceGap:
