@@ -3,6 +3,7 @@
 import os
 import random
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,19 @@ BAD_TEXT = {
     "blanks only": (b" \n\n\t", 1, "nothing but blanks"),
     "blank first line": (b"\n" + HEAD + ROW, 1, "first line is blank"),
     "count too high": (HEAD + b"3\n" + ROW * 2, 2, "says 3 rows, the file has 2"),
-    "count too low": (HEAD + b"1\n" + ROW * 2, 2, "says 1 rows, the file has 2"),
+    "count too low": (HEAD + b"1\n" + ROW * 2, 2, "says 1 row, the file has 2"),
     "count beyond reason": (HEAD + b"9" * 5000 + b"\n" + ROW, 2, "more rows than any file"),
-    "negative count": (HEAD + b"-2\n" + ROW, 2, "1 values"),
-    "count with decimals": (HEAD + b"2.0\n" + ROW, 2, "1 values"),
+    "negative count": (HEAD + b"-2\n" + ROW, 2, "'-2' looks like a number of rows; write a whole number or leave"),
+    "count with decimals": (HEAD + b"2.0\n" + ROW, 2, "'2.0' looks like a number of rows"),
+    "count with a sign": (HEAD + b"+2\n" + ROW, 2, "'+2' looks like a number of rows"),
+    "count with an exponent": (HEAD + b"2e0\n" + ROW, 2, "looks like a number of rows"),
+    "count in words": (HEAD + b"two\n" + ROW, 2, "looks like a number of rows"),
+    "count in hexadecimal": (HEAD + b"0x2\n" + ROW, 2, "looks like a number of rows"),
+    "count with a label": (HEAD + b"rows: 2\n" + ROW, 2, "'rows: 2' looks like a number of rows"),
+    "count in a CSV": (b"X,Y,Z\n+3\n1,2,3\n", 2, "looks like a number of rows"),
+    "one value": (HEAD + b"2.5\n" + ROW, 2, "the row has 1 value, the header names 9 columns"),
+    "second header": (HEAD + ROW + HEAD + ROW, 3, "a second header"),
+    "second header of a CSV": (b'"X","Y","Z"\n1,2,3\nx, y, z\n', 3, "a second header"),
     "no header": (ROW * 2, 1, "not the names"),
     "header is a count": (b"8\n" + ROW, 1, "not the names"),
     "header cut off": (b"//X Y Z Poi", 1, "no line end"),
@@ -63,14 +73,18 @@ BAD_TEXT = {
     "quoted number": (HEAD + ROW.replace(b"2.5", b'"2.5"'), 2, "without quotes"),
     "NUL byte": (HEAD + ROW.replace(b"2.5", b"2\x005"), 2, "not a number"),
     "NUL in the header": (HEAD.replace(b"Z", b"\0") + ROW, None, "binary"),
-    "not UTF-8": (HEAD + ROW.replace(b"2.5", b"2\xff5"), 2, "not a number"),
+    "not UTF-8": (HEAD + ROW.replace(b"2.5", b"2\xff5"), 2, "the line is not UTF-8: byte 0xff; save the file as UTF-8"),
+    "mostly not ASCII": ("X Y Z Größe Höhe Öl\n1 2 3 4 5 6\n".encode("latin-1"), 1, "not UTF-8: byte 0xf6; save the"),
     "header not UTF-8": (HEAD.replace(b"PEAK", b"Gr\xf6\xdfe") + ROW * 9, 1, "not UTF-8: byte 0xf6"),
     "digits of Arabic": (HEAD + ROW.replace(b"2.5", "٢".encode()), 2, "not a number"),
     "UTF-16": ((HEAD + ROW).decode().encode("utf-16"), None, "UTF-16"),
     "twice a name": (b"X Y Z x\n1 2 3 4\n", 1, "'x' appears twice"),
     "unprintable name": ("X Y Z a\u200bb\n1 2 3 4\n".encode(), 1, "unprintable"),
-    "no Z": (b"X Y Layer Point\n1 2 3 4\n", 1, "no column Z, nor RANGE in their place"),
+    "no Z": (b"X Y Layer Point\n1 2 3 4\n", 1, "no column Z, nor RANGE in their place (found: X, Y, Layer, Point)"),
     "nothing known": (b"alpha beta\n1 2\n", 1, "no column X, Y, Z, nor Layer, Point, RANGE"),
+    "ideal without distance": (b"Layer Point MaterialID\n1 2 3\n", 1, "looks like an ideal scan without Distance"),
+    "ideal without layer": (b"Point Distance MaterialID\n1 2 3\n", 1, "looks like an ideal scan without Layer"),
+    "nested lists": (b"[" * 60_000, None, "JSON"),
     "layer with decimals": (HEAD + ROW + ROW.replace(b"100", b"100.5"), 3, "Layer is 100.5; it must be a whole number"),
     "negative layer": (HEAD + ROW.replace(b"100", b"-1"), 2, "Layer is -1; it must be a whole number from 0"),
     "huge point": (HEAD + ROW.replace(b"200", b"99999999999999999999"), 2, "Point is 1e+20"),
@@ -116,13 +130,14 @@ def test_faulty_text_is_one_clear_error(tmp_path: Path, case: str, suffix: str) 
 
 
 BAD_IDEAL = {
-    "no material": (b"Layer Point Distance\n1 2 3\n", 1, "no column MaterialID"),
+    "no material": (b"Layer Point Distance\n1 2 3\n", 1, "no column MaterialID (found: Layer, Point, Distance)"),
     "echoes": (HEAD + ROW, 1, "this holds echoes"),
     "layer off the grid": (IDEAL + b"520 0 1 1 0\n", 2, "Layer is 520"),
     "point off the grid": (IDEAL + b"0 960 1 1 0\n", 2, "Point is 960"),
     "negative distance": (IDEAL + b"0 0 1 1 0\n0 0 -1 1 0\n", 3, "Distance is -1.0; it must be from 0 to 1e+09 m"),
     "endless distance": (IDEAL + b"0 0 inf 1 0\n", 2, "'Distance' is 'inf'"),
     "material with decimals": (IDEAL + b"0 0 1 1.5 0\n", 2, "MaterialID is 1.5"),
+    "negative material": (IDEAL + b"0 0 1 -1 0\n", 2, "MaterialID is -1; it must be a whole number from 0"),
     "grazing beyond": (IDEAL + b"0 0 1 1 90.5\n", 2, "IncidenceAngle is 90.5; it must be from 0 to 90 degrees"),
     "huge object": (b"Layer Point Distance MaterialID ObjectID\n0 0 1 1 9999999999\n", 2, "ObjectID is 9999999999"),
 }
@@ -136,6 +151,50 @@ def test_faulty_ideal_scans_are_one_clear_error(tmp_path: Path, case: str) -> No
     text = message(path, load_ideal)
     assert text.startswith(f"error: {path}:{line}: ")
     assert said in text
+
+
+def test_deeply_nested_lists_are_told_apart_and_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "deep"
+    for content in (b"[" * 60_000, b"[ \n" * 20_000, b'{"a":' * 10_000):
+        path.write_bytes(content)
+        start = time.process_time()
+        assert "nested too deeply" in message(path, describe)
+        assert time.process_time() - start < 2
+
+
+def test_found_columns_are_named_up_to_twelve(tmp_path: Path) -> None:
+    path = tmp_path / "many.txt"
+    path.write_bytes(b" ".join(b"c%d" % i for i in range(14)) + b"\n")
+    assert "(found: c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11 and 2 more)" in message(path)
+
+
+OPEN_END = {
+    "scan.txt": b"X Y Z\n1 2 3\n4 5 6",
+    "scan.csv": b"X,Y,Z\r\n1,2,3\r\n4,5,6",
+    "counted.txt": b"//X Y Z\n2\n1 2 3\n4 5 6",
+    "scan.pcd": b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6",
+    "scan.ply": b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+    b"end_header\n1 2 3\n4 5 6",
+}
+
+
+@pytest.mark.parametrize("name", OPEN_END)
+def test_a_last_row_without_a_line_end_is_logged_once(
+    tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / name
+    said = f"{path}: the last line has no line end; if the file was cut off, its last value is wrong"
+    path.write_bytes(OPEN_END[name])
+    assert load_scan(path).x_m.tolist() == [1, 4]
+    assert [record.getMessage() for record in caplog.records].count(said) == 1
+    if path.suffix in (".txt", ".csv"):
+        convert(path, tmp_path / f"out{path.suffix}")
+        assert (tmp_path / f"out{path.suffix}").read_bytes() == OPEN_END[name]
+    for end in (b"\n", b"\r\n", b"\n\n", b" "):
+        caplog.clear()
+        path.write_bytes(OPEN_END[name] + end)
+        assert load_scan(path).x_m.tolist() == [1, 4]
+        assert "no line end" not in caplog.text
 
 
 def test_an_ideal_scan_is_no_scan(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_an_ideal_scan_in_every_format_that_holds_one(tmp_path: Path, suffix: st
         layer=np.array([0, 519, 3]),
         point=np.array([959, 0, 3]),
         distance_m=np.array([0.0, 37.0512, 0.1]),
-        material_id=np.array([1, -7, 2]),
+        material_id=np.array([1, 7, 2]),
         incidence_deg=np.array([0.0, 87.525, 90.0]),
         time_s=np.array([0.0, 0.01, 0.03]),
     )
@@ -107,7 +107,7 @@ def test_an_ideal_scan_in_every_format_that_holds_one(tmp_path: Path, suffix: st
     for name in ("layer", "point", "distance_m", "material_id", "incidence_deg", "time_s"):
         assert getattr(again, name).tobytes() == getattr(ideal, name).tobytes(), name
     assert again.object_id is None
-    assert describe(tmp_path / f"a{suffix}").facts == {"rows with no hit": 1, "rows by material": {"-7": 1, "2": 1}}
+    assert describe(tmp_path / f"a{suffix}").facts == {"rows with no hit": 1, "rows by material": {"2": 1, "7": 1}}
 
 
 def test_las_holds_no_ideal_scan(tmp_path: Path) -> None:

@@ -240,7 +240,7 @@ def ideals(draw: st.DrawFn) -> IdealScan:
         layer=column(draw, st.integers(0, 519), n, "i4"),
         point=column(draw, st.integers(0, 959), n, "i4"),
         distance_m=column(draw, st.floats(0, 300), n),
-        material_id=column(draw, st.integers(-(2**31), 2**31 - 1), n, "i4"),
+        material_id=column(draw, st.integers(0, 2**31 - 1), n, "i4"),
         incidence_deg=column(draw, st.floats(0, 90), n) if incidence else np.zeros(n),
         object_id=draw(st.none() | st.just(column(draw, st.integers(0, 9), n, "i4"))),
         time_s=draw(st.none() | st.just(column(draw, st.floats(0, 0.03), n))),

@@ -125,7 +125,18 @@ def test_the_axis_is_told_by_the_keys(tmp_path: Path) -> None:
         ("[\n{]", [":2: not valid JSON: expecting property name enclosed in double quotes; correct the line"]),
         (
             GOOD.replace("69.0", "NaN"),
-            [": not valid JSON: NaN is not a number; use plain numbers and text"],
+            [":3: not valid JSON: NaN is not a number; use plain numbers and text"],
+        ),
+        (
+            GOOD.replace("69.0", '"NaN"').replace("440", "-Infinity"),
+            [":7: not valid JSON: -Infinity is not a number; use plain numbers and text"],
+        ),
+        (
+            GOOD.replace("IndexVerMin", "IndexVrMin"),
+            [
+                ':2: settings[0].IndexVerMin is missing; rename "IndexVrMin", '
+                "or add it: a whole number from 0 to 1559 SPAD rows"
+            ],
         ),
         (GOOD.replace("69.0", "1e999"), [":3: settings[0].Distance is too large a number; use a smaller one"]),
         (
@@ -155,7 +166,7 @@ def test_the_axis_is_told_by_the_keys(tmp_path: Path) -> None:
         ),
         (
             GOOD.replace('"SegHor": 440', '"Seg": null'),
-            [":2: settings[0].SegHor is missing; add it: a whole number from 0 to 959 points"],
+            [':2: settings[0].SegHor is missing; rename "Seg", or add it: a whole number from 0 to 959 points'],
         ),
         (
             GOOD.replace("]", ",\n3]").replace("264", "null"),

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.table import Column, Table
+from lidarcheck.formats.table import Column, Table, quoted
 
 __all__ = [
     "INT32_MAX",
@@ -16,6 +16,7 @@ __all__ = [
     "LENGTH_MAX_M",
     "check_finite",
     "extra_columns",
+    "found_columns",
     "missing",
     "real_column",
     "whole_column",
@@ -30,6 +31,13 @@ LENGTH_MAX_M = 1e9
 def missing(table: Table, names: Iterable[str]) -> list[str]:
     """Those of the names that the table has no column for, in any case."""
     return [name for name in names if table.spelling(name) is None]
+
+
+def found_columns(table: Table) -> str:
+    """What to add where columns are missing: ` (found: A, B, C)`, at most 12 of them."""
+    names = [name if name.isprintable() and len(name) <= 40 else quoted(name) for name in table.names]
+    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return f" (found: {', '.join(names[:12])}{more})" if names else ""
 
 
 def check_finite(table: Table) -> None:

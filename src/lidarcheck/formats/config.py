@@ -146,7 +146,8 @@ def _words(entry: Mapping[str, Any], path: KeyPath, model: type[BaseModel]) -> t
     """What is wrong, and what to do about it."""
     kind, loc, value, name = entry["type"], tuple(entry["loc"]), entry["input"], dotted(path)
     if kind == "missing":
-        return f"{dotted((*path, str(loc[-1])))} is missing", f"add it: {_allowed_at(model, loc, path)}"
+        fix = f"add it: {_allowed_at(model, loc, path)}"
+        return f"{dotted((*path, str(loc[-1])))} is missing", _misspelled(str(loc[-1]), value, model, loc) + fix
     if kind == "extra_forbidden":
         return f"unknown key {name}", _nearest_key(model, loc)
     if loc and loc[-1] == "[key]":
@@ -178,6 +179,18 @@ def _what_is_wrong(kind: str, value: object) -> str:
 def _allowed_at(model: type[BaseModel], loc: KeyPath, path: KeyPath) -> str:
     slots = slots_at(model, loc) or slots_at(model, path)
     return " or ".join(dict.fromkeys(allowed(slot) for slot in slots)) or "another value"
+
+
+def _misspelled(name: str, table: object, model: type[BaseModel], loc: KeyPath) -> str:
+    """`rename "KEY", or ` where a table that may have other keys holds one spelled much like the missing one."""
+    if not isinstance(table, Mapping):
+        return ""
+    classes = [slot.annotation for slot in slots_at(model, loc[:-1]) if hasattr(slot.annotation, "model_fields")]
+    if not classes or any(known.model_config.get("extra") != "allow" for known in classes):
+        return ""
+    own = {key for known in classes for key in known.model_fields}
+    near = nearest(name, [key for key in table if key not in own])
+    return f"rename {shown(near)}, or " if near else ""
 
 
 def _near_choice(value: object, model: type[BaseModel], loc: KeyPath) -> str:

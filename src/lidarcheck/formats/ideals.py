@@ -14,6 +14,7 @@ from lidarcheck.formats.columns import (
     LENGTH_MAX_M,
     check_finite,
     extra_columns,
+    found_columns,
     missing,
     real_column,
     whole_column,
@@ -40,7 +41,7 @@ _NEEDED = ("Layer", "Point", "Distance", "MaterialID")
 _WHOLE = {
     "Layer": (0, LAYERS - 1),
     "Point": (0, POINTS - 1),
-    "MaterialID": (INT32_MIN, INT32_MAX),
+    "MaterialID": (0, INT32_MAX),  # model files name materials by whole numbers from 0
     "ObjectID": (INT32_MIN, INT32_MAX),
 }
 _REAL = {
@@ -111,7 +112,7 @@ def _check_needed(table: Table) -> None:
     lacking = missing(table, _NEEDED)
     if not lacking:
         return
-    what = f"no column {', '.join(lacking)}"
+    what = f"no column {', '.join(lacking)}{found_columns(table)}"
     if "Distance" in lacking and not missing(table, ["X", "Y", "Z"]):
         what = f"this holds echoes, not an ideal scan: {what}"
     line = None if table.layout is None else 1

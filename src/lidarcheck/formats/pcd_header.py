@@ -119,7 +119,7 @@ def _rows(words: Mapping[str, _Word], path: Path) -> Rows:
     types = words["TYPE"].values
     _same_number(words["TYPE"], "TYPE", path, len(names))
     fields = [_field(*one, words, path) for one in zip(names, types, sizes, counts, strict=True)]
-    rows = Rows(tuple(fields), points, path, line, claim)
+    rows = Rows(tuple(fields), points, path, line, claim, (words["FIELDS"].line,) * len(fields))
     rows.check()
     return rows
 

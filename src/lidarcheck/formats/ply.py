@@ -62,6 +62,7 @@ class _Element:
     line: int
     fields: list[Field] = field(default_factory=list)
     has_list: int = 0
+    field_lines: list[int] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -184,6 +185,7 @@ def _property(header: _Header, words: list[str], path: Path, line: int) -> None:
     match words:
         case [kind, name] if kind in TYPES:
             element.fields.append(Field(name, np.dtype(BYTE_ORDERS[header.encoding] + TYPES[kind])))
+            element.field_lines.append(line)
         case ["list", kind, of, _] if kind in TYPES and of in TYPES:
             element.has_list = line
         case _:
@@ -211,7 +213,7 @@ def _find_vertex(header: _Header, path: Path) -> tuple[list[_Element], _Element,
 
 
 def _rows(vertex: _Element, path: Path) -> Rows:
-    rows = Rows(tuple(vertex.fields), vertex.count, path, vertex.line, "element vertex says")
+    rows = Rows(tuple(vertex.fields), vertex.count, path, vertex.line, "element vertex says", tuple(vertex.field_lines))
     rows.check()
     return rows
 

@@ -84,7 +84,8 @@ _PCD_LINE = re.compile(rb"(?:#[^\n]*\n|[ \t]*\r?\n)*(?:VERSION|FIELDS|COLUMNS)[ 
 _BINARY_BODY = re.compile(rb"^(?:DATA|format)[ \t]+binary", re.IGNORECASE | re.MULTILINE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _LUT_LINE = re.compile(rb"^[ \t]*PostPro\.", re.IGNORECASE | re.MULTILINE)
-_INI_LINE = re.compile(rb"^[ \t]*(?:\[+[^\]\r\n]*\]+|[A-Za-z_][\w.\"-]*[ \t]*=)", re.MULTILINE)
+_INI_LINE = re.compile(rb"^[ \t]*(?:\[++[^\]\r\n]*+\]++|[A-Za-z_][\w.\"-]*[ \t]*=)", re.MULTILINE)
+_JSON_LIST = re.compile(rb"\[\s*+(?:\{|\]\s*+\Z|\[\s*+\[)")  # no TOML has three brackets
 _COMMENTS = re.compile(rb"(?:[ \t]*(?:[#;][^\n]*)?\r?\n)*")
 
 
@@ -135,7 +136,21 @@ def _refuse_foreign(start: bytes, path: Path, suffix: str) -> None:
     if named is not None and named.name not in ("text", "csv"):
         what = f"the file is binary but does not begin as {named.title} does"
         raise InputError(what, file=path, fix="was it damaged or cut off?")
+    _refuse_other_encoding(start, path)
     raise InputError("the file is binary, in no format that is known", file=path, fix=f"use one of {_titles()}")
+
+
+def _refuse_other_encoding(start: bytes, path: Path) -> None:
+    """Text of an older encoding holds no control characters and is mostly of ASCII."""
+    odd = len(start) - len(start.translate(None, bytes(range(128, 256))))
+    if _CONTROL.search(start) or odd > len(start) / 3:
+        return
+    try:
+        start.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = start.count(b"\n", 0, error.start) + 1
+        what = f"the line is not UTF-8: byte 0x{start[error.start]:02x}"
+        raise InputError(what, file=path, line=line, fix="save the file as UTF-8") from None
 
 
 def _is_binary(start: bytes) -> bool:
@@ -148,7 +163,7 @@ def _is_binary(start: bytes) -> bool:
 def _by_text(start: bytes) -> str:
     text = start.removeprefix(b"\xef\xbb\xbf")
     first = text.lstrip(b" \t\r\n")
-    if first.startswith(b"{") or re.match(rb"\[\s*(?:\{|\]\s*\Z)", first):
+    if first.startswith(b"{") or _JSON_LIST.match(first):
         return "settings"
     if _LUT_LINE.search(text):
         return "lut"

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.rows import Rows as TextRows
-from lidarcheck.formats.rows import parse_rows
-from lidarcheck.formats.table import Table, check_names, quoted
+from lidarcheck.formats.rows import parse_rows, warn_of_open_end
+from lidarcheck.formats.table import Table, check_names, counted, quoted
 
 __all__ = ["MAX_COLUMNS", "Field", "Rows", "check_finite", "packed_columns", "text_columns", "writable"]
 
@@ -43,13 +43,17 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What a header claims: which fields a row has, how many rows there are, and which line of which file says so."""
+    """What a header claims: which fields a row has, how many rows there are, and which line of which file says so.
+
+    `field_lines`: the header's line for each field; empty where the header has no lines.
+    """
 
     fields: tuple[Field, ...]
     count: int
     path: Path
     line: int
     claim: str
+    field_lines: tuple[int, ...] = ()
 
     @property
     def width(self) -> int:
@@ -68,12 +72,23 @@ class Rows:
         if self.width > MAX_COLUMNS:
             what = f"a row of {self.width} numbers is beyond what a point has"
             raise InputError(what, file=self.path, line=self.line, fix=f"use at most {MAX_COLUMNS}")
-        check_names((name for f in self.fields if f.kept for name in f.names), self.path)
+        check_names((name for f in self.fields if f.kept for name in f.names), self.path, self._faulty_line())
+
+    def _faulty_line(self) -> int | None:
+        """The header's line of the first name that is unprintable or stands there again; None where there is none."""
+        seen: set[str] = set()
+        for field, line in zip(self.fields, self.field_lines, strict=False):
+            names = [name.casefold() for name in field.names] if field.kept else []
+            if any(name in seen or not name.isprintable() for name in names):
+                return line
+            seen.update(names)
+        return None
 
     def miscounted(self, found: str) -> InputError:
         """The error for a body that does not hold what the header claims."""
         fix = "the file is cut off or its count is wrong: write it again"
-        return InputError(f"{self.claim} {self.count} rows, {found}", file=self.path, line=self.line, fix=fix)
+        what = f"{self.claim} {counted(self.count, 'row')}, {found}"
+        return InputError(what, file=self.path, line=self.line, fix=fix)
 
 
 def packed_columns(rows: Rows, body: memoryview) -> dict[str, Column]:
@@ -122,6 +137,8 @@ def text_columns(rows: Rows, body: bytes, first_line: int, *, last: bool = True)
         raise rows.miscounted(f"the file has {found}")
     if found > rows.count:
         raise rows.miscounted(f"line {first_line + rows.count} is one more")
+    if text and len(text) == len(body):
+        warn_of_open_end(rows.path)
     columns = {
         name: _cast(name, parsed[name], field.dtype, rows.path, first_line)
         for name, (_, field) in zip(names, fields, strict=True)

@@ -7,6 +7,7 @@ the slow path, which either finds the line that is wrong or reads the rows in pl
 
 from __future__ import annotations
 
+import logging
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -16,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.table import Column, quoted
+from lidarcheck.formats.table import Column, counted, quoted
 
-__all__ = ["NUMBER", "REAL_COLUMNS", "Rows", "parse_rows"]
+__all__ = ["NUMBER", "REAL_COLUMNS", "Rows", "parse_rows", "warn_of_open_end"]
 
 REAL_COLUMNS = frozenset(("x", "y", "z", "range", "width", "area", "peak", "distance", "incidenceangle", "time"))
 """Columns that hold real numbers even where every value happens to be whole; in lower case."""
@@ -27,8 +28,13 @@ NUMBER = rb"[+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _INTEGER = re.compile(rb"-?[0-9]{1,19}")
 _DECIMAL_COMMA = re.compile(rb"[+-]?[0-9]+,[0-9]+")
 _NOT_FINITE = re.compile(rb"[+-]?(nan|inf|infinity)(\(.*\))?", re.IGNORECASE)
+_COUNT_WORDS = rb"zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|hundred|thousand|million"
+_LIKE_COUNT = re.compile(rb"0[xX][0-9a-fA-F]+|[0-9]+(?:[_'][0-9]+)+|[A-Za-z]+[ \t]*[:=][ \t]*[0-9]+|" + _COUNT_WORDS)
 _PLAIN = b"0123456789+-.eE\r\n"
 _TAB_TO_BLANK = bytes.maketrans(b"\t", b" ")
+
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +134,16 @@ def _check_lines(rows: Rows) -> None:
 def _line_fault(rows: Rows, line: bytes, number: int, *, last: bool) -> InputError:
     cells = _cells(line, rows.delimiter)
     expected = len(rows.names)
-    if not line.strip(b" \t"):
-        return InputError("the line is blank", file=rows.path, line=number, fix="rows must follow each other")
+    plain = _plain_fault(rows, line, cells)
+    if plain is not None:
+        return InputError(plain[0], file=rows.path, line=number, fix=plain[1])
+    if number == 2 and len(cells) < expected and _looks_like_count(line.strip(b" \t")):
+        what = f"{quoted(line.strip())} looks like a number of rows"
+        return InputError(what, file=rows.path, line=number, fix="write a whole number or leave the line out")
     for name, cell in zip(rows.names, cells, strict=False):
         if not re.fullmatch(NUMBER, cell):
             return _cell_fault(rows, name, cell, number, few=len(cells) < expected)
-    what = f"the row has {len(cells)} values, the header names {expected} columns"
+    what = f"the row has {counted(len(cells), 'value')}, the header names {counted(expected, 'column')}"
     fix = "give every column a value"
     if len(cells) > expected:
         fix = "give every column one value"
@@ -142,6 +152,32 @@ def _line_fault(rows: Rows, line: bytes, number: int, *, last: bool) -> InputErr
     elif last:
         fix = "was the file cut off?"
     return InputError(what, file=rows.path, line=number, fix=fix)
+
+
+def _plain_fault(rows: Rows, line: bytes, cells: list[bytes]) -> tuple[str, str] | None:
+    """What is wrong with a line that is no row at all, and what to do; None for what should have been a row."""
+    if not line.strip(b" \t"):
+        return "the line is blank", "rows must follow each other"
+    try:
+        line.decode("utf-8")
+    except UnicodeDecodeError as error:
+        return f"the line is not UTF-8: byte 0x{line[error.start]:02x}", "save the file as UTF-8"
+    bare = _cells(re.sub(rb"^[ \t]*(?://|#)[ \t]*", b"", line), rows.delimiter)
+    if [cell.strip(b"\"'").decode().casefold() for cell in bare] == [name.casefold() for name in rows.names]:
+        return "a second header stands among the rows", "take it out; a file holds one scan"
+    return None
+
+
+def _looks_like_count(text: bytes) -> bool:
+    """Whether a line is a number of rows in some spelling other than plain digits."""
+    if re.fullmatch(NUMBER, text):
+        return float(text).is_integer()
+    return _LIKE_COUNT.fullmatch(text.lower()) is not None
+
+
+def warn_of_open_end(path: Path) -> None:
+    """Log that the last row has no line end: what is left of a number that was cut is a number, too."""
+    _log.warning("%s: the last line has no line end; if the file was cut off, its last value is wrong", path)
 
 
 def _cell_fault(rows: Rows, name: str, cell: bytes, number: int, *, few: bool) -> InputError:

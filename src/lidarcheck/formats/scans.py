@@ -12,6 +12,7 @@ from lidarcheck.formats.columns import (
     LENGTH_MAX_M,
     check_finite,
     extra_columns,
+    found_columns,
     missing,
     real_column,
     whole_column,
@@ -36,6 +37,7 @@ SCAN_COLUMNS = {
 }
 """A file's name of each field of a `Scan`, in the order that files are written in."""
 
+_ONLY_IDEAL = ("Distance", "MaterialID", "IncidenceAngle")
 _FEATURES = ("WIDTH", "AREA", "PEAK")
 _log = logging.getLogger(__name__)
 
@@ -121,10 +123,16 @@ def _beams_told_by_position(scan: Scan) -> set[str]:
 def _check_position(table: Table) -> None:
     from_position, from_range = missing(table, ["X", "Y", "Z"]), missing(table, ["Layer", "Point", "RANGE"])
     if from_position and from_range:
-        what = f"no column {', '.join(from_position)}, nor {', '.join(from_range)} in their place"
+        what = f"no column {', '.join(from_position)}, nor {', '.join(from_range)} in their place{found_columns(table)}"
         if not missing(table, ["Layer", "Point", "Distance"]):
             raise InputError(f"this is an ideal scan, not echoes: {what}", file=table.path, fix="simulate it first")
         line = None if table.layout is None else 1
+        lacking = missing(table, ["Layer", "Point", "Distance", "MaterialID"])
+        ideal = len(missing(table, _ONLY_IDEAL)) < len(_ONLY_IDEAL)
+        if ideal and len(from_position) == 3:
+            what = f"this looks like an ideal scan without {', '.join(lacking)}{found_columns(table)}"
+            fix = "an ideal scan needs Layer, Point, Distance, MaterialID"
+            raise InputError(what, file=table.path, line=line, fix=fix)
         raise InputError(what, file=table.path, line=line, fix="a scan needs X, Y, Z, or Layer, Point, RANGE")
 
 

@@ -45,6 +45,7 @@ _NAMES: dict[Axis, tuple[str, ...]] = {
 }
 _ROW_MAX = 3 * LAYERS - 1
 _COLUMN_MAX = 2399
+_CONSTANT = re.compile(r'"(?:[^"\\]++|\\.)*+"|(NaN|Infinity)')
 _FILE_NAME = re.compile(r"Blooming_Calibration_([VH])_", re.IGNORECASE)
 
 _Distance = Field(ge=0.0, le=300.0, json_schema_extra={"unit": "m"})
@@ -203,7 +204,8 @@ def _parse(text: str, file: Path) -> tuple[list[Any], LineIndex]:
     except RecursionError:
         raise InputError("lists or objects are nested too deeply", file=file, fix="write it flatter") from None
     except ValueError as error:
-        raise InputError(f"not valid JSON: {error}", file=file, fix="use plain numbers and text") from None
+        line = _line_of_constant(text)
+        raise InputError(f"not valid JSON: {error}", file=file, line=line, fix="use plain numbers and text") from None
     if not isinstance(data, list):
         raise InputError(f"the file holds {kind_of(data)}", file=file, line=1, fix="use a list [...] of objects {...}")
     lines = LineIndex(file, {("settings", *path): line for path, line in found.items()})
@@ -223,6 +225,14 @@ def _values(text: str) -> Any:
 
 def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a number")
+
+
+def _line_of_constant(text: str) -> int | None:
+    """The line of the first NaN or Infinity outside of quotes; None where there is none."""
+    for match in _CONSTANT.finditer(text):
+        if match[1]:
+            return text.count("\n", 0, match.start()) + 1
+    return None
 
 
 def _unwritable(value: object, path: tuple[str | int, ...], lines: LineIndex) -> list[InputError]:

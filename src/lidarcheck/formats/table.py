@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 
-__all__ = ["Table", "TextLayout", "check_names", "quoted"]
+__all__ = ["Table", "TextLayout", "check_names", "counted", "quoted"]
 
 Column = npt.NDArray[Any]
 NUMBER_KINDS = "biuf"
@@ -112,6 +112,11 @@ def check_names(names: Iterable[str], path: Path, line: int | None = None) -> No
     if repeated:
         fix = "keep one of them; case does not count"
         raise InputError(f"the column {quoted(repeated)} appears twice", file=path, line=line, fix=fix)
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 row`, `2 rows`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def quoted(text: str | bytes) -> str:

@@ -18,9 +18,9 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, Rows, parse_rows
+from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, Rows, parse_rows, warn_of_open_end
 from lidarcheck.formats.source import read_source
-from lidarcheck.formats.table import Column, Table, TextLayout, check_names, quoted
+from lidarcheck.formats.table import Column, Table, TextLayout, check_names, counted, quoted
 
 __all__ = ["header_delimiter", "read_text", "rows_as_text", "source_as_text", "write_text"]
 
@@ -42,9 +42,11 @@ def read_text(path: str | os.PathLike[str]) -> Table:
     columns = parse_rows(Rows(source[head.body : end], head.names, head.delimiter, file, head.first_line))
     table = Table(columns, file, TextLayout(source, head.delimiter, head.body, head.first_line))
     if head.count is not None and head.count != len(table):
-        what = f"the count line says {head.count} rows, the file has {len(table)}"
+        what = f"the count line says {counted(head.count, 'row')}, the file has {len(table)}"
         fix = "correct the count" if head.count < len(table) else "correct the count; or was the file cut off?"
         raise InputError(what, file=file, line=2, fix=fix)
+    if head.body < end == len(source):
+        warn_of_open_end(file)
     return table
 
 
@@ -87,8 +89,8 @@ def _decoded(line: bytes, file: Path) -> str:
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError as error:
-        what = f"the header is not UTF-8: byte 0x{line[error.start]:02x} at {error.start + 1}; is the file binary?"
-        raise InputError(what, file=file, line=1, fix=fix) from error
+        what = f"the header is not UTF-8: byte 0x{line[error.start]:02x} at {error.start + 1}"
+        raise InputError(what, file=file, line=1, fix="save the file as UTF-8") from error
 
 
 def header_delimiter(header: str) -> str:
