@@ -39,9 +39,11 @@ def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]
     """Reflectance times gain, and the power of the cosine, of each row's material."""
     ids, row_id = _distinct(ideal.material_id)
     strength, power = np.zeros(len(ids)), np.zeros(len(ids))
-    unknown = np.flatnonzero(hit & ~np.isin(ideal.material_id, list(model.materials)))
-    if len(unknown):
-        raise _missing(ideal, int(unknown[0]), model)
+    unknown = [i for i, material_id in enumerate(ids) if int(material_id) not in model.materials]
+    if unknown:
+        rows = np.flatnonzero(hit & np.isin(row_id, unknown))
+        if len(rows):
+            raise _missing(ideal, int(rows[0]), model)
     for i, material_id in enumerate(ids):
         material = model.materials.get(int(material_id))
         if material is None:
