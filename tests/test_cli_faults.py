@@ -48,12 +48,22 @@ def test_a_signal_ends_a_check_and_its_external_models(told: signal.Signals, cod
     scenarios.mkdir()
     (scenarios / "slow.toml").write_text(SLOW)
     process = subprocess.Popen(
-        [*COMMAND, "check"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*COMMAND, "check"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A background job of a shell inherits that SIGINT is ignored, and the tests may be one.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     pids = scenarios / "pids"
-    wait_for(lambda: pids.exists() and pids.read_text().endswith("\n"))
-    process.send_signal(told)
-    _, errors = process.communicate(timeout=20)
+    try:
+        wait_for(lambda: pids.exists() and pids.read_text().endswith("\n"))
+        process.send_signal(told)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+        process.communicate()
     assert (process.returncode, errors) == (code, "")
     groups = [int(line) for line in pids.read_text().split()]
     wait_for(lambda: not any(alive(group) for group in groups))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -85,16 +85,20 @@ class Runner:
         total = self._done + len(tasks)
         self._progress(self._done, total, tasks[0][0].label)
         found: dict[int, SeedRecord] = {}
+        futures: dict[Future[SeedRecord], int] = {}
         pool = ThreadPoolExecutor(max_workers=self._jobs, thread_name_prefix="lidarcheck")
         try:
-            futures = {pool.submit(_run, job, seed): index for index, (job, seed) in enumerate(tasks)}
+            for index, (job, seed) in enumerate(tasks):
+                futures[pool.submit(_run, job, seed)] = index
             for future in as_completed(futures):
                 found[futures[future]] = future.result()
                 self._progress(self._done + len(found), total, tasks[futures[future]][0].label)
         except BaseException:
             # An external model may run for minutes; nobody waits for it after an error or an interrupt.
             pool.shutdown(wait=False, cancel_futures=True)
-            stop_external_models()
+            while left := [future for future in futures if not future.done()]:
+                stop_external_models()  # again and again: a thread may be about to start one
+                wait(left, timeout=0.1)
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
