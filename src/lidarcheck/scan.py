@@ -7,16 +7,17 @@ values must build a new table.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
+from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
-__all__ = ["IdealScan", "Light", "Scan", "beams_of"]
+__all__ = ["Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -58,8 +59,10 @@ class IdealScan:
     """What each fired beam meets, a row each; several rows of one (layer, point) are sub-beams of equal weight.
 
     `distance_m` 0: nothing within range. `incidence_deg`: angle between beam and surface normal. `time_s`: from the
-    frame's start. `extra`: unknown columns, kept. `file`: where it was read from, for messages. All
-    columns have shape (n,).
+    frame's start. `share`: the part of the beam's light that a row stands for, where rows do not share equally, as
+    with what stands behind glass. `rays`: the row's own ray, where it is not the beam's axis at the frame's start;
+    kept while effects aim, never in a file. `extra`: unknown columns, kept. `file`: where it was read from, for
+    messages. All columns have shape (n,).
     """
 
     layer: IntArray
@@ -69,6 +72,8 @@ class IdealScan:
     incidence_deg: FloatArray
     object_id: IntArray | None = None
     time_s: FloatArray | None = None
+    share: FloatArray | None = None
+    rays: Rays | None = None
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
     file: str = ""
@@ -76,25 +81,74 @@ class IdealScan:
     def __post_init__(self) -> None:
         n = len(self.layer)
         ints = dict.fromkeys(("layer", "point", "material_id", "object_id"), np.int32)
-        floats = dict.fromkeys(("distance_m", "incidence_deg", "time_s"), np.float64)
+        floats = dict.fromkeys(("distance_m", "incidence_deg", "time_s", "share"), np.float64)
         _freeze(self, {**ints, **floats}, n)
         _freeze_extra(self, n)
+        if self.rays is not None and len(self.rays) != n:
+            raise UsageError(f"{len(self.rays)} rays for a table of {n} rows")
 
     def __len__(self) -> int:
         return len(self.layer)
+
+    def shares(self) -> FloatArray:
+        """The part of its beam's light that each row stands for, shape (n,): equal parts where `share` is None."""
+        if self.share is not None:
+            return self.share
+        key = self.layer.astype(np.int64) << 32 | self.point
+        if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
+            return np.ones(len(key))
+        _, beam, rows = np.unique(key, return_inverse=True, return_counts=True)
+        return np.asarray(1.0 / rows[beam])
 
     def take(self, rows: npt.NDArray[Any]) -> IdealScan:
         """The rows picked by a mask or by indices."""
         return _take(self, rows)
 
 
+@dataclass(frozen=True, slots=True)
+class PulseShape:
+    """The laser pulse over time: a Gaussian, a share of whose light trails off exponentially behind it.
+
+    Share of the light before t: (1 - tail_share) Phi(t / sigma) + tail_share EMG(t), where EMG is the Gaussian
+    convolved with an exponential of time constant `tail_ns`. t = 0 is the Gaussian's centre.
+    """
+
+    fwhm_ns: float
+    tail_share: float = 0.0
+    tail_ns: float = 1.0
+
+
+@dataclass(frozen=True)
+class Haze:
+    """Light scattered back by the air along the beams: one profile over range, ended by what a beam meets.
+
+    `density_per_m` (m,): S per metre of the air in the cell [i, i + 1) `step_m`. Beam i has the rows `first_row[i]` ...
+    `first_row[i + 1] - 1`; a row sees the air up to `row_end_m` with the factor `row_share`. Shapes: (n_beams + 1,),
+    (n_rows,).
+    """
+
+    step_m: float
+    density_per_m: FloatArray
+    first_row: npt.NDArray[np.int64]
+    row_end_m: FloatArray
+    row_share: FloatArray
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"density_per_m": np.float64}, len(self.density_per_m))
+        _freeze(self, {"first_row": np.int64}, len(self.first_row))
+        rows = int(self.first_row[-1])
+        _freeze(self, {"row_end_m": np.float64, "row_share": np.float64}, rows)
+
+
 @dataclass(frozen=True)
 class Light:
-    """The light that reaches each beam: any number of pulses, and a background.
+    """The light that reaches each beam: any number of pulses, a background, and what the air scatters back.
 
     Beam i has the pulses `first_pulse[i]` ... `first_pulse[i + 1] - 1`. `pulse_range_m` is half the light's way;
-    `pulse_signal` is S, the primary avalanches per SPAD and shot that one always-armed SPAD would see on average.
-    `background_per_ns` is the beam's background rate.
+    `pulse_signal` is S, the primary avalanches per SPAD and shot that one always-armed SPAD would see on average;
+    `pulse_row` is the row of the ideal scan that the light comes from, -1 where it comes from no surface (None: all -1).
+    Light of another beam's surface keeps that surface's row. `background_per_ns` is the beam's background rate.
+    `shape`: the laser pulse, the sensor's own where None.
     Shapes: (n_beams,), (n_beams + 1,) for `first_pulse`, (n_pulses,).
     """
 
@@ -104,6 +158,9 @@ class Light:
     first_pulse: npt.NDArray[np.int64]
     pulse_range_m: FloatArray
     pulse_signal: FloatArray
+    pulse_row: IntArray | None = None
+    shape: PulseShape | None = None
+    haze: Haze | None = None
 
     def __post_init__(self) -> None:
         n = len(self.layer)
@@ -112,10 +169,60 @@ class Light:
         if self.first_pulse[0] != 0 or np.any(np.diff(self.first_pulse) < 0):
             raise UsageError("first_pulse must begin with 0 and not decrease")
         pulses = int(self.first_pulse[-1])
-        _freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64}, pulses)
+        _freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64, "pulse_row": np.int32}, pulses)
 
     def __len__(self) -> int:
         return len(self.layer)
+
+    @property
+    def pulse_beam(self) -> npt.NDArray[np.int64]:
+        """The beam of each pulse, shape (n_pulses,)."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first_pulse))
+
+    def rows(self) -> IntArray:
+        """`pulse_row`, -1 throughout where there is none."""
+        return np.full(len(self.pulse_signal), -1, dtype=np.int32) if self.pulse_row is None else self.pulse_row
+
+    def dimmed(self, factor: npt.ArrayLike, *, background: npt.ArrayLike = 1.0) -> Light:
+        """Pulses and haze times `factor`, the background times `background`; each a number or of shape (n_beams,)."""
+        beams = np.broadcast_to(np.asarray(factor, dtype=np.float64), len(self))
+        haze = self.haze
+        if haze is not None:
+            haze = replace(haze, row_share=haze.row_share * np.repeat(beams, np.diff(haze.first_row)))
+        return replace(
+            self,
+            background_per_ns=self.background_per_ns * background,
+            pulse_signal=self.pulse_signal * np.repeat(beams, np.diff(self.first_pulse)),
+            haze=haze,
+        )
+
+    def attenuated(self, extinction_per_m: float) -> Light:
+        """Pulses and haze behind air of that extinction, there and back: times exp(-2 alpha R)."""
+        haze = self.haze
+        if haze is not None:
+            middle_m = (np.arange(len(haze.density_per_m)) + 0.5) * haze.step_m
+            haze = replace(haze, density_per_m=haze.density_per_m * np.exp(-2.0 * extinction_per_m * middle_m))
+        signal = self.pulse_signal * np.exp(-2.0 * extinction_per_m * self.pulse_range_m)
+        return replace(self, pulse_signal=signal, haze=haze)
+
+    def with_pulses(
+        self, beam: npt.ArrayLike, range_m: npt.ArrayLike, signal: npt.ArrayLike, row: npt.ArrayLike = -1
+    ) -> Light:
+        """The same light and further pulses, behind those that their beams have; shape (m,) each, in any order."""
+        beam = np.asarray(beam, dtype=np.int64)
+        m = len(beam)
+        if m == 0:
+            return self
+        order = np.argsort(np.concatenate([self.pulse_beam, beam]), kind="stable")
+        columns = (
+            (self.pulse_range_m, range_m),
+            (self.pulse_signal, signal),
+            (self.rows(), np.asarray(row, dtype=np.int32)),
+        )
+        ranges, signals, rows = (np.concatenate([old, np.broadcast_to(new, m)])[order] for old, new in columns)
+        per_beam = np.diff(self.first_pulse) + np.bincount(beam, minlength=len(self))
+        first = np.concatenate([[0], np.cumsum(per_beam)])
+        return replace(self, first_pulse=first, pulse_range_m=ranges, pulse_signal=signals, pulse_row=rows)
 
 
 @dataclass(frozen=True)
@@ -198,6 +305,8 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
             parts[f.name] = {name: column[rows] for name, column in value.items()}
         elif value is None or isinstance(value, str | tuple):
             parts[f.name] = value
+        elif isinstance(value, Rays):
+            parts[f.name] = value.take(rows)
         else:
             parts[f.name] = value[rows]
     return type(table)(**parts)

@@ -27,6 +27,7 @@ __all__ = [
     "VARIANTS",
     "Bounds",
     "Material",
+    "NonIdeal",
     "Sensor",
     "azimuth_deg",
     "beam_directions",
@@ -75,6 +76,31 @@ SENSOR_BOUNDS: dict[str, Bounds] = {
 
 
 @dataclass(frozen=True, slots=True)
+class NonIdeal:
+    """What real SPADs do and the reference sensor's do not; all zero there. Detector effects set it.
+
+    `crosstalk_sides`, `crosstalk_corners`: avalanches that one sets off in the same bin, on average and in an endless
+    array, among its four side and its four corner neighbours; each neighbour that is armed with a quarter of it.
+    `afterpulse`: probability that an avalanche sets off a later one in its SPAD; it comes an exponential time of mean
+    `afterpulse_ns` behind the end of the dead time, for the share `afterpulse_slow_share` of them of mean
+    `afterpulse_slow_ns`. `dead_spread_ns`: standard deviation of the dead time from avalanche to avalanche.
+    """
+
+    crosstalk_sides: float = 0.0
+    crosstalk_corners: float = 0.0
+    afterpulse: float = 0.0
+    afterpulse_ns: float = 1.0
+    afterpulse_slow_share: float = 0.0
+    afterpulse_slow_ns: float = 1.0
+    dead_spread_ns: float = 0.0
+
+    @property
+    def any(self) -> bool:
+        """Whether detectors must be followed one by one."""
+        return max(self.crosstalk_sides, self.crosstalk_corners, self.afterpulse, self.dead_spread_ns) > 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Sensor:
     """The numbers of one sensor variant; units in the names, meanings in `sensors/*.toml`.
 
@@ -96,6 +122,7 @@ class Sensor:
     max_echoes: int
     time_offset_ns: float
     range_resolution_m: float
+    nonideal: NonIdeal = NonIdeal()
 
     def __post_init__(self) -> None:
         for name, bounds in SENSOR_BOUNDS.items():
@@ -148,7 +175,7 @@ class Sensor:
         return {
             f.name: getattr(self, f.name)
             for f in fields(self)
-            if f.name != "variant" and getattr(self, f.name) != getattr(own, f.name)
+            if f.name in SENSOR_BOUNDS and getattr(self, f.name) != getattr(own, f.name)
         }
 
 

@@ -19,7 +19,7 @@ import importlib
 import inspect
 import itertools
 import pkgutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -27,20 +27,24 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
+from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Material, Sensor
 
 __all__ = [
     "STAGES",
     "AimEffect",
+    "Curve",
     "DetectorEffect",
     "Effect",
+    "FileParameter",
     "LightEffect",
     "Parameter",
     "ReadoutEffect",
     "Surroundings",
     "catalogue",
     "check_order",
+    "file_parameter",
     "find",
     "make",
     "parameter",
@@ -60,6 +64,21 @@ class Surroundings(Protocol):
     @property
     def ideal(self) -> IdealScan:
         """What each beam meets, after the aim effects that stand before this one."""
+
+    @property
+    def materials(self) -> Mapping[int, Material]:
+        """The model's table of materials."""
+
+    @property
+    def scene(self) -> Caster | None:
+        """The scene that the ideal scan was cast from, where it is known."""
+
+    @property
+    def caster(self) -> Caster:
+        """What tells what a ray meets: the scene, else the surfaces of the ideal scan before any aim effect."""
+
+    def signal(self, ideal: IdealScan) -> npt.NDArray[np.float64]:
+        """S of each row of an ideal scan as if it had the beam for itself, by the range equation; shape (n,)."""
 
     def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:
         """Uniform numbers in [0, 1), shape (n, draws): the same for a beam, whatever other effects there are."""
@@ -82,6 +101,33 @@ class Parameter:
         return {"unit": self.unit, "low": self.low, "high": self.high, "typical": self.typical, "meaning": self.meaning}
 
 
+@dataclass(frozen=True, slots=True)
+class FileParameter:
+    """A parameter that names a file; `kind` says what is read from it, as "lut.vertical"."""
+
+    name: str
+    kind: str
+    meaning: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"kind": self.kind, "meaning": self.meaning}
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """What a file parameter holds: `y` over `x`, shapes (n,), x not decreasing, and the file that it was read from."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    file: str
+
+
+def file_parameter(kind: str, *, meaning: str) -> Any:
+    """Declare a parameter that names a file, as a dataclass field of type `Curve | None`; None when left out."""
+    return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning})
+
+
 def parameter(unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False) -> Any:
     """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out."""
     facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning}
@@ -94,6 +140,8 @@ class Effect(abc.ABC):
 
     name: ClassVar[str]
     stage: ClassVar[str]
+    tree: ClassVar[tuple[int, ...]] = ()
+    """Where it stands in the perception-sensor effect tree PerCollECT/LidarLimbs; empty: the tree has no node for it."""
 
     def __post_init__(self) -> None:
         for p in self.parameters():
@@ -112,16 +160,24 @@ class Effect(abc.ABC):
         return tuple(
             Parameter(name=f.name, typical=f.default, **f.metadata)  # type: ignore[arg-type]
             for f in dataclasses.fields(cls)
+            if "kind" not in f.metadata
         )
+
+    @classmethod
+    def files(cls) -> tuple[FileParameter, ...]:
+        """The declared parameters that name files."""
+        return tuple(FileParameter(f.name, **f.metadata) for f in dataclasses.fields(cls) if "kind" in f.metadata)
 
     @classmethod
     def summary(cls) -> str:
         """The first line of the docstring."""
         return (inspect.getdoc(cls) or "").splitlines()[0]
 
-    def settings(self) -> dict[str, float]:
-        """The parameters' values by name."""
-        return dataclasses.asdict(self)
+    def settings(self) -> dict[str, float | str]:
+        """The parameters' values by name; of a file parameter the file, absent where none is set."""
+        values: dict[str, float | str] = {p.name: getattr(self, p.name) for p in self.parameters()}
+        curves = {f.name: getattr(self, f.name) for f in self.files()}
+        return values | {name: curve.file for name, curve in curves.items() if curve is not None}
 
 
 class AimEffect(Effect):
@@ -184,14 +240,25 @@ def find(name: str) -> type[Effect]:
     return effects[name]
 
 
-def make(name: str, parameters: Mapping[str, Any]) -> Effect:
-    """A configured effect; `UsageError` for an unknown name or parameter, or a value out of its range."""
+def make(name: str, parameters: Mapping[str, Any], read: Callable[[FileParameter, str], Curve] | None = None) -> Effect:
+    """A configured effect; `UsageError` for an unknown name or parameter, or a value out of its range.
+
+    `read` turns the path that a file parameter has in a model file into its curve.
+    """
     effect = find(name)
-    known = [p.name for p in effect.parameters()]
-    for key in parameters:
+    files = {f.name: f for f in effect.files()}
+    known = [p.name for p in effect.parameters()] + list(files)
+    values = dict(parameters)
+    for key, value in parameters.items():
         if key not in known:
             raise UsageError(f"{name} has no parameter {key!r}", fix=_did_you_mean(key, known))
-    return effect(**parameters)
+        if key in files and isinstance(value, str) and read is not None:
+            values[key] = read(files[key], value)
+        elif key in files and not isinstance(value, Curve | None):
+            raise UsageError(
+                f"{name}: {key} = {value!r} is no file", fix="give its path from the model file's directory"
+            )
+    return effect(**values)
 
 
 def check_order(effects: Sequence[Effect]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,8 +34,4 @@ class LayerGain(LightEffect):
             return light
         inside = (light.layer >= self.first_layer) & (light.layer <= self.last_layer)
         factor = np.where(inside, self.gain, 1.0)
-        return replace(
-            light,
-            background_per_ns=light.background_per_ns * factor,
-            pulse_signal=light.pulse_signal * np.repeat(factor, np.diff(light.first_pulse)),
-        )
+        return light.dimmed(factor, background=factor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.scan import Light
@@ -14,7 +14,7 @@ __all__ = ["SignalGain"]
 class SignalGain(LightEffect):
     """The whole signal is scaled: laser power, optics, an evenly dirty window.
 
-    S' = gain S for every pulse; background is unchanged. The range equation is linear in the emitted energy and in the
+    S' = gain S for all light of the laser; background is unchanged. The range equation is linear in the emitted energy and in the
     transmission of the optics, so one factor stands for all of them. Identity at gain 1.
     """
 
@@ -24,4 +24,4 @@ class SignalGain(LightEffect):
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale every pulse."""
-        return light if self.gain == 1.0 else replace(light, pulse_signal=light.pulse_signal * self.gain)
+        return light if self.gain == 1.0 else light.dimmed(self.gain)

@@ -34,6 +34,7 @@ IDEAL_COLUMNS = {
     "IncidenceAngle": "incidence_deg",
     "ObjectID": "object_id",
     "Time": "time_s",
+    "Share": "share",
 }
 """A file's name of each field of an `IdealScan`, in the order that files are written in."""
 
@@ -47,6 +48,7 @@ _WHOLE = {
 _REAL = {
     "Distance": (0.0, LENGTH_MAX_M, "m (0: nothing within range)"),
     "Time": (-np.inf, np.inf, "s"),
+    "Share": (0.0, 1.0, "(part of the beam's light)"),
 }
 _log = logging.getLogger(__name__)
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import lidarcheck
+from lidarcheck.effects.base import Curve
 from lidarcheck.errors import InputError
 from lidarcheck.harness.scenario import Scenario
 from lidarcheck.model.spec import External, Model
@@ -212,4 +213,4 @@ def _plain_container(value: Any) -> Any:
 
 
 def _is_place(value: object, name: str) -> bool:
-    return isinstance(value, Model) and name == "file"
+    return isinstance(value, Model | Curve) and name == "file"

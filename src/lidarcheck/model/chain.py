@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -13,15 +14,16 @@ import numpy.typing as npt
 
 from lidarcheck.effects import Effect
 from lidarcheck.errors import ExternalModelError, UsageError
-from lidarcheck.model.light import light_of
+from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.spec import Model
+from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
 
 if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
 
-__all__ = ["check_seed", "echoes_of", "simulate", "usable_cores"]
+__all__ = ["check_seed", "echoes_of", "light_after_effects", "simulate", "usable_cores"]
 
 Progress = Callable[[int, int], object]
 
@@ -37,12 +39,14 @@ def simulate(
     frame: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
+    scene: Caster | None = None,
 ) -> Scan:
     """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
 
     The same `seed` and `frame` give the same bytes, for any number of threads and any order of rows. Beams without an
-    echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). Raises `InputError` for a
-    material without an entry and `ExternalModelError` when the model is an external program that fails.
+    echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). `scene`: what the ideal
+    scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. Raises `InputError`
+    for a material without an entry and `ExternalModelError` when the model is an external program that fails.
     """
     check_seed(seed, frame)
     if model.external is not None:
@@ -53,16 +57,43 @@ def simulate(
         except ExternalModelError as error:
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
-    run = _Run(seed, frame, model.sensor, ideal)
-    run = run.after_stage("aim", model.effects)
-    light = light_of(run.ideal, model)
-    for effect in _of_stage("light", model.effects):
-        light = effect.light(light, run.of(effect))
-    run = run.after_stage("detector", model.effects)
+    run, light = _light_and_sensor(ideal, model, seed, frame, scene)
     scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress)
     for effect in _of_stage("readout", model.effects):
         scan = effect.readout(scan, run.of(effect))
     return scan
+
+
+def light_after_effects(
+    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
+) -> tuple[Light, Sensor]:
+    """The light that reaches the SPADs and the sensor that sees it, behind all effects of the model up to the readout."""
+    run, light = _light_and_sensor(ideal, model, seed, frame, scene)
+    return light, run.sensor
+
+
+def _light_and_sensor(
+    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None
+) -> tuple[_Run, Light]:
+    run = _Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
+    run = run.after_stage("aim", model.effects)
+    light = light_of(run.ideal, model)
+    for effect in _of_stage("light", model.effects):
+        light = effect.light(light, run.of(effect))
+    return run.after_stage("detector", model.effects), light
+
+
+class _Surfaces:
+    """The surfaces of an ideal scan, found when an effect asks for them."""
+
+    def __init__(self, ideal: IdealScan) -> None:
+        self._ideal = ideal
+
+    @functools.cached_property
+    def caster(self) -> Caster:
+        from lidarcheck.effects.surfaces import LocalSurfaces
+
+        return LocalSurfaces.of(self._ideal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +102,23 @@ class _Run:
 
     seed: int
     frame: int
+    model: Model
     sensor: Sensor
     ideal: IdealScan
+    scene: Caster | None
+    surfaces: _Surfaces
     purpose: str = ""
+
+    @property
+    def materials(self) -> Mapping[int, Material]:
+        return self.model.materials
+
+    @property
+    def caster(self) -> Caster:
+        return self.surfaces.caster if self.scene is None else self.scene
+
+    def signal(self, ideal: IdealScan) -> npt.NDArray[np.float64]:
+        return surface_signal(ideal, self.model)
 
     def of(self, effect: Effect) -> _Run:
         return replace(self, purpose=effect.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
 import re
@@ -13,10 +14,12 @@ from typing import Annotated, Any, Literal
 import tomli_w
 from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
 
+from lidarcheck.effects.base import Curve, Effect, FileParameter
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.config_words import shown
+from lidarcheck.formats.lut import load_lut
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
@@ -112,7 +115,8 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     Only numbers that differ from the variant's own are written. `UsageError` when an external model, whose command runs
     in its file's directory, would move to another one; `ConfigError` when the model holds values that no file may have.
     """
-    document = _external_document(model.external, Path(path)) if model.external else _document(model)
+    directory = Path(path).absolute().parent
+    document = _external_document(model.external, directory) if model.external else _document(model, directory)
     text = tomli_w.dumps(document)
     parsed = tomllib.loads(text)
     validate(parsed, LineIndex(Path(path)), _ExternalFile if model.external else _ModelTable)
@@ -163,7 +167,11 @@ def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tup
             continue
         parameters = {key: value for key, value in table.items() if key != "name"}
         try:
-            made.append(make(table["name"], parameters))
+            made.append(make(table["name"], parameters, functools.partial(_curve, lines.file.absolute().parent)))
+        except ConfigError as error:
+            faults += error.faults
+        except InputError as error:
+            faults.append(error)
         except UsageError as error:
             faults.append(_effect_fault(error, index, parameters, lines))
     if len(made) == len(entries):
@@ -174,6 +182,16 @@ def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tup
                 faults.append(lines.fault(("effects", end - 1), error.what, fix=error.fix))
                 break
     return tuple(made)
+
+
+def _curve(directory: Path, parameter: FileParameter, path: str) -> Curve:
+    """The table of a LUT file that a model names by a path relative to its own."""
+    file = directory / path
+    axis = parameter.kind.removeprefix("lut.")
+    table = {str(name): table for name, table in load_lut(file).tables.items()}.get(axis)
+    if table is None:
+        raise InputError(f"the file has no {axis} table", file=file, fix=f"{parameter.name} needs one: add it")
+    return Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(file))
 
 
 def _effect_fault(error: UsageError, index: int, parameters: Mapping[str, Any], lines: LineIndex) -> InputError:
@@ -214,7 +232,7 @@ def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]
     return faults
 
 
-def _document(model: Model) -> dict[str, Any]:
+def _document(model: Model, directory: Path) -> dict[str, Any]:
     document: dict[str, Any] = {"variant": model.sensor.variant}
     overrides = model.sensor.overrides()
     if overrides:
@@ -224,13 +242,22 @@ def _document(model: Model) -> dict[str, Any]:
     if model.materials:
         document["materials"] = {str(number): _material_table(entry) for number, entry in model.materials.items()}
     if model.effects:
-        document["effects"] = [{"name": effect.name, **_plain(effect.settings())} for effect in model.effects]
+        document["effects"] = [_effect_table(effect, directory) for effect in model.effects]
     return document
 
 
 def _material_table(material: Material) -> dict[str, Any]:
     table = {"name": material.name, "reflectance": float(material.reflectance), "kind": material.kind}
     return {**table, "retro_gain": float(material.retro_gain)} if material.kind == "retro" else table
+
+
+def _effect_table(effect: Effect, directory: Path) -> dict[str, Any]:
+    """Its name and parameters; files by their paths from the model file's directory."""
+    table = {"name": effect.name, **_plain(effect.settings())}
+    for parameter in effect.files():
+        if parameter.name in table:
+            table[parameter.name] = Path(os.path.relpath(table[parameter.name], directory)).as_posix()
+    return table
 
 
 def _plain(value: Any) -> Any:
@@ -242,8 +269,7 @@ def _plain(value: Any) -> Any:
     return value.item() if hasattr(value, "item") else value
 
 
-def _external_document(external: External, path: Path) -> dict[str, Any]:
-    directory = path.absolute().parent
+def _external_document(external: External, directory: Path) -> dict[str, Any]:
     if directory.resolve() != external.directory.resolve():
         raise UsageError(
             f"the external model's command runs in {external.directory}, not in {directory}",

@@ -80,7 +80,8 @@ def _missing(ideal: IdealScan, row: int, model: Model) -> InputError:
 def light_of(ideal: IdealScan, model: Model) -> Light:
     """The light of each beam of an ideal scan, beams in order of (layer, point).
 
-    Sub-beams (several rows of one beam) carry equal shares of the beam's light; each becomes a pulse of its own.
+    Sub-beams (several rows of one beam) carry their shares of the beam's light, equal ones unless the scan says
+    otherwise; each becomes a pulse of its own.
     """
     signal = surface_signal(ideal, model)
     key = ideal.layer.astype(np.int64) << 32 | ideal.point
@@ -92,7 +93,7 @@ def light_of(ideal: IdealScan, model: Model) -> Light:
     key = key[order]
     first_row = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
     rows_per_beam = np.diff(np.append(first_row, len(key)))
-    share = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam)
+    share = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam) if ideal.share is None else ideal.share[order]
     return Light(
         layer=ideal.layer[order][first_row],
         point=ideal.point[order][first_row],
@@ -100,4 +101,5 @@ def light_of(ideal: IdealScan, model: Model) -> Light:
         first_pulse=np.append(first_row, len(key)),
         pulse_range_m=ideal.distance_m[order],
         pulse_signal=signal[order] * share,
+        pulse_row=order.astype(np.int32),
     )
