@@ -66,8 +66,8 @@ class Hits:
     """What rays meet first, a row each, shape (n,) and (n, 3) for `normal`.
 
     `distance_m` from the ray's origin, 0 where it meets nothing within the range that was asked for; `incidence_deg`
-    0 ... 90 between ray and surface; `normal`: the surface's unit normal, turned towards the ray's origin, zero where it
-    is not known or nothing is met.
+    0 ... 90 between ray and surface; `normal`: the surface's unit normal, turned towards the ray's origin, zero where
+    it is not known or nothing is met.
     """
 
     distance_m: FloatArray

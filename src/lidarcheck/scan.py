@@ -146,7 +146,7 @@ class Light:
 
     Beam i has the pulses `first_pulse[i]` ... `first_pulse[i + 1] - 1`. `pulse_range_m` is half the light's way;
     `pulse_signal` is S, the primary avalanches per SPAD and shot that one always-armed SPAD would see on average;
-    `pulse_row` is the row of the ideal scan that the light comes from, -1 where it comes from no surface (None: all -1).
+    `pulse_row` is the row of the ideal scan that the light comes from, -1 where that is no surface (None: all -1).
     Light of another beam's surface keeps that surface's row. `background_per_ns` is the beam's background rate.
     `shape`: the laser pulse, the sensor's own where None.
     Shapes: (n_beams,), (n_beams + 1,) for `first_pulse`, (n_pulses,).
@@ -183,7 +183,7 @@ class Light:
         """`pulse_row`, -1 throughout where there is none."""
         return np.full(len(self.pulse_signal), -1, dtype=np.int32) if self.pulse_row is None else self.pulse_row
 
-    def dimmed(self, factor: npt.ArrayLike, *, background: npt.ArrayLike = 1.0) -> Light:
+    def dimmed(self, factor: npt.ArrayLike, *, background: float | FloatArray = 1.0) -> Light:
         """Pulses and haze times `factor`, the background times `background`; each a number or of shape (n_beams,)."""
         beams = np.broadcast_to(np.asarray(factor, dtype=np.float64), len(self))
         haze = self.haze

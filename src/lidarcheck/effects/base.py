@@ -141,7 +141,7 @@ class Effect(abc.ABC):
     name: ClassVar[str]
     stage: ClassVar[str]
     tree: ClassVar[tuple[int, ...]] = ()
-    """Where it stands in the perception-sensor effect tree PerCollECT/LidarLimbs; empty: the tree has no node for it."""
+    """Its nodes in the perception-sensor effect tree PerCollECT/LidarLimbs; empty where the tree has none for it."""
 
     def __post_init__(self) -> None:
         for p in self.parameters():

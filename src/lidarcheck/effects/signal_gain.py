@@ -14,8 +14,8 @@ __all__ = ["SignalGain"]
 class SignalGain(LightEffect):
     """The whole signal is scaled: laser power, optics, an evenly dirty window.
 
-    S' = gain S for all light of the laser; background is unchanged. The range equation is linear in the emitted energy and in the
-    transmission of the optics, so one factor stands for all of them. Identity at gain 1.
+    S' = gain S for all light of the laser; background is unchanged. The range equation is linear in the emitted energy
+    and in the transmission of the optics, so one factor stands for all of them. Identity at gain 1.
     """
 
     name = "signal_gain"

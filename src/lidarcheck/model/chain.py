@@ -67,7 +67,7 @@ def simulate(
 def light_after_effects(
     ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
 ) -> tuple[Light, Sensor]:
-    """The light that reaches the SPADs and the sensor that sees it, behind all effects of the model up to the readout."""
+    """The light that reaches the SPADs and the sensor that sees it, behind all effects up to the readout."""
     run, light = _light_and_sensor(ideal, model, seed, frame, scene)
     return light, run.sensor
 
