@@ -11,17 +11,19 @@ import pytest
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import save_scan
 from lidarcheck.harness import measure as measuring
-from lidarcheck.harness.kpi_kinds import KINDS, Echoes, Selection
+from lidarcheck.harness.kpi_kinds import KINDS
 from lidarcheck.harness.kpi_spec import Measurement
 from lidarcheck.harness.measure import measure
 from lidarcheck.harness.scenario import Scenario, load_scenario
+from lidarcheck.harness.selection import Echoes, Fired, Selection
 from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
-WITH_SURFACES = sorted(file.stem for file in SCENARIOS.glob("*.toml") if "background" not in file.stem)
+WITHOUT_EFFECTS = sorted(file.stem for file in SCENARIOS.glob("*.toml") if not file.stem.startswith("effect_"))
+WITH_SURFACES = [name for name in WITHOUT_EFFECTS if "background" not in name]
 SEEDS = 6
 
 # Beams (0, 0) ... (0, 3) meet a surface at 10, 20, 30 and 40 m, (0, 4) nothing.
@@ -39,9 +41,8 @@ SCAN = scan_of([(0, 10.1, 50.0), (1, 19.8, 70.0), (1, 25.0, 20.0), (2, 31.0, 30.
 
 
 def select(rows: list[bool], window_m: float = 0.5, ideal: IdealScan = IDEAL) -> Selection:
-    """A selection of rows of an ideal scan with a row a beam."""
-    mask = np.array(rows)
-    return Selection(mask, mask, mask & (ideal.distance_m > 0.0), window_m)
+    """A selection of rows of an ideal scan."""
+    return Selection(Fired.of(ideal), np.array(rows), window_m)
 
 
 def value(kind: str, selection: Selection, scan: Scan = SCAN) -> float:
@@ -118,19 +119,18 @@ def test_sub_beams_are_one_beam():
     ideal = IdealScan(zeros, np.array([0, 1, 0, 1]), np.array([10.0, 20.0, 15.0, 0.0]), np.arange(4), zeros)
     scan = scan_of([(0, 10.1, 5.0), (0, 14.9, 7.0), (1, 20.0, 9.0)])
     echoes = Echoes.of(scan, pair_with_ideal(ideal, scan))
-    both = np.ones(2, dtype=bool)
-    everything = Selection(np.ones(4, dtype=bool), both, both, 0.5).seen(echoes)
-    assert (everything.beams, everything.beams_meeting, everything.beams_detected) == (2, 2, 2)
+    everything = select([True] * 4, ideal=ideal).seen(echoes)
+    assert (everything.beams, everything.beams_meeting, everything.beams_with(everything.on)) == (2, 2, 2)
     assert everything.area.tolist() == [5.0, 7.0, 9.0]
-    second = Selection(np.arange(4) == 2, np.array([True, False]), np.array([True, False]), 0.5).seen(echoes)
-    assert (second.beams, second.beams_detected, second.stray_echoes) == (1, 1, 0)
+    second = select([False, False, True, False], ideal=ideal).seen(echoes)
+    assert (second.beams, second.beams_with(second.on), len(second.stray)) == (1, 1, 0)
     assert second.area.tolist() == [7.0]
 
 
 def test_frames_count_their_beams_apart():
     parts = [Echoes.of(SCAN, pair_with_ideal(IDEAL, SCAN), frame) for frame in range(3)]
     seen = EVERYTHING.seen(Echoes.joined(parts), frames=3)
-    assert (seen.beams, seen.beams_meeting, seen.beams_detected, seen.echoes) == (15, 12, 6, 18)
+    assert (seen.beams, seen.beams_meeting, seen.beams_with(seen.on), len(seen.every)) == (15, 12, 6, 18)
 
 
 # Whole measurements
@@ -201,6 +201,38 @@ def test_frames_are_different_draws(tmp_path):
     assert first.tolist() != second.tolist()
     single = measure(replace(scenario, frames=1), scenario.model, 3)
     assert first.tolist() == single.samples["area_distance"].tolist()
+
+
+IN_A_SCENE = """
+[[scene.objects]]
+shape = "panel"
+position_m = [25.0, 0.0, 0.0]
+width_m = 1.0
+height_m = 1.0
+material = 1
+
+[sampling]
+layers = [250, 259]
+points = [475, 484]
+"""
+
+
+def test_effects_are_told_the_scene(tmp_path, monkeypatch):
+    told = []
+
+    def simulated(*args, **more):
+        told.append(more["scene"])
+        return simulate(*args, **more)
+
+    monkeypatch.setattr(measuring, "simulate", simulated)
+    shapes = SMALL[SMALL.index("[[beams]]") : SMALL.index("[[kpis]]")]
+    scenario = small(tmp_path, SMALL.replace(shapes, IN_A_SCENE + "\n"))
+    found = measure(scenario, scenario.model, 3)
+    assert found.values["detection_probability"] == 1.0
+    plain = small(tmp_path)
+    measure(plain, plain.model, 3)
+    assert told[0] is scenario.scene is not None
+    assert told[1] is None
 
 
 def test_distances_from_a_measured_file(tmp_path):

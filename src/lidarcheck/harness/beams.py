@@ -16,9 +16,23 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from lidarcheck.formats.config import Config
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions
+from lidarcheck.sensor import LAYERS, POINTS, beam_directions, elevation_deg
 
-__all__ = ["BeamShape", "Incidence", "Nothing", "Panels", "Shape", "Surface", "lay_beams"]
+__all__ = [
+    "BeamShape",
+    "Ground",
+    "Incidence",
+    "LayerSpan",
+    "Nothing",
+    "Panels",
+    "PointSpan",
+    "Shape",
+    "Stripes",
+    "Surface",
+    "Target",
+    "Wall",
+    "lay_beams",
+]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -43,21 +57,27 @@ _Point = Annotated[int, Field(ge=0, lt=POINTS)]
 _Number = Annotated[int, Field(ge=0, le=1_000_000_000)]
 _RangeM = Annotated[float, Field(gt=0.0, le=_MAX_RANGE_M)]
 _AngleDeg = Annotated[float, Field(ge=0.0, lt=90.0)]
+LayerSpan = Annotated[tuple[_Layer, _Layer], BeforeValidator(_two), AfterValidator(_rising)]
+PointSpan = Annotated[tuple[_Point, _Point], BeforeValidator(_two), AfterValidator(_rising)]
 
 
 class Geometry(NamedTuple):
-    """What the beams of a shape meet, shape (n,) each: range [m], 0 for nothing; incidence [deg]; object from 0."""
+    """What the beams of a shape meet, shape (n,) each: range [m], 0 for nothing; incidence [deg]; object from 0.
+
+    `material_id`: None where all of it is the shape's material.
+    """
 
     range_m: FloatArray
     incidence_deg: FloatArray
     object_index: IntArray
+    material_id: IntArray | None = None
 
 
 class Shape(Config, abc.ABC):
     """What every `[[beams]]` table has: its beams as [first, last], both included, and the ID of its first object."""
 
-    layers: Annotated[tuple[_Layer, _Layer], BeforeValidator(_two), AfterValidator(_rising)]
-    points: Annotated[tuple[_Point, _Point], BeforeValidator(_two), AfterValidator(_rising)]
+    layers: LayerSpan
+    points: PointSpan
     material: _Number = 0
     object: _Number | None = None
 
@@ -143,6 +163,117 @@ class Incidence(Shape):
         return _one_object(np.full(len(point), self.range_m), self._swept(point, self.incidence_deg))
 
 
+class Wall(Shape):
+    """A flat wall that stands upright, through X = `x_m` on the X axis, turned by `turn_deg` about Z.
+
+    Its normal is n = -(cos t, sin t, 0): R = x cos t/(-n·d), incidence = arccos(-n·d). Turned to positive angles, what
+    lies to the left is nearer.
+    """
+
+    shape: Literal["wall"]
+    material: _Number
+    x_m: _RangeM
+    turn_deg: Annotated[float, Field(gt=-90.0, lt=90.0)]
+
+    @model_validator(mode="after")
+    def _met(self) -> Wall:
+        if self._cosine(*self.beams()).min() <= 0.0:
+            raise ValueError("some of these beams look past the wall; use other points, or turn it less")
+        return self
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R and incidence on the turned plane."""
+        cosine = self._cosine(layer, point)
+        return _one_object(self.x_m * np.cos(np.deg2rad(self.turn_deg)) / cosine, _angle_deg(cosine))
+
+    def _cosine(self, layer: IntArray, point: IntArray) -> FloatArray:
+        turn, direction = np.deg2rad(self.turn_deg), beam_directions(layer, point)
+        return np.asarray(direction[:, 0] * np.cos(turn) + direction[:, 1] * np.sin(turn))
+
+
+class Ground(Shape):
+    """A level ground, `height_m` below the sensor: R = h/sin(-φ), incidence = 90° + φ."""
+
+    shape: Literal["ground"]
+    material: _Number
+    height_m: _RangeM
+
+    @model_validator(mode="after")
+    def _below_the_horizon(self) -> Ground:
+        last = int(np.flatnonzero(elevation_deg(np.arange(LAYERS)) < 0.0)[-1])
+        if self.layers[1] > last:
+            raise ValueError(f"layer {self.layers[1]} looks above the horizon; use layers up to {last}")
+        return self
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R and incidence on the plane Z = -h."""
+        cosine = -beam_directions(layer, point)[:, 2]
+        return _one_object(self.height_m / cosine, _angle_deg(cosine))
+
+
+class _TwoParts(Shape):
+    """Something perpendicular to each beam at `range_m`, and beside it something at `behind_m`, or nothing.
+
+    The front is the shape's first object, what is behind the second. `behind_material` is the front's if left out.
+    """
+
+    material: _Number
+    range_m: _RangeM
+    behind_m: _RangeM | None = None
+    behind_material: _Number | None = None
+
+    @property
+    def objects(self) -> int:
+        """The front and what is behind."""
+        return 2
+
+    def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
+        """R of either part, incidence 0."""
+        front = self.front(layer, point)
+        behind = self.material if self.behind_material is None else self.behind_material
+        range_m = np.where(front, self.range_m, self.behind_m or 0.0)
+        material = np.where(front, self.material, behind).astype(np.int32)
+        return Geometry(range_m, np.zeros(len(point)), np.where(front, 0, 1).astype(np.int32), material)
+
+    @abc.abstractmethod
+    def front(self, layer: IntArray, point: IntArray) -> npt.NDArray[np.bool_]:
+        """Which of those beams meet the front."""
+
+
+class Target(_TwoParts):
+    """A rectangle of beams, `target_layers` x `target_points`, in front of a background or of nothing."""
+
+    shape: Literal["target"]
+    target_layers: LayerSpan
+    target_points: PointSpan
+
+    @model_validator(mode="after")
+    def _inside(self) -> Target:
+        for name in ("layers", "points"):
+            (first, last), (low, high) = getattr(self, f"target_{name}"), getattr(self, name)
+            if first < low or last > high:
+                raise ValueError(f"target_{name} = [{first}, {last}] is not within {name} = [{low}, {high}]")
+        return self
+
+    def front(self, layer: IntArray, point: IntArray) -> npt.NDArray[np.bool_]:
+        """The beams of the rectangle."""
+        (low, high), (left, right) = self.target_layers, self.target_points
+        return (layer >= low) & (layer <= high) & (point >= left) & (point <= right)
+
+
+class Stripes(_TwoParts):
+    """Stripes at two ranges in turn, each `width` points (or layers, where `across` says so) wide, the front first."""
+
+    shape: Literal["stripes"]
+    across: Literal["points", "layers"] = "points"
+    width: Annotated[int, Field(ge=1, le=POINTS)]
+
+    def front(self, layer: IntArray, point: IntArray) -> npt.NDArray[np.bool_]:
+        """The beams of every other stripe, from the first on."""
+        place, first = (point, self.points[0]) if self.across == "points" else (layer, self.layers[0])
+        return np.asarray((place - first) // self.width % 2 == 0)
+
+
 class Nothing(Shape):
     """Beams that meet nothing: background only."""
 
@@ -153,7 +284,9 @@ class Nothing(Shape):
         return _one_object(np.zeros(len(point)), np.zeros(len(point)))
 
 
-BeamShape = Annotated[Surface | Panels | Incidence | Nothing, Field(discriminator="shape")]
+BeamShape = Annotated[
+    Surface | Panels | Incidence | Wall | Ground | Target | Stripes | Nothing, Field(discriminator="shape")
+]
 """Every shape that a `[[beams]]` table may name."""
 
 
@@ -169,7 +302,7 @@ def lay_beams(shapes: Sequence[Shape]) -> tuple[IdealScan, IntArray]:
         seen = shape.geometry(layer, point)
         first = next_object if shape.object is None else shape.object
         next_object = max(next_object, first + shape.objects)
-        material = np.full(len(layer), shape.material, dtype=np.int32)
+        material = np.full(len(layer), shape.material, dtype=np.int32) if seen.material_id is None else seen.material_id
         tables.append((layer, point, seen.range_m, material, seen.incidence_deg, first + seen.object_index))
     layer, point, range_m, material, incidence, objects = (
         np.concatenate(column) for column in zip(*tables, strict=True)
@@ -180,3 +313,7 @@ def lay_beams(shapes: Sequence[Shape]) -> tuple[IdealScan, IntArray]:
 
 def _one_object(range_m: FloatArray, incidence_deg: FloatArray) -> Geometry:
     return Geometry(range_m, incidence_deg, np.zeros(len(range_m), dtype=np.int32))
+
+
+def _angle_deg(cosine: FloatArray) -> FloatArray:
+    return np.asarray(np.rad2deg(np.arccos(np.minimum(cosine, 1.0))))

@@ -7,9 +7,10 @@ import hashlib
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.harness.kpi_kinds import KINDS, Echoes
+from lidarcheck.harness.kpi_kinds import KINDS
 from lidarcheck.harness.kpi_spec import Measurement
 from lidarcheck.harness.scenario import Scenario
+from lidarcheck.harness.selection import Echoes
 from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
@@ -28,7 +29,7 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     digest = hashlib.sha256()
     parts = []
     for frame in range(scenario.frames):
-        scan = simulate(scenario.ideal, model, seed=seed, frame=frame, threads=threads)
+        scan = simulate(scenario.ideal, model, seed=seed, frame=frame, threads=threads, scene=scenario.scene)
         _feed(digest, scan)
         parts.append(Echoes.of(scan, pair_with_ideal(scenario.ideal, scan), frame))
     return _measured(scenario, Echoes.joined(parts), digest.hexdigest())

@@ -8,9 +8,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from lidarcheck.formats.config import Config, PathText
 from lidarcheck.formats.config_words import nearest
-from lidarcheck.harness.beams import BeamShape
+from lidarcheck.harness.beams import BeamShape, LayerSpan, PointSpan
 from lidarcheck.harness.kpi_kinds import KINDS
 from lidarcheck.harness.kpi_spec import Direction
+from lidarcheck.harness.scene_file import SamplingTable
 
 __all__ = ["KpiTable", "ScenarioTable"]
 
@@ -70,6 +71,9 @@ class KpiTable(Config):
     material: _Ids | None = None
     range_m: _Window | None = None
     incidence_deg: _Window | None = None
+    layers: LayerSpan | None = None
+    points: PointSpan | None = None
+    echo_range_m: _Window | None = None
     window_m: Annotated[float, Field(gt=0.0, le=1000.0)] = WINDOW_M
     tolerance: Annotated[float, Field(gt=0.0)]
     direction: Direction | None = None
@@ -89,6 +93,8 @@ class ScenarioTable(Config):
     description: Annotated[str, Field(min_length=1)]
     model: PathText | dict[str, Any]
     ideal: PathText | None = None
+    scene: str | dict[str, Any] | None = None
+    sampling: SamplingTable | None = None
     measured: PathText | None = None
     beams: tuple[BeamShape, ...] = ()
     frames: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -96,8 +102,12 @@ class ScenarioTable(Config):
 
     @model_validator(mode="after")
     def _one_source_of_beams(self) -> ScenarioTable:
-        if self.ideal is None and not self.beams:
-            raise ValueError('the scenario has no beams; add [[beams]] tables or ideal = "FILE"')
-        if self.ideal is not None and self.beams:
-            raise ValueError("ideal stands beside [[beams]]; remove one of the two")
+        sources = {"[[beams]]": bool(self.beams), "ideal": self.ideal is not None, "scene": self.scene is not None}
+        given = [name for name, there in sources.items() if there]
+        if not given:
+            raise ValueError('the scenario has no beams; add [[beams]] tables, ideal = "FILE" or scene = "NAME"')
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} stand beside each other; keep one of them")
+        if self.sampling is not None and self.scene is None:
+            raise ValueError("sampling says how a scene is cast, and there is none; remove it, or add a scene")
         return self

@@ -1,0 +1,290 @@
+"""What one KPI looks at: the beams of a scenario, the part of them that is selected, and the echoes seen there."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.kpi.pairing import Pairing, beam_keys, nearest_on_line, ranges
+from lidarcheck.scan import IdealScan, Scan
+
+__all__ = ["Echoes", "Fired", "Seen", "Selection", "Window"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+Window = tuple[float, float]
+
+_AROUND = [(layer, point) for layer in (-1, 0, 1) for point in (-1, 0, 1)]
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """The echoes of a seed beside the surfaces of their beams, all frames together; shape (n,) each.
+
+    `beam`: of the scenario, counted from 0 in ascending (layer, point); `frame`, from 0; `surface`: the row of the
+    ideal scan that is nearest in range on that beam, -1 where the beam meets nothing; `residual_m`: range minus that
+    row's, NaN where there is none.
+    """
+
+    beam: IndexArray
+    frame: IndexArray
+    surface: IndexArray
+    residual_m: FloatArray
+    range_m: FloatArray
+    area: FloatArray
+    peak: FloatArray
+    width_ns: FloatArray
+
+    @classmethod
+    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0) -> Echoes:
+        """The echoes of one frame."""
+        frames = np.full(len(scan), frame, dtype=np.int64)
+        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns)
+        return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns)
+
+    @classmethod
+    def joined(cls, parts: list[Echoes]) -> Echoes:
+        """The echoes of several frames."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)))
+
+
+def _names(table: type[Echoes]) -> list[str]:
+    return [column.name for column in fields(table)]
+
+
+@dataclass(frozen=True)
+class Fired:
+    """The beams of a scenario in ascending (layer, point), and what they meet.
+
+    `layer`, `point`: of the beams, shape (n_beams,); of the ideal scan's rows, shape (n_rows,): `beam_of_row`,
+    `distance_m` (0: meets nothing), `incidence_deg`.
+    """
+
+    layer: npt.NDArray[np.int32]
+    point: npt.NDArray[np.int32]
+    beam_of_row: IndexArray
+    distance_m: FloatArray
+    incidence_deg: FloatArray
+
+    @classmethod
+    def of(cls, ideal: IdealScan) -> Fired:
+        """The beams of an ideal scan, whose rows may be sub-beams in any order."""
+        keys = beam_keys(ideal.layer, ideal.point)
+        _, first, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
+        return cls(ideal.layer[first], ideal.point[first], beam_of_row, ideal.distance_m, ideal.incidence_deg)
+
+    def __len__(self) -> int:
+        return len(self.layer)
+
+    def surfaces(self, rows: Mask | None = None) -> IndexArray:
+        """The rows that meet a surface (those of `rows`), in ascending (beam, distance)."""
+        meeting = self.distance_m > 0.0
+        some = np.flatnonzero(meeting if rows is None else meeting & rows)
+        return some[np.lexsort((self.distance_m[some], self.beam_of_row[some]))]
+
+    @functools.cached_property
+    def around(self) -> IndexArray:
+        """For each beam itself and its neighbours in layer and point, as beams, -1 for none; shape (n_beams, 9)."""
+        keys = beam_keys(self.layer, self.point)
+        found = np.full((len(keys), len(_AROUND)), -1, dtype=np.int64)
+        for column, (layer, point) in enumerate(_AROUND):
+            wanted = beam_keys(self.layer + np.int32(layer), self.point + np.int32(point))
+            index = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+            found[:, column] = np.where(keys[index] == wanted, index, -1)
+        return found
+
+    @functools.cached_property
+    def depth_m(self) -> tuple[FloatArray, FloatArray]:
+        """Nearest and farthest surface of each beam and its neighbours, shape (n_beams,); inf and 0 for none."""
+        nearest, farthest = np.full(len(self) + 1, np.inf), np.zeros(len(self) + 1)
+        rows = self.surfaces()
+        np.minimum.at(nearest, self.beam_of_row[rows], self.distance_m[rows])
+        np.maximum.at(farthest, self.beam_of_row[rows], self.distance_m[rows])
+        # The last entry stands for the neighbour that is not there.
+        return nearest[self.around].min(axis=1), farthest[self.around].max(axis=1)
+
+    def at_edge(self, window_m: float) -> Mask:
+        """The beams around which surfaces lie so far apart that an echo fits between their windows, (n_beams,)."""
+        nearest, farthest = self.depth_m
+        return farthest - nearest > 2.0 * window_m
+
+    def off_surfaces_around_m(self, beam: IndexArray, range_m: FloatArray) -> FloatArray:
+        """How far echoes lie from the nearest surface of their beam and its neighbours, shape (n,); inf for none."""
+        rows, least = self.surfaces(), np.full(len(beam), np.inf)
+        for column in range(self.around.shape[1]):
+            least = np.minimum(least, np.abs(self._off(rows, 1.0, self.around[beam, column], range_m)))
+        return least
+
+    def off_doubled_m(self, rows: Mask, beam: IndexArray, range_m: FloatArray) -> FloatArray:
+        """How far behind twice the range of the nearest of those rows' surfaces echoes lie, (n,); inf for none."""
+        return self._off(self.surfaces(rows), 2.0, beam, range_m)
+
+    def _off(self, rows: IndexArray, times: float, beam: IndexArray, range_m: FloatArray) -> FloatArray:
+        place = times * self.distance_m[rows]
+        near = nearest_on_line(self.beam_of_row[rows], place, beam, range_m)
+        return range_m - place[near] if len(rows) else np.full(len(beam), np.inf)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The part of a scenario that one KPI looks at.
+
+    `rows`: mask over the ideal scan's rows. `window_m`: an echo within it of a surface lies on that surface. `zone_m`:
+    only echoes whose range lies in it are seen at all; None: all of them.
+    """
+
+    fired: Fired
+    rows: Mask
+    window_m: float
+    zone_m: Window | None = None
+
+    @functools.cached_property
+    def beams(self) -> Mask:
+        """The beams with a selected row, shape (n_beams,)."""
+        return self._beams_of(self.rows)
+
+    @functools.cached_property
+    def meeting(self) -> Mask:
+        """The beams that meet a surface in a selected row, shape (n_beams,)."""
+        return self._beams_of(self.rows & (self.fired.distance_m > 0.0))
+
+    @functools.cached_property
+    def at_edge(self) -> Mask:
+        """The selected beams beside whose surface there is another at a different range, shape (n_beams,)."""
+        return self.beams & self.fired.at_edge(self.window_m)
+
+    def seen(self, echoes: Echoes, frames: int = 1) -> Seen:
+        """What is seen of those echoes."""
+        return Seen(self, echoes, frames)
+
+    def _beams_of(self, rows: Mask) -> Mask:
+        return np.bincount(self.fired.beam_of_row, weights=rows, minlength=len(self.fired)) > 0.0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one KPI is computed from: the echoes of the selected beams, worked out as far as the KPI asks.
+
+    Counts of beams count them in each of the `frames`. `every`, `on`, `stray`, `mixed`, `ghosts` are indices of
+    echoes: all of the selected beams; those on the selected surfaces; those on no surface of their beam; those between
+    the surfaces of an edge and on none; those at twice the range of a selected surface. `area`, `peak`, `width_ns`,
+    `residual_m`, `distance_m` (the surface's), `incidence_deg`, `layer`, `point` are of the echoes on the selected
+    surfaces, shape (n,) each.
+    """
+
+    selection: Selection
+    echoes: Echoes
+    frames: int = 1
+
+    @functools.cached_property
+    def every(self) -> IndexArray:
+        """All echoes of the selected beams, in the zone."""
+        return np.flatnonzero(self.selection.beams[self.echoes.beam] & self._in_zone)
+
+    @functools.cached_property
+    def on(self) -> IndexArray:
+        """Echoes on the selected surfaces."""
+        return np.flatnonzero(self._on_any & self.selection.rows[self.echoes.surface] & self._in_zone)
+
+    @functools.cached_property
+    def stray(self) -> IndexArray:
+        """Echoes of the selected beams on no surface of theirs."""
+        return self.every[~self._on_any[self.every]]
+
+    @functools.cached_property
+    def mixed(self) -> IndexArray:
+        """Echoes of beams at an edge, between the surfaces there and on none of them."""
+        fired, window = self.selection.fired, self.selection.window_m
+        some = self.stray[self.selection.at_edge[self.echoes.beam[self.stray]]]
+        beam, range_m = self.echoes.beam[some], self.echoes.range_m[some]
+        nearest, farthest = fired.depth_m
+        between = (range_m > nearest[beam]) & (range_m < farthest[beam])
+        return some[between & (fired.off_surfaces_around_m(beam, range_m) > window)]
+
+    @functools.cached_property
+    def ghosts(self) -> IndexArray:
+        """Stray echoes within the window of twice a selected surface's range."""
+        return self.stray[np.abs(self._behind_doubled_m) <= self.selection.window_m]
+
+    @property
+    def ghost_excess_m(self) -> FloatArray:
+        """How far behind twice their target's range the ghosts lie."""
+        return self._behind_doubled_m[np.abs(self._behind_doubled_m) <= self.selection.window_m]
+
+    @property
+    def beams(self) -> int:
+        """Fired beams of the selection."""
+        return self.frames * int(np.count_nonzero(self.selection.beams))
+
+    @property
+    def beams_meeting(self) -> int:
+        """Those of them that meet a surface."""
+        return self.frames * int(np.count_nonzero(self.selection.meeting))
+
+    @property
+    def beams_at_edge(self) -> int:
+        """Those of them beside whose surface there is another at a different range."""
+        return self.frames * int(np.count_nonzero(self.selection.at_edge))
+
+    def beams_with(self, which: IndexArray, *, echoes: int = 1) -> int:
+        """How many beams, counted in each frame, have at least that many of those echoes."""
+        keys = self.echoes.frame[which] * len(self.selection.fired) + self.echoes.beam[which]
+        return int(np.count_nonzero(np.unique(keys, return_counts=True)[1] >= echoes))
+
+    @property
+    def area(self) -> FloatArray:
+        """AREA."""
+        return self.echoes.area[self.on]
+
+    @property
+    def peak(self) -> FloatArray:
+        """PEAK."""
+        return self.echoes.peak[self.on]
+
+    @property
+    def width_ns(self) -> FloatArray:
+        """WIDTH."""
+        return self.echoes.width_ns[self.on]
+
+    @property
+    def residual_m(self) -> FloatArray:
+        """Range minus true range."""
+        return self.echoes.residual_m[self.on]
+
+    @property
+    def distance_m(self) -> FloatArray:
+        """True range."""
+        return self.selection.fired.distance_m[self.echoes.surface[self.on]]
+
+    @property
+    def incidence_deg(self) -> FloatArray:
+        """True angle of incidence."""
+        return self.selection.fired.incidence_deg[self.echoes.surface[self.on]]
+
+    def layer(self, which: IndexArray) -> npt.NDArray[np.int32]:
+        """Layer of those echoes."""
+        return self.selection.fired.layer[self.echoes.beam[which]]
+
+    def point(self, which: IndexArray) -> npt.NDArray[np.int32]:
+        """Point of those echoes."""
+        return self.selection.fired.point[self.echoes.beam[which]]
+
+    @functools.cached_property
+    def _in_zone(self) -> Mask:
+        zone, range_m = self.selection.zone_m, self.echoes.range_m
+        return np.ones(len(range_m), dtype=np.bool_) if zone is None else (range_m >= zone[0]) & (range_m <= zone[1])
+
+    @functools.cached_property
+    def _on_any(self) -> Mask:
+        return np.abs(self.echoes.residual_m) <= self.selection.window_m
+
+    @functools.cached_property
+    def _behind_doubled_m(self) -> FloatArray:
+        beam, range_m = self.echoes.beam[self.stray], self.echoes.range_m[self.stray]
+        return self.selection.fired.off_doubled_m(self.selection.rows, beam, range_m)
