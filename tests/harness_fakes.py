@@ -41,6 +41,7 @@ class Project:
 
     def load(self, path: Path) -> SimpleNamespace:
         return SimpleNamespace(
+            files=(),
             name=path.stem,
             description="made up",
             path=path,

@@ -173,6 +173,10 @@ class Effect(abc.ABC):
         """The first line of the docstring."""
         return (inspect.getdoc(cls) or "").splitlines()[0]
 
+    def curves(self) -> tuple[Curve, ...]:
+        """What was read from the files that its parameters name."""
+        return tuple(curve for f in self.files() if (curve := getattr(self, f.name)) is not None)
+
     def settings(self) -> dict[str, float | str]:
         """The parameters' values by name; of a file parameter the file, absent where none is set."""
         values: dict[str, float | str] = {p.name: getattr(self, p.name) for p in self.parameters()}

@@ -21,6 +21,7 @@ from lidarcheck.effects.base import Curve
 from lidarcheck.errors import InputError
 from lidarcheck.harness.scenario import Scenario
 from lidarcheck.model.spec import External, Model
+from lidarcheck.sensor import NonIdeal, Sensor
 
 __all__ = [
     "Provenance",
@@ -165,7 +166,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, External):
         return _plain_external(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = [field.name for field in dataclasses.fields(value) if not _is_place(value, field.name)]
+        names = [field.name for field in dataclasses.fields(value) if not _is_left_out(value, field.name)]
         return {"": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
     return _plain_container(value)
 
@@ -212,5 +213,8 @@ def _plain_container(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is no parameter that can be hashed")
 
 
-def _is_place(value: object, name: str) -> bool:
+def _is_left_out(value: object, name: str) -> bool:
+    """Where something lies is no parameter; nor is what detector effects set, as long as none has."""
+    if isinstance(value, Sensor) and name == "nonideal":
+        return value.nonideal == NonIdeal()
     return isinstance(value, Model | Curve) and name == "file"

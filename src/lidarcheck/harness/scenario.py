@@ -41,7 +41,7 @@ class Scenario:
     """A scenario file, read.
 
     `name`: the file's name without `.toml`. `frames`: simulated per seed. `scene`: what the ideal scan was cast from,
-    None where it comes from shapes or a file. `content_hash`: SHA-256 over the beams or the scene, the KPIs with their
+    None where it comes from shapes or a file. `files`: those that it names, besides the model. `content_hash`: SHA-256 over the beams or the scene, the KPIs with their
     tolerances and limits, and the measured echoes; neither comments nor the model change it.
     """
 
@@ -54,6 +54,7 @@ class Scenario:
     frames: int = 1
     content_hash: str = ""
     scene: Scene | None = None
+    files: tuple[Path, ...] = ()
     kpis: tuple[KpiSpec, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -89,7 +90,14 @@ def load_scenario(path: Path | str) -> Scenario:
         frames=table.frames,
         content_hash=_content_hash(table, ideal, asked, scene),
         scene=None if scene is None else scene.scene,
+        files=_named(table, scene, lines),
     )
+
+
+def _named(table: ScenarioTable, scene: SceneFile | None, lines: LineIndex) -> tuple[Path, ...]:
+    """The files that the scenario names: ideal scan, measured scan, scene."""
+    names = [lines.file.parent / name for name in (table.ideal, table.measured) if name is not None]
+    return tuple(names if scene is None else [*names, scene.path])
 
 
 def _model(data: Mapping[str, Any], table: ScenarioTable, lines: LineIndex) -> Model:

@@ -15,7 +15,7 @@ _NAMED = 3
 
 
 def uncommitted(scenario: Scenario) -> tuple[str, str]:
-    """(files with uncommitted changes, a note): of the model's source, the scenario, its model and what that runs.
+    """(files with uncommitted changes, a note): of the model's source, the scenario, its model and what these name and run.
 
     Files that no git repository holds count as clean, and the note says so.
     """
@@ -23,6 +23,8 @@ def uncommitted(scenario: Scenario) -> tuple[str, str]:
     model = scenario.model
     files = {scenario.path} | ({model.file} if model.file else set())
     files |= set(external_files(model.external)) if model.external else set()
+    files |= set(scenario.files)
+    files |= {Path(curve.file) for effect in model.effects for curve in effect.curves()}
     changed, notes = [], []
     for directory, paths in [*((file.parent, [file]) for file in sorted(files)), (package, source_files())]:
         found = _status(directory, paths)
