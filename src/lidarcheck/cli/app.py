@@ -32,6 +32,14 @@ COMMANDS = (
         ("lidarcheck simulate ideal.txt --model SLIM.toml --out scan.pcd --seed 7",),
     ),
     Command(
+        "scene",
+        "SCENE --out IDEAL [OPTIONS]",
+        "Cast the beams into a scene and write what each meets.",
+        "SCENE is a scene's TOML file, a scenario with a scene, or the name of a built-in scene; --list shows those. "
+        "The suffix of --out names the format.",
+        ("lidarcheck scene --list", "lidarcheck scene highway --out highway.parquet"),
+    ),
+    Command(
         "compare",
         "MEASURED SIMULATED [OPTIONS]",
         "Compare a measured scan with a simulated one.",

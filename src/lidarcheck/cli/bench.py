@@ -11,7 +11,7 @@ from lidarcheck.cli.outputs import json_text
 from lidarcheck.cli.terminal import Column, emit, hush, note, progress, table
 
 if TYPE_CHECKING:
-    from lidarcheck.cli.bench_figures import Figure, Other
+    from lidarcheck.cli.bench_kit import Figure, Other
 
 __all__ = ["bench"]
 

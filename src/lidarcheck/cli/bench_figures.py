@@ -2,44 +2,21 @@
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from lidarcheck.cli.bench_frames import effects_figures, raycast_figures
+from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times
 from lidarcheck.errors import UsageError
 from lidarcheck.harness.seeds import default_jobs
 
-__all__ = ["Figure", "Other", "cases"]
-
-MEGA = 1e6
-
-
-@dataclass(frozen=True, slots=True)
-class Other:
-    """Another way to the same: what it reached, in the figure's unit, and how many times better the figure is."""
-
-    name: str
-    best: float
-    ratio: float
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A speed, or a time where the unit is s: best and median of the repeats."""
-
-    name: str
-    unit: str
-    best: float
-    median: float
-    repeats: int
-    against: tuple[Other, ...] = ()
+__all__ = ["cases"]
 
 
 def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
@@ -48,27 +25,14 @@ def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
     return {
         "simulate, SMART": lambda: _simulate("SMART", repeats, quick),
         "simulate, SLIM": lambda: _simulate("SLIM", repeats, quick),
+        "effects, SMART": lambda: effects_figures("SMART", min(repeats, 3), quick),
+        "effects, SLIM": lambda: effects_figures("SLIM", min(repeats, 3), quick),
+        "ray casting": lambda: raycast_figures(repeats, quick),
         "reading text": lambda: _read_text(repeats, quick),
         "KPIs": lambda: _wasserstein(repeats, quick),
         "check": lambda: _check(1 if quick else 3),
         "help": lambda: _help(3 if quick else 9),
     }
-
-
-def _times(work: Callable[[], object], repeats: int) -> list[float]:
-    """Seconds of each repeat; one more before them warms compilers and caches."""
-    work()
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - start)
-    return seconds
-
-
-def _rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
-    """A figure where more is better."""
-    return Figure(name, unit, amount / min(seconds), amount / statistics.median(seconds), len(seconds), against)
 
 
 def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
@@ -80,11 +44,11 @@ def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
         frame = frame.take(np.arange(0, len(frame), 10))
     figures = []
     for threads in sorted({1, default_jobs()}):
-        seconds = _times(lambda threads=threads: simulate(frame, model, seed=1, threads=threads), repeats)  # type: ignore[misc]
+        seconds = times(lambda threads=threads: simulate(frame, model, seed=1, threads=threads), repeats)  # type: ignore[misc]
         mpts = len(frame) / MEGA / min(seconds)
         against = _plain_numpy(variant, mpts, quick) if threads == 1 else ()
         name = f"simulate_exact_{variant.lower()}_{threads}_mpts_s"
-        figures.append(_rate(name, "Mpoints/s", len(frame) / MEGA, seconds, against))
+        figures.append(rate(name, "Mpoints/s", len(frame) / MEGA, seconds, against))
     return figures
 
 
@@ -120,14 +84,14 @@ def _read_text(repeats: int, quick: bool) -> list[Figure]:
         write_rows(path, rows)
         write_rows(short, few)
         size, short_size = path.stat().st_size / MEGA, short.stat().st_size / MEGA
-        seconds = _times(lambda: load_scan(path), repeats)
-        loadtxt = short_size / min(_times(lambda: np.loadtxt(short, skiprows=2), 1))
+        seconds = times(lambda: load_scan(path), repeats)
+        loadtxt = short_size / min(times(lambda: np.loadtxt(short, skiprows=2), 1))
         options = csv.ReadOptions(use_threads=False, skip_rows=2, autogenerate_column_names=True)
         parse = csv.ParseOptions(delimiter=" ")
-        arrow = size / min(_times(lambda: csv.read_csv(path, options, parse), repeats))
+        arrow = size / min(times(lambda: csv.read_csv(path, options, parse), repeats))
     best = size / min(seconds)
     against = (Other("numpy.loadtxt", loadtxt, best / loadtxt), Other("pyarrow.csv, one core", arrow, best / arrow))
-    return [_rate("read_text_mb_s", "MB/s", size, seconds, against)]
+    return [rate("read_text_mb_s", "MB/s", size, seconds, against)]
 
 
 def _wasserstein(repeats: int, quick: bool) -> list[Figure]:
@@ -138,23 +102,23 @@ def _wasserstein(repeats: int, quick: bool) -> list[Figure]:
     draw = np.random.Generator(np.random.Philox(1))
     size = 100_000 if quick else 1_000_000
     measured, simulated = draw.normal(10.0, 1.0, size), draw.normal(10.1, 1.0, size)
-    seconds = _times(lambda: wasserstein(measured, simulated), repeats)
-    scipy_seconds = min(_times(lambda: wasserstein_distance(measured, simulated), repeats))
+    seconds = times(lambda: wasserstein(measured, simulated), repeats)
+    scipy_seconds = min(times(lambda: wasserstein_distance(measured, simulated), repeats))
     against = (Other("scipy.stats", size / MEGA / scipy_seconds, scipy_seconds / min(seconds)),)
-    return [_rate("kpi_wasserstein_mpts_s", "Mpoints/s", size / MEGA, seconds, against)]
+    return [rate("kpi_wasserstein_mpts_s", "Mpoints/s", size / MEGA, seconds, against)]
 
 
 def _check(repeats: int) -> list[Figure]:
     """All scenarios of the working directory, as a user runs them: a process, kernels compiled before."""
     if not Path("scenarios").is_dir():
         return []
-    seconds = _times(lambda: _lidarcheck("check", "--quiet"), repeats)
-    return [Figure("check_s", "s", min(seconds), statistics.median(seconds), len(seconds))]
+    seconds = times(lambda: _lidarcheck("check", "--quiet"), repeats)
+    return [duration("check_s", seconds)]
 
 
 def _help(repeats: int) -> list[Figure]:
-    seconds = _times(lambda: _lidarcheck("--help"), repeats)
-    return [Figure("help_s", "s", min(seconds), statistics.median(seconds), len(seconds))]
+    seconds = times(lambda: _lidarcheck("--help"), repeats)
+    return [duration("help_s", seconds)]
 
 
 def _lidarcheck(*arguments: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +12,12 @@ from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS, Material, Sensor, beam_directions
 
-__all__ = ["lab_frame", "lab_model", "write_rows"]
+if TYPE_CHECKING:
+    import trimesh
+
+    from lidarcheck.scenes import SceneObject
+
+__all__ = ["hills", "lab_frame", "lab_model", "signs_frame", "write_rows"]
 
 HEIGHT_M, WALL_M, CEILING_M = 1.8, 85.0, 6.0
 PANELS_M = np.arange(5.0, 81.0, 5.0)
@@ -19,6 +26,7 @@ MATERIALS = {
     2: Material("panel 50 %", 0.5),
     3: Material("panel 90 %", 0.9),
     4: Material("concrete", 0.3),
+    5: Material("traffic sign", 0.8, "retro", 1000.0),
 }
 
 
@@ -47,6 +55,35 @@ def lab_frame() -> IdealScan:
         material_id=np.where(on_panel, reflectance, 4).astype(np.int32),
         incidence_deg=incidence,
     )
+
+
+def signs_frame() -> IdealScan:
+    """The same hall with traffic signs on its panels of 25, 45 and 70 m, 20 beams by 8 each."""
+    frame = lab_frame()
+    middle = (np.abs(frame.layer - LAYERS // 2) < 10) & (np.abs(frame.point % 60 - 20) < 4)
+    slots = [int(np.flatnonzero(range_m == PANELS_M)[0]) for range_m in (25.0, 45.0, 70.0)]
+    sign = middle & np.isin(frame.point // (POINTS // len(PANELS_M)), slots)
+    return replace(frame, material_id=np.where(sign, 5, frame.material_id).astype(np.int32))
+
+
+def hills(triangles: int) -> tuple[trimesh.Trimesh, SceneObject]:
+    """Rolling ground of about that many triangles below the sensor, as a mesh and as an object of a scene."""
+    import trimesh
+
+    from lidarcheck.scenes import SceneObject
+
+    side = round((triangles / 2) ** 0.5)
+    x, y = np.meshgrid(np.linspace(0.0, 200.0, side + 1), np.linspace(-100.0, 100.0, side + 1), indexing="ij")
+    z = -HEIGHT_M + 0.3 * np.sin(x / 7.0) * np.cos(y / 5.0) + 8.0 * np.clip(x / 200.0, 0.0, 1.0) ** 2
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+            np.stack([corner + 1, corner + side + 1, corner + side + 2], axis=1),
+        ]
+    )
+    mesh = trimesh.Trimesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces, process=False)
+    return mesh, SceneObject(mesh.triangles, np.full(len(mesh.faces), 4), object_id=1)
 
 
 def write_rows(path: Path, rows: int) -> None:

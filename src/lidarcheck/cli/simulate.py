@@ -20,11 +20,16 @@ def simulate(
     *,
     model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
     out: Annotated[Path, Parameter(help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet.")],
+    scene: Annotated[
+        str | None,
+        Parameter(help="What the ideal scan was cast from, for effects that aim beams elsewhere: as `scene` takes it."),
+    ] = None,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> int:
     """Run one ideal scan through the sensor model."""
     hush(quiet)
+    from lidarcheck.cli.scene import find_scene
     from lidarcheck.formats import load_ideal, save_scan
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
@@ -33,11 +38,18 @@ def simulate(
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
+    caster = None if scene is None else find_scene(scene).scene
     with stage(f"reading {ideal.name}"):
-        scene = load_ideal(ideal)
+        beams_meet = load_ideal(ideal)
     with progress("simulating") as show:
-        scan = run(scene, sensor_model, seed=seed, progress=lambda done, beams: show(done, beams, f"{beams} beams"))
+        scan = run(
+            beams_meet,
+            sensor_model,
+            seed=seed,
+            scene=caster,
+            progress=lambda done, beams: show(done, beams, f"{beams} beams"),
+        )
     with stage(f"writing {out.name}"):
         save_scan(scan, out)
-    note(f"{out}: {len(scan)} echoes from {len(scene)} rows of {ideal}, seed {seed}")
+    note(f"{out}: {len(scan)} echoes from {len(beams_meet)} rows of {ideal}, seed {seed}")
     return 0

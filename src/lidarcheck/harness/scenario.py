@@ -97,7 +97,7 @@ def load_scenario(path: Path | str) -> Scenario:
 def _named(table: ScenarioTable, scene: SceneFile | None, lines: LineIndex) -> tuple[Path, ...]:
     """The files that the scenario names: ideal scan, measured scan, scene."""
     names = [lines.file.parent / name for name in (table.ideal, table.measured) if name is not None]
-    return tuple(names if scene is None else [*names, scene.path])
+    return tuple(names if scene is None else [*names, *scene.files])
 
 
 def _model(data: Mapping[str, Any], table: ScenarioTable, lines: LineIndex) -> Model:

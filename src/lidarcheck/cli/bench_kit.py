@@ -1,0 +1,54 @@
+"""What the figures of `lidarcheck bench` are made of, and how their times are taken."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+__all__ = ["MEGA", "Figure", "Other", "duration", "rate", "times"]
+
+MEGA = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """Another way to the same: what it reached, in the figure's unit, and how many times better the figure is."""
+
+    name: str
+    best: float
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A speed, or a time where the unit is s: best and median of the repeats."""
+
+    name: str
+    unit: str
+    best: float
+    median: float
+    repeats: int
+    against: tuple[Other, ...] = ()
+
+
+def times(work: Callable[[], object], repeats: int) -> list[float]:
+    """Seconds of each repeat; one more before them warms compilers and caches."""
+    work()
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return seconds
+
+
+def rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
+    """A figure where more is better."""
+    return Figure(name, unit, amount / min(seconds), amount / statistics.median(seconds), len(seconds), against)
+
+
+def duration(name: str, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
+    """A figure where less is better."""
+    return Figure(name, "s", min(seconds), statistics.median(seconds), len(seconds), against)

@@ -1,0 +1,64 @@
+"""Meshes from files: STL, OBJ, PLY and GLB, read by trimesh."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from lidarcheck.errors import InputError
+from lidarcheck.scenes.facets import Facets
+
+__all__ = ["SUFFIXES", "load_mesh"]
+
+SUFFIXES = (".stl", ".obj", ".ply", ".glb")
+Up = Literal["z", "y"]
+
+_DAMAGED = (
+    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, NotImplementedError, OSError, RuntimeError,
+    TypeError, ValueError, struct.error,
+)  # fmt: skip
+"""What trimesh's readers raise on files that are not what they should be."""
+
+
+def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = None) -> Facets:
+    """The triangles of a mesh file, its numbers times `scale` being metres.
+
+    `up`: the axis that points up in the file, turned to Z; by default that which the format prescribes, Y in GLB, else
+    Z. A mesh with Y up looks along +Z, which becomes +X. `InputError` with the file for whatever is wrong with it.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{suffix or 'a name without suffix'} is no mesh format", file=path, fix=_formats())
+    if not path.is_file():
+        raise InputError("there is no such mesh file", file=path, fix="check the name and the directory")
+    if path.stat().st_size == 0:
+        raise InputError("the mesh file is empty", file=path, fix="was it written completely?")
+    triangles = _triangles(path, suffix[1:]) * scale
+    if not np.all(np.isfinite(triangles)):
+        raise InputError("the mesh has corners that are not finite", file=path, fix="export it again")
+    if (up or ("y" if suffix == ".glb" else "z")) == "y":
+        triangles = triangles[..., [2, 0, 1]]
+    return Facets(triangles, np.full(len(triangles), material, dtype=np.int32))
+
+
+def _triangles(path: Path, kind: str) -> Any:
+    import trimesh
+
+    # Colours and textures say nothing here, and would be looked for in further files.
+    options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
+    try:
+        mesh = trimesh.load_mesh(path, file_type=kind, process=False, **options)
+        triangles = np.asarray(mesh.triangles, dtype=np.float64)
+    except _DAMAGED as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"not a readable {kind.upper()} mesh: {reason[:120]}", file=path, fix=_formats()) from None
+    if not len(triangles):
+        raise InputError("the mesh has no triangles", file=path, fix="export surfaces, not points or lines")
+    return triangles
+
+
+def _formats() -> str:
+    return f"use a mesh of the format {', '.join(SUFFIXES)}"
