@@ -13,14 +13,35 @@ from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor
 
-IDENTITY = {
+IDENTITY: dict[str, dict[str, float]] = {
+    "beam_divergence": {"vertical_deg": 0.0, "horizontal_deg": 0.0},
+    "boresight": {"yaw_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0},
+    "motion": {"forward_m_s": 0.0, "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": 0.0},
+    "vibration": {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.0},
+    "ambient_light": {"rate_per_ns": 0.0},
+    "blockage": {"transmission": 1.0},
+    "blooming_horizontal": {"strength": 0.0},
+    "blooming_vertical": {"strength": 0.0},
     "dark_counts": {"rate_per_ns": 0.0},
+    "fog": {"mor_m": 1e6},
+    "incidence_falloff": {"exponent": 1.0},
+    "interference": {"share": 0.0},
     "layer_gain": {"gain": 1.0},
+    "material_reflectance": {"factor": 1.0},
+    "mirror_multipath": {"reflectivity": 0.0},
+    "pulse_shape": {"stretch": 1.0, "tail_share": 0.0},
+    "rain": {"rate_mm_h": 0.0},
+    "retro_ghost": {"strength": 0.0},
     "signal_gain": {"gain": 1.0},
+    "afterpulsing": {"probability": 0.0},
+    "crosstalk": {"sides": 0.0, "corners": 0.0},
+    "dead_time": {"shift_ns": 0.0, "spread_ns": 0.0},
     "threshold": {"shift": 0},
     "dropout": {"share": 0.0},
     "range_offset": {"offset_m": 0.0},
     "range_scale": {"fraction": 0.0},
+    "timing_jitter": {"sigma_ns": 0.0, "uniform_ns": 0.0},
+    "walk_error": {"per_decade_m": 0.0, "bend_m": 0.0},
 }
 COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
 

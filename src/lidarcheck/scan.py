@@ -148,7 +148,8 @@ class Light:
     `pulse_signal` is S, the primary avalanches per SPAD and shot that one always-armed SPAD would see on average;
     `pulse_row` is the row of the ideal scan that the light comes from, -1 where that is no surface (None: all -1).
     Light of another beam's surface keeps that surface's row. `background_per_ns` is the beam's background rate.
-    `shape`: the laser pulse, the sensor's own where None.
+    `shape`: the laser pulse, the sensor's own where None. `extinction_per_m`: of the air that the light has passed so
+    far, for light that the same air sends back later.
     Shapes: (n_beams,), (n_beams + 1,) for `first_pulse`, (n_pulses,).
     """
 
@@ -161,6 +162,7 @@ class Light:
     pulse_row: IntArray | None = None
     shape: PulseShape | None = None
     haze: Haze | None = None
+    extinction_per_m: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.layer)
@@ -203,7 +205,8 @@ class Light:
             middle_m = (np.arange(len(haze.density_per_m)) + 0.5) * haze.step_m
             haze = replace(haze, density_per_m=haze.density_per_m * np.exp(-2.0 * extinction_per_m * middle_m))
         signal = self.pulse_signal * np.exp(-2.0 * extinction_per_m * self.pulse_range_m)
-        return replace(self, pulse_signal=signal, haze=haze)
+        together = self.extinction_per_m + extinction_per_m
+        return replace(self, pulse_signal=signal, haze=haze, extinction_per_m=together)
 
     def with_pulses(
         self, beam: npt.ArrayLike, range_m: npt.ArrayLike, signal: npt.ArrayLike, row: npt.ArrayLike = -1

@@ -19,6 +19,7 @@ class DarkCounts(LightEffect):
     """
 
     name = "dark_counts"
+    tree = (101,)
 
     rate_per_ns: float = parameter(
         "1/ns", low=0.0, high=0.1, typical=0.0002, meaning="avalanches per armed SPAD and ns, added to the background"

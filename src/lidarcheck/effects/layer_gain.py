@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.draws import check_interval
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS
 
@@ -17,9 +18,10 @@ __all__ = ["LayerGain"]
 class LayerGain(LightEffect):
     """Some layers are more or less sensitive than others.
 
-    S' = gain S on the layers `first_layer` ... `last_layer`: the photon detection efficiency, or the optics' share,
-    of a block of SPAD rows; gain 0 is a dead block. Background is light of the scene and scales alike. Identity at
-    gain 1.
+    S' = gain S on every `every`-th layer of `first_layer` ... `last_layer`, beginning with the first: the photon
+    detection efficiency, or the optics' share, of SPAD rows; gain 0 is dead ones. A block with `every` 1; a read-out
+    that alternates between two halves of the chip with 2. Background is light of the scene and scales alike. Identity
+    at gain 1.
     """
 
     name = "layer_gain"
@@ -27,11 +29,17 @@ class LayerGain(LightEffect):
     gain: float = parameter("", low=0.0, high=10.0, typical=0.8, meaning="factor on the light of those layers")
     first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=250, whole=True, meaning="first such layer")
     last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=269, whole=True, meaning="last such layer")
+    every: int = parameter("layers", low=1, high=LAYERS, typical=1, whole=True, meaning="1: each layer between, 2: ...")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_interval(self.name, ("first_layer", self.first_layer), ("last_layer", self.last_layer))
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale the light of those layers."""
         if self.gain == 1.0:
             return light
         inside = (light.layer >= self.first_layer) & (light.layer <= self.last_layer)
+        inside &= (light.layer - self.first_layer) % self.every == 0
         factor = np.where(inside, self.gain, 1.0)
         return light.dimmed(factor, background=factor)

@@ -22,6 +22,7 @@ from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
 
 if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
+    from lidarcheck.model.numbers import Numbers
 
 __all__ = ["check_seed", "echoes_of", "light_after_effects", "simulate", "usable_cores"]
 
@@ -171,15 +172,27 @@ def echoes_of(
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
     pulses = pulses_of(light, sensor, numbers)
+    follow = _follower(sensor, numbers) if sensor.nonideal.any else None
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
         stream = streams.new_stream(seed, "spads", frame)
+        if follow is not None:
+            follow(numbers, stream, beams, per_bin, pulses, start, stop, echoes)
+            return
         scratch = kernel.new_scratch(numbers)
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, start, stop, scratch, echoes)
 
     _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
     return _report(light, sensor, echoes)
+
+
+def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
+    """`simulate_chunk` for SPADs that disturb each other and are followed one by one."""
+    from lidarcheck.model import detectors
+    from lidarcheck.model.detector_array import detectors_of
+
+    return functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
 
 
 def usable_cores() -> int:

@@ -1,0 +1,107 @@
+"""Which rows of the ideal scan stand behind each beam of the light, and what their surfaces return."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.scan import IdealScan, Light
+from lidarcheck.sensor import Material
+
+__all__ = ["BeamRows", "by_material"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+_DIGITS = 9
+
+
+class BeamRows(NamedTuple):
+    """The rows of each beam: beam i has `row[first[i]]` ... `row[first[i + 1] - 1]`, as they stand in the ideal scan.
+
+    `first` (n_beams + 1,); `row` and `share`, the part of the beam's light that the row stands for, (n_rows,).
+    """
+
+    first: IndexArray
+    row: IndexArray
+    share: FloatArray
+
+    @classmethod
+    def of(cls, light: Light, ideal: IdealScan) -> BeamRows:
+        """The rows behind the beams of `light`; none for a beam that the ideal scan does not know."""
+        key, beam_key = _keys(ideal.layer, ideal.point), _keys(light.layer, light.point)
+        row, share = np.arange(len(key)), ideal.shares()
+        if np.any(key[1:] < key[:-1]):
+            row = np.argsort(key, kind="stable")
+            key, share = key[row], share[row]
+        begin = np.flatnonzero(np.concatenate([[True], key[1:] > key[:-1]])) if len(key) else row
+        if np.array_equal(key[begin], beam_key):
+            return cls(np.append(begin, len(key)), row, share)
+        begin, end = np.searchsorted(key, beam_key, "left"), np.searchsorted(key, beam_key, "right")
+        known = spread(begin, end - begin)
+        return cls(np.concatenate([[0], np.cumsum(end - begin)]), row[known], share[known])
+
+    @property
+    def beam(self) -> IndexArray:
+        """The beam of each row, shape (n_rows,)."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
+    def total(self, values: FloatArray) -> FloatArray:
+        """The sum of `values` (n_rows,) over the rows of each beam, shape (n_beams,), to a billionth.
+
+        Rounded, so that the rows' order cannot matter, and equal mixtures are equal numbers: detectors keep tables for
+        each number that they meet.
+        """
+        count = np.diff(self.first)
+        if bool(np.all(count == 1)):
+            return values
+        total = np.zeros(len(count))
+        filled = count > 0
+        if filled.any():
+            total[filled] = np.add.reduceat(values, self.first[:-1][filled])
+        return np.round(total, _DIGITS)
+
+    def reaching(self, beam: IndexArray, range_m: FloatArray, row_end_m: FloatArray) -> FloatArray:
+        """The part of those beams' light that gets as far as `range_m`, (m,), to a billionth.
+
+        `row_end_m` (n_rows,): how far each row reaches.
+        """
+        count = np.diff(self.first)[beam]
+        row = spread(self.first[beam], count)
+        place = np.repeat(np.arange(len(beam)), count)
+        share = np.where(row_end_m[row] > range_m[place], self.share[row], 0.0)
+        return np.round(np.bincount(place, weights=share, minlength=len(beam)), _DIGITS).astype(np.float64)
+
+
+def spread(begin: IndexArray, count: IndexArray) -> IndexArray:
+    """The whole numbers `begin[i]` ... `begin[i] + count[i] - 1`, one stretch behind the other."""
+    end = np.cumsum(count)
+    return np.arange(int(count.sum())) + np.repeat(begin - end + count, count)
+
+
+def by_material(
+    ideal: IdealScan, materials: Mapping[int, Material], value: Callable[[Material], float], missing: float
+) -> FloatArray:
+    """`value` of each row's material, `missing` where a row meets nothing or a material without an entry; (n,)."""
+    # One look-up by number instead of a sort: rows are many, materials few.
+    known = {number: value(material) for number, material in materials.items() if -(2**31) <= number < 2**31}
+    if not known or len(ideal) == 0:
+        return np.full(len(ideal), missing)
+    low, high = min(known), max(known)
+    if high - low > 1_000_000:
+        ids, place = np.unique(ideal.material_id, return_inverse=True)
+        values = np.array([known.get(int(number), missing) for number in ids])[place]
+    else:
+        table = np.full(high - low + 1, missing)
+        for number, at in known.items():
+            table[number - low] = at
+        inside = (ideal.material_id >= low) & (ideal.material_id <= high)
+        values = np.where(inside, table[np.clip(ideal.material_id, low, high) - low], missing)
+    return np.where(ideal.distance_m > 0.0, values, missing)
+
+
+def _keys(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> IndexArray:
+    return layer.astype(np.int64) << 32 | point

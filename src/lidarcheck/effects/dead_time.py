@@ -1,0 +1,47 @@
+"""The dead time is another, or varies from avalanche to avalanche."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from lidarcheck.effects.base import DetectorEffect, Surroundings, parameter
+from lidarcheck.errors import UsageError
+from lidarcheck.sensor import SENSOR_BOUNDS, Sensor
+
+__all__ = ["DeadTime"]
+
+
+@dataclass(frozen=True)
+class DeadTime(DetectorEffect):
+    """The dead time is another, or varies from avalanche to avalanche.
+
+    The SPAD cannot avalanche before dead + shift has passed; shift is rounded to whole time bins, below half a bin it
+    changes nothing. With a spread every avalanche draws its own dead time: a normal number of that standard deviation,
+    rounded to whole bins, and at least the time the output is ON. A SPAD that is ready again while a bright pulse lasts
+    fires once more: AREA and WIDTH of bright echoes follow the dead time, those of weak ones do not. Quenching
+    circuits: Cova et al., Appl. Opt. 35 (1996) 1956; published dead times are 7 ns and more. A shift that makes the
+    dead time shorter than the ON time is refused. Identity at shift 0 and spread 0.
+    """
+
+    name = "dead_time"
+
+    shift_ns: float = parameter("ns", low=-1000.0, high=1000.0, typical=-2.0, meaning="added to the dead time")
+    spread_ns: float = parameter(
+        "ns", low=0.0, high=100.0, typical=1.0, meaning="standard deviation of the dead time between avalanches"
+    )
+
+    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+        """Change the dead time and let it vary."""
+        shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
+        if shift == 0 and self.spread_ns == 0.0:
+            return sensor
+        dead, most = sensor.dead_bins + shift, int(SENSOR_BOUNDS["dead_bins"].high)
+        if not sensor.on_bins <= dead <= most:
+            low, high = (bins * sensor.bin_ns for bins in (sensor.on_bins - sensor.dead_bins, most - sensor.dead_bins))
+            raise UsageError(
+                f"dead_time: shift_ns = {self.shift_ns} makes a dead time of {dead * sensor.bin_ns:g} ns, which must "
+                f"lie between the ON time, {sensor.on_bins * sensor.bin_ns:g} ns, and {most * sensor.bin_ns:g} ns",
+                fix=f"use a shift_ns from {low:g} to {high:g} ns",
+            )
+        return replace(sensor, dead_bins=dead, nonideal=replace(sensor.nonideal, dead_spread_ns=float(self.spread_ns)))

@@ -1,0 +1,75 @@
+"""Echoes that belong to no surface, from another sensor's light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.draws import check_interval, normals, poisson_counts
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LAYERS, POINTS
+
+__all__ = ["Interference"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Interference(LightEffect):
+    """Echoes that belong to no surface, from another sensor's light.
+
+    A beam takes in a Poisson number of foreign pulses of mean `share`. The other sensor fires on its own clock: they
+    lie uniformly between `nearest_m` and `farthest_m`, whatever stands there, with S of median `signal` and a
+    log-normal spread of `spread_decades`. Its pulses come in runs while the two sensors look at each other: a share
+    `columns` of the point columns is hit, each then with share / columns pulses per beam, the mean over the frame
+    staying the same. Kim, Eom and Park, "Occurrence and characteristics of mutual interference between LIDAR
+    scanners", Proc. SPIE 9504, 2015.
+
+    Valid for foreign pulses as short as the sensor's own, which they share the shape of. Identity at share 0.
+    """
+
+    name = "interference"
+
+    share: float = parameter("", low=0.0, high=2.0, typical=0.02, meaning="foreign pulses per beam, on average")
+    signal: float = parameter(
+        "S", low=0.0, high=1e4, typical=0.5, meaning="median of a pulse's avalanches per SPAD and shot"
+    )
+    spread_decades: float = parameter(
+        "decades", low=0.0, high=2.0, typical=0.3, meaning="standard deviation of log10 of the signal"
+    )
+    nearest_m: float = parameter("m", low=0.0, high=1000.0, typical=0.0, meaning="from this range on")
+    farthest_m: float = parameter("m", low=0.0, high=1000.0, typical=300.0, meaning="up to this range")
+    columns: float = parameter("", low=0.01, high=1.0, typical=1.0, meaning="share of the point columns that are hit")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_interval(self.name, ("nearest_m", self.nearest_m), ("farthest_m", self.farthest_m))
+
+    def light(self, light: Light, around: Surroundings) -> Light:
+        """Add the foreign pulses."""
+        if self.share == 0.0:
+            return light
+        lit = np.flatnonzero(self._hit(light, around))
+        first = around.uniforms(light.layer[lit], light.point[lit])[:, 0]
+        count = poisson_counts(first, self.share / self.columns)
+        struck, count = lit[count > 0], count[count > 0]
+        if len(struck) == 0:
+            return light
+        most = int(count.max())
+        uniform = around.uniforms(light.layer[struck], light.point[struck], 1 + 2 * most)[:, 1:]
+        used = np.arange(most) < count[:, None]
+        range_m = self.nearest_m + (self.farthest_m - self.nearest_m) * uniform[:, ::2][used]
+        signal = self.signal * 10.0 ** (self.spread_decades * normals(uniform[:, 1::2][used]))
+        return light.with_pulses(np.repeat(struck, count), range_m, signal)
+
+    def _hit(self, light: Light, around: Surroundings) -> npt.NDArray[np.bool_]:
+        """Whether each beam's point column is hit, shape (n_beams,)."""
+        if self.columns == 1.0:
+            return np.ones(len(light), dtype=bool)
+        # A layer beyond the sensor's own: what all beams of a column share is drawn apart from what each beam draws.
+        columns = np.arange(max(POINTS, int(light.point.max(initial=0)) + 1))
+        column = around.uniforms(np.full(len(columns), LAYERS), columns)[:, 0]
+        return np.asarray((column < self.columns)[light.point])

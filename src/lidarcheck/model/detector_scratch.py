@@ -1,0 +1,94 @@
+"""What a thread works in while it follows detectors, and the random numbers it draws there."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.detector_array import Detectors
+from lidarcheck.model.jit import inlined
+from lidarcheck.model.numbers import Numbers
+from lidarcheck.model.streams import Stream, fill, rewind
+
+__all__ = ["Scratch", "new_scratch", "primary", "rewind_both", "secondary"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_BATCH = 64
+"""Draws that are made at a time."""
+
+
+class Scratch(NamedTuple):
+    """What a thread works in. `counts`: avalanches per bin, all zero, `numbers.pad` bins before bin 0 included.
+
+    `armed_from` (detectors,): the first bin in which each can avalanche again. `fired`, `armed` (detectors,): those
+    that avalanche in a bin, those that could. `heap`: afterpulses to come, `size[0]` of them. `clock[0]`: what is left
+    of the exponential number. `primary`, `secondary`: draws, `at[0]` and `at[1]` of them used up; `counter`: where
+    the second stream stands.
+    """
+
+    counts: IntArray
+    rates: FloatArray
+    armed_from: npt.NDArray[np.int32]
+    fired: npt.NDArray[np.int32]
+    armed: npt.NDArray[np.int32]
+    heap: IntArray
+    size: IntArray
+    clock: FloatArray
+    primary: FloatArray
+    secondary: FloatArray
+    at: IntArray
+    counter: npt.NDArray[np.uint64]
+
+
+def new_scratch(numbers: Numbers, detectors: Detectors) -> Scratch:
+    """Work space for one thread."""
+    return Scratch(
+        counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
+        rates=np.empty(max(numbers.bins, detectors.warm_up)),
+        armed_from=np.empty(numbers.detectors, dtype=np.int32),
+        fired=np.empty(numbers.detectors, dtype=np.int32),
+        armed=np.empty(numbers.detectors + 1, dtype=np.int32),
+        heap=np.empty(detectors.room, dtype=np.int64),
+        size=np.zeros(2, dtype=np.int64),
+        clock=np.empty(1),
+        primary=np.empty(_BATCH),
+        secondary=np.empty(_BATCH),
+        at=np.empty(2, dtype=np.int64),
+        counter=np.zeros(4, dtype=np.uint64),
+    )
+
+
+@inlined
+def primary(stream: Stream, scratch: Scratch) -> float:
+    """The next draw for primary avalanches."""
+    at = scratch.at[0]
+    if at == _BATCH:
+        fill(stream, scratch.primary, _BATCH)
+        at = 0
+    scratch.at[0] = at + 1
+    return float(scratch.primary[at])
+
+
+@inlined
+def secondary(stream: Stream, scratch: Scratch) -> float:
+    """The next draw for what an avalanche sets off and how long it leaves its detector dead."""
+    at = scratch.at[1]
+    if at == _BATCH:
+        fill(Stream(scratch.counter, stream.key), scratch.secondary, _BATCH)
+        at = 0
+    scratch.at[1] = at + 1
+    return float(scratch.secondary[at])
+
+
+@inlined
+def rewind_both(stream: Stream, scratch: Scratch, beam: Any) -> None:
+    """Go to the first draws of a beam; the second stream differs from the first in its counter's last word."""
+    rewind(stream, beam)
+    for j in range(3):
+        scratch.counter[j] = stream.counter[j]
+    scratch.counter[3] = np.uint64(1)
+    scratch.at[:] = _BATCH

@@ -1,0 +1,117 @@
+"""A slow, independent simulator of SPADs that disturb each other: every bin, every SPAD, plain numpy.
+
+Written from the sensor's documentation, with its own random numbers: a coin per SPAD and bin, a map of the afterpulses
+that are due, and a start with all SPADs armed that settles over many dead times and delays of background.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtr
+
+from lidarcheck.model.reference import echoes_of_trace
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+
+SETTLING_DEAD_TIMES = 15
+SETTLING_DELAYS = 6
+SIDES = [(0, 1), (0, -1), (1, 0), (-1, 0)]
+CORNERS = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+
+def rates_of(light: Light, sensor: Sensor) -> np.ndarray:
+    """Avalanches per armed SPAD in each bin, shape (beams, bins)."""
+    edges_ns = np.arange(sensor.bins + 1) * sensor.bin_ns
+    rates = np.repeat(light.background_per_ns[:, None] * sensor.bin_ns, sensor.bins, axis=1)
+    for beam in range(len(light)):
+        for j in range(light.first_pulse[beam], light.first_pulse[beam + 1]):
+            after_ns = edges_ns - 2.0 * light.pulse_range_m[j] / LIGHT_SPEED_M_PER_NS
+            rates[beam] += light.pulse_signal[j] * np.diff(ndtr(after_ns / sensor.sigma_ns))
+    return rates
+
+
+def moved(there: np.ndarray, down: int, right: int) -> np.ndarray:
+    """The last two axes moved by one SPAD; what leaves the array is gone."""
+    out = np.zeros_like(there)
+    rows, columns = there.shape[-2:]
+    if abs(down) < rows and abs(right) < columns:
+        to = (slice(max(down, 0), rows + min(down, 0)), slice(max(right, 0), columns + min(right, 0)))
+        of = (slice(max(-down, 0), rows + min(-down, 0)), slice(max(-right, 0), columns + min(-right, 0)))
+        out[(..., *to)] = there[(..., *of)]
+    return out
+
+
+def avalanches(
+    rates: np.ndarray, background: np.ndarray, sensor: Sensor, rng: np.random.Generator, settling: int | None = None
+) -> np.ndarray:
+    """Which SPADs avalanche in which bin: shape (bins, beams, shots, rows, columns), booleans.
+
+    `rates` (beams, bins), `background` (beams,): avalanches per armed SPAD and bin, the latter before bin 0.
+    """
+    real = sensor.nonideal
+    rows = 3 if sensor.spads % 3 == 0 else 1
+    shape = (len(rates), sensor.shots, rows, sensor.spads // rows)
+    if settling is None:
+        delay = max(real.afterpulse_ns, real.afterpulse_slow_ns) if real.afterpulse else 0.0
+        settling = SETTLING_DEAD_TIMES * sensor.dead_bins + int(SETTLING_DELAYS * delay / sensor.bin_ns)
+    rates = np.concatenate([np.repeat(background[:, None], settling, axis=1), rates], axis=1)
+    bins = rates.shape[1]
+    armed_from, due = np.zeros(shape, dtype=int), np.zeros((bins, *shape), dtype=bool)
+    out = np.zeros((bins, *shape), dtype=bool)
+    tries = [(step, real.crosstalk_sides / 4) for step in SIDES] + [
+        (step, real.crosstalk_corners / 4) for step in CORNERS
+    ]
+    for k in range(bins):
+        armed = armed_from <= k
+        chance = -np.expm1(-rates[:, k])[:, None, None, None]
+        fired = armed & ((rng.random(shape) < chance) | due[k])
+        fresh = fired
+        while fresh.any() and max(real.crosstalk_sides, real.crosstalk_corners) > 0.0:
+            hit = np.zeros(shape, dtype=bool)
+            for (down, right), share in tries:
+                hit |= moved(fresh & (rng.random(shape) < share), down, right)
+            fresh = hit & armed & ~fired
+            fired = fired | fresh
+        out[k] = fired
+        where = np.nonzero(fired)
+        n = len(where[0])
+        dead = np.full(n, sensor.dead_bins)
+        if real.dead_spread_ns > 0.0:
+            drawn = np.round(rng.normal(sensor.dead_bins, real.dead_spread_ns / sensor.bin_ns, n))
+            dead = np.maximum(drawn, sensor.on_bins).astype(int)
+        armed_from[where] = k + dead
+        mean_ns = np.where(rng.random(n) < real.afterpulse_slow_share, real.afterpulse_slow_ns, real.afterpulse_ns)
+        later = k + dead + np.floor(rng.exponential(1.0, n) * mean_ns / sensor.bin_ns).astype(int)
+        comes = (rng.random(n) < real.afterpulse) & (later < bins)
+        due[(later[comes], *(axis[comes] for axis in where))] = True
+    return out[settling:]
+
+
+def traces_of(light: Light, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
+    """SPADs ON in each bin, shape (beams, bins), with `sensor.on_bins` of history before bin 0."""
+    background = light.background_per_ns * sensor.bin_ns
+    history = np.repeat(background[:, None], sensor.on_bins, axis=1)
+    counts = avalanches(np.concatenate([history, rates_of(light, sensor)], axis=1), background, sensor, rng)
+    per_bin = counts.sum(axis=(2, 3, 4)).T
+    total = np.cumsum(np.pad(per_bin, ((0, 0), (1, 0))), axis=1)
+    ends = np.arange(sensor.on_bins, per_bin.shape[1])
+    return np.asarray(total[:, ends + 1] - total[:, ends + 1 - sensor.on_bins])
+
+
+def echoes(light: Light, sensor: Sensor, rng: np.random.Generator, chunk: int = 100) -> np.ndarray:
+    """All echoes of all beams, a row each: beam, range [m], width [ns], area, peak."""
+    found = []
+    for start in range(0, len(light), chunk):
+        beams = slice(start, min(start + chunk, len(light)))
+        first = light.first_pulse[start : beams.stop + 1]
+        part = Light(
+            layer=light.layer[beams],
+            point=light.point[beams],
+            background_per_ns=light.background_per_ns[beams],
+            first_pulse=first - first[0],
+            pulse_range_m=light.pulse_range_m[first[0] : first[-1]],
+            pulse_signal=light.pulse_signal[first[0] : first[-1]],
+        )
+        for i, trace in enumerate(traces_of(part, sensor, rng)):
+            found += [(start + i, *echo) for echo in echoes_of_trace(trace, sensor)]
+    return np.array(found, dtype=np.float64).reshape(-1, 5)
