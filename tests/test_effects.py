@@ -11,7 +11,7 @@ from lidarcheck.effects.base import STAGES
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Material, Sensor
+from lidarcheck.sensor import Material, Sensor, beam_directions
 
 IDENTITY: dict[str, dict[str, float]] = {
     "beam_divergence": {"vertical_deg": 0.0, "horizontal_deg": 0.0},
@@ -53,8 +53,24 @@ def ideal() -> IdealScan:
     return IdealScan(layer + 240, point + 400, distance, np.ones(5000), np.zeros(5000))
 
 
+@pytest.fixture(scope="module")
+def street() -> IdealScan:
+    """Something for every effect: a wall that turns away before level ground, a traffic sign, and sky."""
+    layer, point = (grid.ravel() for grid in np.meshgrid(np.arange(200, 300), np.arange(440, 520), indexing="ij"))
+    direction = beam_directions(layer, point)
+    normal = np.array([-np.cos(0.6), -np.sin(0.6), 0.0])
+    wall_m = 25.0 * np.cos(0.6) / -(direction @ normal)
+    ground_m = np.where(direction[:, 2] < 0.0, 0.7 / -direction[:, 2].clip(max=-1e-9), np.inf)
+    ground = ground_m < wall_m
+    distance = np.where(layer < 290, np.minimum(ground_m, wall_m), 0.0)
+    cosine = np.where(ground, -direction[:, 2], -(direction @ normal))
+    sign = (abs(layer - 265) < 4) & (abs(point - 480) < 4)
+    incidence = np.rad2deg(np.arccos(cosine.clip(0.0, 1.0)))
+    return IdealScan(layer, point, distance, np.where(sign, 2, 1), incidence, object_id=np.where(ground, 1, 2))
+
+
 def model(*chosen: effects.Effect, variant: str = "SMART") -> Model:
-    return Model(Sensor.of(variant), {1: Material("wall", 0.4)}, tuple(chosen))
+    return Model(Sensor.of(variant), {1: Material("wall", 0.4), 2: Material("sign", 0.8, "retro", 1000.0)}, tuple(chosen))
 
 
 def same(one: Scan, other: Scan) -> bool:
@@ -84,10 +100,10 @@ def test_every_effect_is_documented_and_bounded(name: str) -> None:
 
 @pytest.mark.parametrize("name", IDENTITY)
 @pytest.mark.parametrize("variant", ["SMART", "SLIM"])
-def test_zero_strength_is_the_identity_and_a_typical_one_is_not(name: str, variant: str, ideal: IdealScan) -> None:
-    plain = simulate(ideal, model(variant=variant), seed=3)
-    assert same(plain, simulate(ideal, model(effects.make(name, IDENTITY[name]), variant=variant), seed=3))
-    changed = simulate(ideal, model(effects.make(name, {}), variant=variant), seed=3)
+def test_zero_strength_is_the_identity_and_a_typical_one_is_not(name: str, variant: str, street: IdealScan) -> None:
+    plain = simulate(street, model(variant=variant), seed=3)
+    assert same(plain, simulate(street, model(effects.make(name, IDENTITY[name]), variant=variant), seed=3))
+    changed = simulate(street, model(effects.make(name, {}), variant=variant), seed=3)
     assert not same(plain, changed)
     assert np.isfinite(changed.x_m).all()
 
