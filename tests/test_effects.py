@@ -16,7 +16,7 @@ from lidarcheck.sensor import Material, Sensor, beam_directions
 IDENTITY: dict[str, dict[str, float]] = {
     "beam_divergence": {"vertical_deg": 0.0, "horizontal_deg": 0.0},
     "boresight": {"yaw_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0},
-    "motion": {"forward_m_s": 0.0, "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": 0.0},
+    "motion": {"forward_m_s": 0.0, "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": 0.0, "objects": 0.0},
     "vibration": {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.0},
     "ambient_light": {"rate_per_ns": 0.0},
     "blockage": {"transmission": 1.0},
@@ -28,7 +28,7 @@ IDENTITY: dict[str, dict[str, float]] = {
     "interference": {"share": 0.0},
     "layer_gain": {"gain": 1.0},
     "material_reflectance": {"factor": 1.0},
-    "mirror_multipath": {"reflectivity": 0.0},
+    "mirror_multipath": {"reflectivity": 0.0, "grazing": 0.0},
     "pulse_shape": {"stretch": 1.0, "tail_share": 0.0},
     "rain": {"rate_mm_h": 0.0},
     "retro_ghost": {"strength": 0.0},

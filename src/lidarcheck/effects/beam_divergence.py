@@ -1,0 +1,163 @@
+"""A beam's footprint spans edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.aiming import moving_of, rank_in_beam, rays_of, redirected, second_rows
+from lidarcheck.effects.base import AimEffect, Surroundings, parameter
+from lidarcheck.effects.footprint import Spans, offsets_rad, spans_of, spread_rays
+from lidarcheck.effects.surfaces import LocalSurfaces
+from lidarcheck.rays import Rays
+from lidarcheck.scan import IdealScan
+
+__all__ = ["BeamDivergence"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+_BLOCK = 1 << 16
+
+
+@dataclass(frozen=True)
+class BeamDivergence(AimEffect):
+    """A beam's footprint spans edges: mixed ranges, fringes, split echoes.
+
+    The beam's light has a Gaussian profile over angle; `vertical_deg` and `horizontal_deg` are its full widths at half
+    maximum, 2.3548 standard deviations, from the sensor. Each row becomes `rays` x `rays` rows of equal weight, at the
+    middles of equally probable parts of the profile along either axis: the trace is the sum of the pulses that those
+    meet. Beams all of whose rays meet one material of one object at ranges that spread by at most `least_m` keep their
+    one row. Without a scene, what lies between the beams is taken from the nearest, so that an edge is known to half a
+    beam spacing, and where a surface goes on evenly along one axis, rays are spread along the other only; with a scene
+    all rays are cast. Pulsed edge emitters diverge by 0.05 to 0.5 deg. Identity at both widths 0.
+    """
+
+    name = "beam_divergence"
+    tree = (105, 109, 118)
+
+    vertical_deg: float = parameter("deg", low=0.0, high=3.0, typical=0.1, meaning="width (FWHM) along elevation")
+    horizontal_deg: float = parameter("deg", low=0.0, high=3.0, typical=0.2, meaning="width (FWHM) along azimuth")
+    rays: int = parameter("", low=2, high=7, typical=3, whole=True, meaning="rays per axis")
+    least_m: float = parameter("m", low=0.0, high=10.0, typical=0.1, meaning="spread of ranges that is worth rays")
+
+    def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
+        """What the rays of the footprints meet."""
+        if self.vertical_deg == self.horizontal_deg == 0.0:
+            return ideal
+        up, left = (offsets_rad(width, int(self.rays)) for width in (self.vertical_deg, self.horizontal_deg))
+        own, axis = rays_of(ideal), np.zeros(1)
+        spans = _equal_in_beams(ideal, self._spans(own, around, up, left))
+        kinds = (
+            (np.flatnonzero(spans.up & spans.left), up, left),
+            (np.flatnonzero(spans.up & ~spans.left), up, axis),
+            (np.flatnonzero(spans.left & ~spans.up), axis, left),
+        )
+        blocks = [
+            _cast(own, rows[start : start + _BLOCK], spread, around, self.least_m)
+            for rows, *spread in kinds
+            for start in range(0, len(rows), _BLOCK)
+        ]
+        if around.scene is not None and ideal.object_id is not None:
+            behind = second_rows(ideal, own)
+            for block in blocks if behind.any() else ():
+                _keep(block, behind[block.row], ideal)
+        return _subdivided(ideal, own, blocks, around)
+
+    def _spans(self, own: Rays, around: Surroundings, up: FloatArray, left: FloatArray) -> Spans:
+        caster = around.caster
+        if not isinstance(caster, LocalSurfaces) or moving_of(own, caster):
+            everywhere = np.ones(len(own), dtype=bool)
+            return Spans(everywhere, everywhere)
+        return spans_of(caster, own, (float(up.max()), float(left.max())), self.least_m)
+
+
+class _Block(NamedTuple):
+    """What the footprints of some rows meet: `row` and whether it `spans` more than one range or surface, (rows,).
+
+    The other columns are those of an ideal scan, (rows, rays) and (rows, rays, 3).
+    """
+
+    row: IndexArray
+    spans: BoolArray
+    columns: dict[str, npt.NDArray[Any]]
+
+
+def _cast(own: Rays, row: IndexArray, spread: list[FloatArray], around: Surroundings, least_m: float) -> _Block:
+    """What the footprints of those rows meet, their rays spread so far up and to the left."""
+    rays = spread_rays(own.take(row), *spread)
+    max_range_m = around.sensor.max_range_m
+    hits = around.caster.cast(rays, moving=moving_of(own, around.caster) or None, max_range_m=max_range_m)
+    met = (hits.distance_m > 0.0) & (hits.distance_m <= max_range_m)
+    shape = len(row), len(spread[0]) * len(spread[1])
+    columns = {
+        "distance_m": np.where(met, hits.distance_m, 0.0),
+        "material_id": np.where(met, hits.material_id, 0),
+        "object_id": np.where(met, hits.object_id, 0),
+        "incidence_deg": np.where(met, np.clip(hits.incidence_deg, 0.0, 90.0), 0.0),
+        "direction": rays.direction,
+    }
+    columns = {name: column.reshape(*shape, *column.shape[1:]) for name, column in columns.items()}
+    low = {name: columns[name].min(axis=1) for name in ("distance_m", "material_id", "object_id")}
+    high = {name: columns[name].max(axis=1) for name in low}
+    spans = (high["distance_m"] - low["distance_m"] > least_m) | (
+        (low["distance_m"] == 0.0) & (high["distance_m"] > 0.0)
+    )
+    spans |= (low["material_id"] != high["material_id"]) | (low["object_id"] != high["object_id"])
+    return _Block(row, spans, columns)
+
+
+def _keep(block: _Block, rows: BoolArray, ideal: IdealScan) -> None:
+    """Let those rows of a block, which lie behind panes and mirrors, meet what they met before."""
+    for name in ("distance_m", "material_id", "object_id", "incidence_deg"):
+        block.columns[name][rows] = getattr(ideal, name)[block.row[rows], None]
+    block.spans[rows] = False
+
+
+def _equal_in_beams(ideal: IdealScan, spans: Spans) -> Spans:
+    """Beams of several rows: all of them along both axes or none, for rows of a beam must keep equal weights."""
+    if not rank_in_beam(ideal.layer, ideal.point).any():
+        return spans
+    either = _in_whole_beams(ideal, spans.up | spans.left)
+    return Spans(either, either)
+
+
+def _in_whole_beams(ideal: IdealScan, rows: BoolArray) -> BoolArray:
+    """All rows of every beam one of whose rows is marked."""
+    _, beam = np.unique(ideal.layer.astype(np.int64) << 32 | ideal.point, return_inverse=True)
+    return np.asarray(np.bincount(beam, weights=rows)[beam] > 0)
+
+
+def _subdivided(ideal: IdealScan, own: Rays, blocks: list[_Block], around: Surroundings) -> IdealScan:
+    """The scan with the rows that span something replaced by their footprints' rays."""
+    spans = np.zeros(len(ideal), dtype=bool)
+    for block in blocks:
+        spans[block.row[block.spans]] = True
+    if not spans.any():
+        return ideal
+    if rank_in_beam(ideal.layer, ideal.point).any():
+        spans = _in_whole_beams(ideal, spans)
+    count = np.ones(len(ideal), dtype=np.int64)
+    for block in blocks:
+        count[block.row] = np.where(spans[block.row], block.columns["distance_m"].shape[1], 1)
+    source = np.repeat(np.arange(len(ideal)), count)
+    first = np.cumsum(count) - count
+    table, rays = ideal.take(source), own.take(source)
+    number = table.object_id
+    if number is None and around.scene is not None:
+        number = np.zeros(len(table), dtype=np.int32)
+    columns = {name: np.array(getattr(table, name)) for name in ("distance_m", "material_id", "incidence_deg")}
+    columns |= {"direction": np.array(rays.direction)} | ({} if number is None else {"object_id": np.array(number)})
+    for block in blocks:
+        kept = spans[block.row]
+        place = (first[block.row[kept], None] + np.arange(block.columns["distance_m"].shape[1])).ravel()
+        for name, column in columns.items():
+            values = block.columns[name][kept]
+            column[place] = values.reshape(-1, *values.shape[2:])
+    rays = redirected(rays, columns.pop("direction"))
+    share = None if table.share is None else table.share / count[source]
+    return replace(table, rays=rays, share=share, **columns)  # type: ignore[arg-type]

@@ -1,0 +1,60 @@
+"""The beam's direction shakes from point column to point column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.aiming import rays_of, recast, redirected, turned
+from lidarcheck.effects.base import AimEffect, Surroundings, parameter
+from lidarcheck.effects.draws import normals
+from lidarcheck.rays import sweep_time_s
+from lidarcheck.scan import IdealScan
+
+__all__ = ["Vibration"]
+
+
+@dataclass(frozen=True)
+class Vibration(AimEffect):
+    """The beam's direction shakes from point column to point column.
+
+    A column fired t after the sweep's start looks up by pitch(t) = `pitch_deg` sin(2 pi f t + phase) + g and to the
+    left by yaw(t) = `yaw_deg` sin(2 pi f t + phase + yaw phase) + h, where g and h are Gaussian, independent from
+    column to column, of standard deviation `random_deg`; the echo is still reported on the nominal (layer, point). With
+    `rigid` 1 the sensor turns as a body, with 0 the angles add to each beam's azimuth and elevation. Engines and roads
+    shake a car's body at 5 to 200 Hz by some hundredths of a degree. Identity at pitch, yaw and random 0.
+    """
+
+    name = "vibration"
+
+    pitch_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.1, meaning="amplitude of the view's pitch")
+    yaw_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.05, meaning="amplitude of the view's yaw")
+    frequency_hz: float = parameter("Hz", low=0.0, high=20000.0, typical=150.0, meaning="frequency of both")
+    phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="phase at the sweep's start")
+    yaw_phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="yaw's lead over pitch")
+    random_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.01, meaning="random part, rms per column")
+    rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
+
+    def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
+        """What the shaken beams meet."""
+        if self.pitch_deg == self.yaw_deg == self.random_deg == 0.0:
+            return ideal
+        yaw, pitch = self.angles_deg(ideal.point, around)
+        rays = rays_of(ideal)
+        direction = turned(rays.direction, yaw, pitch, as_a_body=bool(self.rigid))
+        return recast(ideal, redirected(rays, direction), around)
+
+    def angles_deg(
+        self, point: npt.NDArray[np.int32], around: Surroundings
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Yaw and pitch of those point columns, shape (n,) each."""
+        columns, column = np.unique(point, return_inverse=True)
+        swing = 2.0 * np.pi * self.frequency_hz * sweep_time_s(columns) + np.deg2rad(self.phase_deg)
+        pitch = self.pitch_deg * np.sin(swing)
+        yaw = self.yaw_deg * np.sin(swing + np.deg2rad(self.yaw_phase_deg))
+        if self.random_deg > 0.0:
+            scatter = normals(around.uniforms(np.zeros(len(columns), dtype=np.int32), columns, 2))
+            pitch, yaw = pitch + self.random_deg * scatter[:, 0], yaw + self.random_deg * scatter[:, 1]
+        return yaw[column], pitch[column]
