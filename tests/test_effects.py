@@ -70,7 +70,8 @@ def street() -> IdealScan:
 
 
 def model(*chosen: effects.Effect, variant: str = "SMART") -> Model:
-    return Model(Sensor.of(variant), {1: Material("wall", 0.4), 2: Material("sign", 0.8, "retro", 1000.0)}, tuple(chosen))
+    materials = {1: Material("wall", 0.4), 2: Material("sign", 0.8, "retro", 1000.0)}
+    return Model(Sensor.of(variant), materials, tuple(chosen))
 
 
 def same(one: Scan, other: Scan) -> bool:

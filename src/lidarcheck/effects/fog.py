@@ -35,8 +35,8 @@ class Fog(LightEffect):
     MOR, 0.023 ... 0.092 in their droplet distributions, and an overlap from 0.9 m to 1 m).
 
     Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter; the fog does not change over the
-    frame. Extinction takes its toll of all pulses and backscatter that stand before this effect, and of the air's own
-    light also where that comes later.
+    frame. Extinction takes its toll of all light that stands before this effect, and of what the air sends back also
+    where that comes later.
     Identity at mor_m 1e6, clear air, where extinction would take 0.2 % at 300 m.
     """
 
@@ -81,7 +81,9 @@ class Fog(LightEffect):
         bright = strength * np.exp(-2.0 * extinction_per_m * at_m) / at_m**2 >= _FAINT_PER_M
         bright &= at_m > self.overlap_start_m
         cells = int(np.flatnonzero(bright)[-1]) + 1 if bright.any() else 0
-        return strength * np.diff(self._integral(edge_m[: cells + 1], 2.0 * extinction_per_m)) / STEP_M if cells else np.empty(0)
+        if not cells:
+            return np.empty(0)
+        return strength * np.diff(self._integral(edge_m[: cells + 1], 2.0 * extinction_per_m)) / STEP_M
 
     def _integral(self, range_m: FloatArray, decay: float) -> FloatArray:
         """Integral of overlap exp(-decay R) / R^2 from the sensor to `range_m`, exactly; same shape."""

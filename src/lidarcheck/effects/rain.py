@@ -68,7 +68,8 @@ class Rain(LightEffect):
         beam, range_m, signal = self._drops(light, around)
         rows = BeamRows.of(light, around.ideal)
         # What took its toll before, as fog in the same air, takes it from the drops' light as well.
-        signal = signal * np.exp(-2.0 * light.extinction_per_m * range_m) * rows.reaching(beam, range_m, ends_of(rows, around.ideal, math.inf))
+        signal = signal * np.exp(-2.0 * light.extinction_per_m * range_m)
+        signal *= rows.reaching(beam, range_m, ends_of(rows, around.ideal, math.inf))
         seen = signal > 0.0
         return light.attenuated(self.extinction_per_m).with_pulses(beam[seen], range_m[seen], signal[seen])
 

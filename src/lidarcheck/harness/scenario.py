@@ -41,8 +41,9 @@ class Scenario:
     """A scenario file, read.
 
     `name`: the file's name without `.toml`. `frames`: simulated per seed. `scene`: what the ideal scan was cast from,
-    None where it comes from shapes or a file. `files`: those that it names, besides the model. `content_hash`: SHA-256 over the beams or the scene, the KPIs with their
-    tolerances and limits, and the measured echoes; neither comments nor the model change it.
+    None where it comes from shapes or a file. `files`: those that it names, besides the model. `content_hash`: SHA-256
+    over the beams or the scene, the KPIs with their tolerances and limits, and the measured echoes; neither comments
+    nor the model change it.
     """
 
     name: str

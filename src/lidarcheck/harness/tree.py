@@ -15,7 +15,7 @@ _NAMED = 3
 
 
 def uncommitted(scenario: Scenario) -> tuple[str, str]:
-    """(files with uncommitted changes, a note): of the model's source, the scenario, its model and what these name and run.
+    """(files with uncommitted changes, a note): of the model's source, the scenario, its model and what they name.
 
     Files that no git repository holds count as clean, and the note says so.
     """
