@@ -80,8 +80,9 @@ COMMANDS = (
         "effects",
         "[NAME] [OPTIONS]",
         "List the effects that a model can name, or explain one.",
-        "With a name: its parameters with unit, range and default, its formula and its source.",
-        ("lidarcheck effects", "lidarcheck effects dark_counts"),
+        "With a name: its parameters with unit, range and default, its formula and its source, and a plot of what it "
+        "changes.",
+        ("lidarcheck effects", "lidarcheck effects fog", "lidarcheck effects layer_gain --set gain=0.5"),
     ),
     Command(
         "bench",
