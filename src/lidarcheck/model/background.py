@@ -9,6 +9,10 @@ counts drawn per block, and only when two neighbours are crowded are the candida
 
 Before the window the same holds backwards in time: a stationary renewal process is reversible, so the avalanches before
 the window follow from the state at its start as those behind it from the state at its end.
+
+Faint haze behind the window is part of that: candidates then come at the highest rate that there may be, `Blocks.calm`,
+and one in a bin of rate r is kept with the ratio of the chances of r and of that rate. Which candidates there are
+still settles almost all beams at once, and no light is cut off.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
+from lidarcheck.model.pulses import Pulses, add_rates
 from lidarcheck.model.streams import Stream, fill
 
 __all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
@@ -30,9 +35,10 @@ IntArray = npt.NDArray[np.int64]
 
 _MOST = 64
 """Largest candidate count of a block; where more is not negligible, the chain runs explicitly through all bins."""
-_CROWDED_SHARE = 0.2
+_CROWDED_SHARE = 2.0
 """Expected crowded neighbours per beam above which the explicit chain is the faster way."""
-
+_CROWDED_CALM = 1e-3
+"""The same for a rate that is chosen, so that visiting fewer bins pays."""
 
 _FREE, _SMALL = -1, -2
 """A block of which nothing is known yet, and one that is known to hold no more than `small` candidates."""
@@ -43,7 +49,8 @@ _ALL_SMALL, _APART, _CROWDED = 0, 1, 2
 class Blocks(NamedTuple):
     """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
     neighbours may each hold without being crowded; `log_small[0]`: logarithm of the probability that a block is small;
-    `crowded[0]`: whether the explicit chain must run everywhere.
+    `crowded[0]`: whether the explicit chain must run everywhere; `rate[0]`: the candidates' rate per detector and bin;
+    `calm`: a rate up to which blocks settle almost every beam without a closer look.
     """
 
     length: int
@@ -53,20 +60,32 @@ class Blocks(NamedTuple):
     held: IntArray
     cells: IntArray
     crowded: npt.NDArray[np.bool_]
+    rate: FloatArray
+    calm: float
 
 
-def new_blocks(on: int, threshold: int, bins: int) -> Blocks:
+def new_blocks(numbers: Numbers) -> Blocks:
     """Blocks of a sensor, before a background rate is known."""
-    length = max(on - 1, 1)
+    length = max(numbers.on - 1, 1)
     return Blocks(
         length,
-        min(threshold // 2, _MOST),
+        min(numbers.threshold // 2, _MOST),
         np.zeros(_MOST + 1),
         np.zeros(1),
-        np.zeros(bins // length + 4, dtype=np.int64),
+        np.zeros(numbers.bins // length + 4, dtype=np.int64),
         np.zeros(_MOST + 1, dtype=np.int64),
         np.zeros(1, dtype=np.bool_),
+        np.zeros(1),
+        _calm_rate(numbers, length),
     )
+
+
+def _calm_rate(numbers: Numbers, length: int) -> float:
+    """The rate at which two neighbours hold so many candidates that they are crowded in `_CROWDED_CALM` of beams."""
+    from scipy.special import gammaincinv
+
+    most = float(gammaincinv(numbers.threshold + 1.0, min(_CROWDED_CALM * length / numbers.bins, 0.5)))
+    return min(most, 0.25 * _MOST) / (2.0 * numbers.detectors * length)
 
 
 @kernel
@@ -95,6 +114,7 @@ def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> 
     """Fill the table for a background rate; decide whether the explicit chain must run everywhere."""
     cells = detectors * blocks.length
     mean = cells * per_bin
+    blocks.rate[0] = per_bin
     if mean <= 0.0:
         blocks.above[:] = 0.0
         blocks.log_small[0] = 0.0
@@ -210,9 +230,22 @@ def _place(
 
 @kernel
 def _thin(
-    numbers: Numbers, stream: Stream, draws: FloatArray, first: int, number: int, step: int, counts: IntArray
+    numbers: Numbers,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    first: int,
+    number: int,
+    step: int,
+    per_bin: float,
+    rates: FloatArray,
+    counts: IntArray,
 ) -> None:
-    """Keep the candidates whose detector is armed, from bin `first` on in the direction of `step`."""
+    """Keep candidates whose detector is armed, from bin `first` on in the direction of `step`.
+
+    Where the rate is lower than the candidates', it keeps them with the ratio of the chances. `rates` (bins,): of each
+    bin; beyond the trace, it is `per_bin`.
+    """
     for n in range(number):
         index = numbers.pad + first + step * n
         candidates = counts[index]
@@ -221,11 +254,16 @@ def _thin(
         armed = numbers.detectors
         for age in range(1, numbers.dead):
             armed -= counts[index - step * age]
+        bin_ = first + step * n
+        rate = rates[bin_] if 0 <= bin_ < numbers.bins else per_bin
+        accepted = math.expm1(-rate) / math.expm1(-blocks.rate[0])
         fill(stream, draws, candidates)
         kept = 0
         for j in range(candidates):
-            if draws[j] * (numbers.detectors - j) < armed - kept:
-                kept += 1
+            place = draws[j] * (numbers.detectors - j)
+            if place < armed:
+                armed -= 1
+                kept += 1 if place < accepted * (armed + 1) else 0
         counts[index] = kept
 
 
@@ -241,12 +279,17 @@ def is_quiet(
     end: int,
     dead_at_begin: int,
     on_at_end: int,
+    per_bin: float,
+    pulses: Pulses,
+    beam: int,
+    rates: FloatArray,
     counts: IntArray,
 ) -> bool:
     """Whether no echo reaches beyond the window `begin` ... `end - 1`, whose avalanches are in `counts`.
 
     `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin. If not,
-    the avalanches before and behind it are added to `counts`, for a search through the whole trace.
+    the avalanches before and behind it are added to `counts`, for a search through the whole trace; before the window
+    there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
     """
     bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
     back = (bins_before + blocks.length - 1) // blocks.length
@@ -264,6 +307,9 @@ def is_quiet(
         _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
     for j in range(back, last):
         _place(numbers, blocks, stream, draws, blocks.held[j], end + (j - back) * blocks.length, 1, counts)
-    _thin(numbers, stream, draws, begin - numbers.dead, back * blocks.length, -1, counts)
-    _thin(numbers, stream, draws, end, (last - back) * blocks.length, 1, counts)
+    rates[:] = per_bin
+    add_rates(pulses, beam, end, numbers.bins, rates[end:])
+    length = blocks.length
+    _thin(numbers, blocks, stream, draws, begin - numbers.dead, back * length, -1, per_bin, rates, counts)
+    _thin(numbers, blocks, stream, draws, end, (last - back) * length, 1, per_bin, rates, counts)
     return False

@@ -173,6 +173,7 @@ def echoes_of(
     per_bin = light.background_per_ns * sensor.bin_ns
     pulses = pulses_of(light, sensor, numbers)
     follow = _follower(sensor, numbers) if sensor.nonideal.any else None
+    order = np.argsort(per_bin, kind="stable")
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
@@ -181,7 +182,7 @@ def echoes_of(
             follow(numbers, stream, beams, per_bin, pulses, start, stop, echoes)
             return
         scratch = kernel.new_scratch(numbers)
-        kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, start, stop, scratch, echoes)
+        kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
 
     _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
     return _report(light, sensor, echoes)

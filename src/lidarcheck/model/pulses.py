@@ -1,4 +1,4 @@
-"""Pulses: where in the trace each beam's light arrives, and how much of it in each bin."""
+"""Pulses and haze: where in the trace each beam's light arrives, and how much of it in each bin."""
 
 from __future__ import annotations
 
@@ -8,62 +8,61 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.model.haze_rates import HazeRates, add_haze, haze_end, haze_rates_of
 from lidarcheck.model.jit import inlined
 from lidarcheck.model.numbers import Numbers
+from lidarcheck.model.pulse_form import PHASES, form_of
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["Pulses", "add_rates", "pulses_of", "window"]
+__all__ = ["Pulses", "add_rates", "pulse_window", "pulses_of", "window"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_TAIL = 1e-6
-"""Signal avalanches a beam may lose, on average, where its pulse is cut off."""
-_PHASES = 512
-"""Pulse positions within a bin that are tabulated; linear between them, the share of a bin is exact to 2e-8."""
-
 
 class Pulses(NamedTuple):
-    """The pulses of all beams: centre [bins], S, and how many bins to either side a pulse matters; each (n_pulses,).
+    """The pulses of all beams: centre [bins], S, and the bins before and behind that a pulse matters in; (n_pulses,).
 
-    Beam i has the pulses `first[i]` ... `first[i + 1] - 1`. Beyond its reach, fewer than `_TAIL` avalanches of a pulse
-    are expected in a beam; the reach is whole, so that a slightly changed signal meets the same draws in the same bins.
-    `shares`, (phases + 1, bins), holds the share of a pulse's light in each bin around it; row p: a pulse p / phases of
-    a bin behind the beginning of the middle bin.
+    Beam i has the pulses `first[i]` ... `first[i + 1] - 1`. Beyond its reach, a beam loses next to nothing of a pulse.
+    `shares`, (PHASES + 1, bins), holds the share of a pulse's light in each bin around it; row p: a pulse p / PHASES of
+    a bin behind the beginning of the bin in column `middle`. `haze`: what the air scatters back.
     """
 
     first: IntArray
     centre: FloatArray
     signal: FloatArray
     reach: IntArray
+    reach_behind: IntArray
     shares: FloatArray
+    middle: int
+    haze: HazeRates
 
 
 def pulses_of(light: Light, sensor: Sensor, numbers: Numbers) -> Pulses:
-    """The light's pulses as kernels see them."""
-    from scipy.special import ndtr
-
+    """The light's pulses and haze as kernels see them."""
+    form = form_of(light.shape, sensor, sensor.bin_ns)
     # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
     centre = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
-    expected = numbers.detectors * light.pulse_signal / _TAIL
-    reach = np.ceil(numbers.sigma * np.sqrt(2.0 * np.log(np.maximum(expected, 1.0)))).astype(np.int64)
-    half = int(reach.max(initial=0)) + 1
-    edges = np.arange(-half, half + 2)
-    phases = np.arange(_PHASES + 1) / _PHASES
-    shares = np.ascontiguousarray(np.diff(ndtr((edges - phases[:, None]) / numbers.sigma), axis=1))
-    return Pulses(light.first_pulse, centre, light.pulse_signal, reach, shares)
+    reach, reach_behind = form.reach(numbers.detectors * light.pulse_signal)
+    before, behind = int(reach.max(initial=0)) + 1, int(reach_behind.max(initial=0)) + 1
+    if behind > max(before, numbers.bins):
+        behind = max(before, numbers.bins)
+        reach_behind = np.minimum(reach_behind, behind)
+    shares = form.shares(before, behind)
+    haze = haze_rates_of(light, form, sensor, numbers)
+    return Pulses(light.first_pulse, centre, light.pulse_signal, reach, reach_behind, shares, before, haze)
 
 
 @inlined
-def window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
+def pulse_window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
     """The bins in which the beam's pulses can set off avalanches, and their outputs' ON time."""
     begin, end = numbers.bins, 0
     for j in range(pulses.first[beam], pulses.first[beam + 1]):
         if pulses.signal[j] > 0.0:
             middle = math.floor(pulses.centre[j])
             low = middle - pulses.reach[j]
-            high = middle + pulses.reach[j] + 1 + numbers.on
+            high = middle + pulses.reach_behind[j] + 1 + numbers.on
             begin = min(begin, max(low, 0))
             end = max(end, min(high, numbers.bins))
     if begin >= end:
@@ -72,21 +71,33 @@ def window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
 
 
 @inlined
+def window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
+    """The bins in which any of the beam's light can set off avalanches, and their outputs' ON time."""
+    begin, end = pulse_window(numbers, pulses, beam)
+    hazy = haze_end(numbers, pulses.haze, beam, 0.0)
+    if hazy > 0:
+        begin = pulses.haze.begin if end == 0 else min(begin, pulses.haze.begin)
+        end = max(end, min(hazy + numbers.on, numbers.bins))
+    return begin, end
+
+
+@inlined
 def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
-    """Add the pulses' avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
-    half = pulses.shares.shape[1] // 2
+    """Add the avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
     for j in range(pulses.first[beam], pulses.first[beam + 1]):
-        centre, signal, reach = pulses.centre[j], pulses.signal[j], pulses.reach[j]
+        centre, signal = pulses.centre[j], pulses.signal[j]
         if signal <= 0.0:
             continue
         middle = math.floor(centre)
-        low = max(middle - reach, begin)
-        high = min(middle + reach + 1, end)
-        position = (centre - middle) * _PHASES
+        low = max(middle - pulses.reach[j], begin)
+        high = min(middle + pulses.reach_behind[j] + 1, end)
+        position = (centre - middle) * PHASES
         phase = int(position)
         above = signal * (position - phase)
         below = signal - above
         nearer, farther = pulses.shares[phase], pulses.shares[phase + 1]
-        column, bin_ = np.uint64(low - middle + half), np.uint64(low - begin)
+        column, bin_ = np.uint64(low - middle + pulses.middle), np.uint64(low - begin)
         for k in range(np.uint64(max(high - low, 0))):
             rates[bin_ + k] += below * nearer[column + k] + above * farther[column + k]
+    if pulses.haze.last > 0:
+        add_haze(pulses.haze, beam, begin, end, rates)

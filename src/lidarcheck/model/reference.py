@@ -6,28 +6,73 @@ own start (a long run of background instead of the steady state's formula). Test
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
-from lidarcheck.scan import Light, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.scan import Haze, Light, PulseShape, Scan
+from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["detector_trace", "echoes_of_trace", "simulate_detectors"]
+
+FloatArray = npt.NDArray[np.float64]
 
 _SETTLING_DEAD_TIMES = 40
 
 
-def _rates(light: Light, beam: int, sensor: Sensor) -> npt.NDArray[np.float64]:
+def _rates(light: Light, beam: int, sensor: Sensor) -> FloatArray:
     """Avalanches per armed SPAD in each bin, shape (bins,)."""
     edges = np.arange(sensor.bins + 1) * sensor.bin_ns
     rates = np.full(sensor.bins, light.background_per_ns[beam] * sensor.bin_ns)
-    for pulse in range(light.first_pulse[beam], light.first_pulse[beam + 1]):
-        time_ns = 2.0 * light.pulse_range_m[pulse] / LIGHT_SPEED_M_PER_NS
-        rates += light.pulse_signal[pulse] * np.diff(ndtr((edges - time_ns) / sensor.sigma_ns))
+    shape = light.shape or PulseShape(sensor.pulse_fwhm_ns)
+    pulses = slice(light.first_pulse[beam], light.first_pulse[beam + 1])
+    for range_m, signal in zip(light.pulse_range_m[pulses], light.pulse_signal[pulses], strict=True):
+        rates += signal * np.diff(_light_before(edges - 2.0 * range_m / LIGHT_SPEED_M_PER_NS, shape))
+    if light.haze is not None:
+        for range_m, signal in _air_pulses(light.haze, beam, shape):
+            times = edges[:, None] - 2.0 * range_m / LIGHT_SPEED_M_PER_NS
+            rates += np.diff(_light_before(times, shape), axis=0) @ signal
     return rates
+
+
+def _light_before(times: FloatArray, shape: PulseShape) -> FloatArray:
+    """Share of a pulse's light before each of the times [ns] behind its centre; same shape."""
+    gaussian = np.asarray(ndtr(times * FWHM_PER_SIGMA / shape.fwhm_ns))
+    if shape.tail_share == 0.0:
+        return gaussian
+    late = np.interp(times, *_delayed_light(shape))
+    return np.asarray((1.0 - shape.tail_share) * gaussian + shape.tail_share * late)
+
+
+@functools.cache
+def _delayed_light(shape: PulseShape) -> tuple[FloatArray, FloatArray]:
+    """The share of a Gaussian with an exponential delay before each of many times: its delays one by one, summed."""
+    sigma = shape.fwhm_ns / FWHM_PER_SIGMA
+    step = min(sigma, shape.tail_ns) / 50.0
+    times = np.arange(-9.0 * sigma, 9.0 * sigma + 35.0 * shape.tail_ns, step)
+    chance = -np.diff(np.exp(-np.arange(len(times) + 1) * step / shape.tail_ns))
+    half_a_step_late = ndtr((times - 0.5 * step) / sigma)
+    return times, fftconvolve(half_a_step_late, chance)[: len(times)]
+
+
+def _air_pulses(haze: Haze, beam: int, shape: PulseShape) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """The air that each row of a beam sees as many small pulses, a tenth of a pulse's sigma apart: range and S."""
+    slice_m = 0.05 * LIGHT_SPEED_M_PER_NS * shape.fwhm_ns / FWHM_PER_SIGMA
+    slices = int(np.ceil(haze.step_m / slice_m))
+    slice_m = haze.step_m / slices
+    near_m = np.arange(len(haze.density_per_m) * slices) * slice_m
+    density_per_m = np.repeat(haze.density_per_m, slices)
+    for row in range(haze.first_row[beam], haze.first_row[beam + 1]):
+        length_m = np.clip(haze.row_end_m[row] - near_m, 0.0, slice_m)
+        seen = length_m * density_per_m > 0.0
+        signal = haze.row_share[row] * density_per_m * length_m
+        for part in np.array_split(np.flatnonzero(seen), np.count_nonzero(seen) // 1000 + 1):
+            yield (near_m + 0.5 * length_m)[part], signal[part]
 
 
 def detector_trace(

@@ -14,16 +14,30 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
-    """Avalanches per armed SPAD in each bin, shape (n_beams, bins): background plus the pulses' shares."""
-    from scipy.special import ndtr
+    """Avalanches per armed SPAD in each bin, shape (n_beams, bins): background plus the shares of pulses and haze."""
+    from lidarcheck.model.pulse_form import form_of
 
     edges_ns = np.arange(sensor.bins + 1) * sensor.bin_ns
     rates = np.repeat((light.background_per_ns * sensor.bin_ns)[:, None], sensor.bins, axis=1)
     beam = np.repeat(np.arange(len(light)), np.diff(light.first_pulse))
+    form = form_of(light.shape, sensor, 1.0)
     for i, range_m, signal in zip(beam, light.pulse_range_m, light.pulse_signal, strict=True):
         time_ns = 2.0 * range_m / LIGHT_SPEED_M_PER_NS
-        rates[i] += signal * np.diff(ndtr((edges_ns - time_ns) / sensor.sigma_ns))
+        rates[i] += signal * np.diff(form.before(edges_ns - time_ns))
+    if light.haze is not None:
+        _add_haze(light, sensor, rates)
     return rates
+
+
+def _add_haze(light: Light, sensor: Sensor, rates: FloatArray) -> None:
+    from lidarcheck.model.haze_rates import add_haze
+    from lidarcheck.model.numbers import numbers_of
+    from lidarcheck.model.pulses import pulses_of
+
+    haze = pulses_of(light, sensor, numbers_of(sensor)).haze
+    if haze.last > 0:
+        for i in range(len(light)):
+            add_haze(haze, i, 0, sensor.bins, rates[i])
 
 
 def on_probability(rates: npt.ArrayLike, background: npt.ArrayLike, sensor: Sensor) -> FloatArray:
