@@ -22,7 +22,9 @@ from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
-WITHOUT_EFFECTS = sorted(file.stem for file in SCENARIOS.glob("*.toml") if not file.stem.startswith("effect_"))
+WITHOUT_EFFECTS = sorted(
+    file.stem for file in SCENARIOS.glob("*.toml") if not file.stem.startswith(("effect_", "scene_"))
+)
 WITH_SURFACES = [name for name in WITHOUT_EFFECTS if "background" not in name]
 SEEDS = 6
 

@@ -29,7 +29,7 @@ class AmbientLight(LightEffect):
     tree = (86,)
 
     rate_per_ns: float = parameter(
-        "1/ns", low=0.0, high=0.1, typical=0.003, meaning="avalanches per armed SPAD and ns from a white surface"
+        "1/ns", low=0.0, high=0.1, typical=0.0005, meaning="avalanches per armed SPAD and ns from a white surface"
     )
     sky: float = parameter("", low=0.0, high=10.0, typical=0.1, meaning="reflectance that open sky looks like")
 
