@@ -321,7 +321,7 @@ def test_rows_of_one_beam_are_divided_alike():
     )
     out = aimed(twice, beam_divergence={})
     rows = np.bincount(out.layer.astype(int) * 960 + out.point)
-    assert set(rows[rows > 0]) == {2, 18}
+    assert set(rows[rows > 0]) == {2, 50}
     assert out.share is None
 
 

@@ -132,7 +132,7 @@ REFUSED = {
     "layer_gain --set gian=1": "layer_gain has no parameter 'gian'; did you mean gain?",
     "layer_gain --set gain=11": "layer_gain: gain = 11 is out of range; use a number from 0 to 10",
     "layer_gain --set gain=nan": "layer_gain: gain = nan is out of range; use a number from 0 to 10",
-    "layer_gain --set gain=big": "layer_gain: gain = 'big' is out of range; use a number from 0 to 10",
+    "layer_gain --set gain=big": "layer_gain: gain = 'big' is no number; use a number from 0 to 10",
     "layer_gain --set first_layer=1.5": (
         "layer_gain: first_layer = 1.5 is out of range; use a whole number from 0 to 519 layer"
     ),
@@ -206,7 +206,7 @@ class Blind(DetectorEffect):
 
     name = "blind"
 
-    def detector(self, sensor, around):
+    def detector(self, sensor):
         import dataclasses
 
         return dataclasses.replace(sensor, threshold=100_000)

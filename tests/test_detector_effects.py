@@ -1,7 +1,5 @@
 """Crosstalk, afterpulsing and dead time as effects: what they set, what they show in the data, what they refuse."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -20,12 +18,11 @@ IDENTITY: dict[str, dict[str, float]] = {
     "dead_time": {"shift_ns": 0.0, "spread_ns": 0.0},
 }
 COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
-NOTHING: Any = None
 """The surroundings: these effects ask for nothing."""
 
 
 def behind(sensor: Sensor, name: str, **parameters: float) -> Sensor:
-    return effects.make(name, parameters).detector(sensor, NOTHING)  # type: ignore[attr-defined, no-any-return]
+    return effects.make(name, parameters).detector(sensor)  # type: ignore[attr-defined, no-any-return]
 
 
 @pytest.mark.parametrize("name", IDENTITY)

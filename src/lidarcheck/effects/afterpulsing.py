@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, Surroundings, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Afterpulsing"]
@@ -35,7 +35,7 @@ class Afterpulsing(DetectorEffect):
     )
     slow_delay_ns: float = parameter("ns", low=0.0, high=1000.0, typical=30.0, meaning="mean delay of the slow ones")
 
-    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+    def detector(self, sensor: Sensor) -> Sensor:
         """Let avalanches have afterpulses."""
         if self.probability == 0.0:
             return sensor

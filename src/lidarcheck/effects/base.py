@@ -146,11 +146,12 @@ class Effect(abc.ABC):
     def __post_init__(self) -> None:
         for p in self.parameters():
             value = getattr(self, p.name)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
+            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
             if not number or not p.low <= value <= p.high or (p.whole and value != int(value)):
                 kind = "a whole number" if p.whole else "a number"
+                wrong = "out of range" if number else "no number"
                 raise UsageError(
-                    f"{self.name}: {p.name} = {value!r} is out of range",
+                    f"{self.name}: {p.name} = {value!r} is {wrong}",
                     fix=f"use {kind} from {p.low:g} to {p.high:g} {p.unit}".rstrip(),
                 )
 
@@ -210,8 +211,8 @@ class DetectorEffect(Effect):
     stage = "detector"
 
     @abc.abstractmethod
-    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
-        """The sensor with the effect."""
+    def detector(self, sensor: Sensor) -> Sensor:
+        """The sensor with the effect; `UsageError` where that is no sensor. It knows the sensor alone."""
 
 
 class ReadoutEffect(Effect):

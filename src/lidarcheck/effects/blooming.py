@@ -63,16 +63,16 @@ class _Sources(NamedTuple):
     row: npt.NDArray[np.int32]
 
 
-def profile(plus: Side, minus: Side, core_width: float, reach: float) -> Profile:
-    """y(x) = core exp(-|x| / core_width) + skirt exp(-(x / skirt_width)^2) up to |x| = reach, 0 beyond.
+def profile(plus: Side, minus: Side, core_width: float, skirt_power: float, reach: float) -> Profile:
+    """y(x) = core exp(-|x| / core_width) + skirt exp(-|x / skirt_width|^skirt_power) up to |x| = reach, 0 beyond.
 
     `plus` holds for positive x, `minus` for negative x.
     """
 
     def one(side: Side, x: FloatArray) -> FloatArray:
-        return np.asarray(
-            side.core * np.exp(-np.abs(x) / core_width) + side.skirt * np.exp(-((x / side.skirt_width) ** 2))
-        )
+        off = np.abs(x)
+        skirt = np.exp(-np.minimum((off / side.skirt_width) ** skirt_power, 700.0))
+        return np.asarray(side.core * np.exp(-off / core_width) + side.skirt * skirt)
 
     def y(x: FloatArray) -> FloatArray:
         return np.where(np.abs(x) <= reach, np.where(x > 0.0, one(plus, x), one(minus, x)), 0.0)

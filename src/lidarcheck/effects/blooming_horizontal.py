@@ -21,7 +21,7 @@ class BloomingHorizontal(LightEffect):
     look-up table its cut along one axis. y is the table `lut`, linear between its rows and 0 outside (one without
     negative X, as real files have it, holds for both sides), or without one
 
-        y(x) = core exp(-|x| / core_columns) + skirt exp(-(x / skirt_columns)^2) for |x| <= reach_columns,
+        y(x) = core exp(-|x| / core_columns) + skirt exp(-|x / skirt_columns|^skirt_power) for |x| <= reach_columns,
 
     each side with heights of its own. The bright beam itself gains nothing. Scattered light does not
     scatter again. Pulses of fewer than 0.1 expected avalanches are left out, and sources within 0.15 m of range share
@@ -45,6 +45,7 @@ class BloomingHorizontal(LightEffect):
     skirt_left_columns: float = parameter("columns", low=0.1, high=3000.0, typical=30.0, meaning="width of that skirt")
     skirt_right: float = parameter("", low=0.0, high=1.0, typical=1.5e-6, meaning="height of the skirt to the right")
     skirt_right_columns: float = parameter("columns", low=0.1, high=3000.0, typical=30.0, meaning="width of that skirt")
+    skirt_power: float = parameter("", low=0.1, high=20.0, typical=2.0, meaning="2: bell, 1: exponential, high: box")
     reach_columns: float = parameter(
         "columns", low=0.0, high=2400.0, typical=100.0, meaning="no bloom beyond; not for a lut"
     )
@@ -56,7 +57,7 @@ class BloomingHorizontal(LightEffect):
             return light
         left = Side(self.core_left, self.skirt_left, self.skirt_left_columns)
         right = Side(self.core_right, self.skirt_right, self.skirt_right_columns)
-        y = profile(left, right, self.core_columns, self.reach_columns)
+        y = profile(left, right, self.core_columns, self.skirt_power, self.reach_columns)
         if self.lut is not None:
             y = curve_profile(self.lut, mirrored=True)
         return bloom(light, around, HORIZONTAL, lambda x: self.strength * y(x), self.bright_signal)

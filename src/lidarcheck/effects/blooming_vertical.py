@@ -20,7 +20,7 @@ class BloomingVertical(LightEffect):
     bright beams add up: blooming is a linear operator on the light, and a look-up table its cut along one axis. y is
     the table `lut`, linear between its rows and 0 outside, or without one
 
-        y(x) = core exp(-|x| / core_rows) + skirt exp(-(x / skirt_rows)^2) for |x| <= reach_rows,
+        y(x) = core exp(-|x| / core_rows) + skirt exp(-|x / skirt_rows|^skirt_power) for |x| <= reach_rows,
 
     each side with heights of its own. The bright beam itself gains nothing. Scattered light does not scatter
     again. Pulses of fewer than 0.1 expected avalanches are left out, and sources within 0.15 m of range share one.
@@ -44,6 +44,7 @@ class BloomingVertical(LightEffect):
     skirt_up_rows: float = parameter("SPAD rows", low=0.1, high=2000.0, typical=95.0, meaning="width of that skirt")
     skirt_down: float = parameter("", low=0.0, high=1.0, typical=1.0e-4, meaning="height of the skirt below the target")
     skirt_down_rows: float = parameter("SPAD rows", low=0.1, high=2000.0, typical=60.0, meaning="width of that skirt")
+    skirt_power: float = parameter("", low=0.1, high=20.0, typical=2.0, meaning="2: bell, 1: exponential, high: box")
     reach_rows: float = parameter(
         "SPAD rows", low=0.0, high=1560.0, typical=200.0, meaning="no bloom beyond; not for a lut"
     )
@@ -55,7 +56,7 @@ class BloomingVertical(LightEffect):
             return light
         up = Side(self.core_up, self.skirt_up, self.skirt_up_rows)
         down = Side(self.core_down, self.skirt_down, self.skirt_down_rows)
-        y = profile(up, down, self.core_rows, self.reach_rows)
+        y = profile(up, down, self.core_rows, self.skirt_power, self.reach_rows)
         if self.lut is not None:
             y = curve_profile(self.lut)
         return bloom(light, around, VERTICAL, lambda x: self.strength * y(x), self.bright_signal)

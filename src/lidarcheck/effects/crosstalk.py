@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, Surroundings, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Crosstalk"]
@@ -33,7 +33,7 @@ class Crosstalk(DetectorEffect):
         "", low=0.0, high=0.3, typical=0.017, meaning="mean avalanches set off among the four corner neighbours"
     )
 
-    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+    def detector(self, sensor: Sensor) -> Sensor:
         """Let neighbours set each other off."""
         if self.sides == 0.0 and self.corners == 0.0:
             return sensor

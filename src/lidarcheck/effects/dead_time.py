@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, Surroundings, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.errors import UsageError
 from lidarcheck.sensor import SENSOR_BOUNDS, Sensor
 
@@ -31,7 +31,7 @@ class DeadTime(DetectorEffect):
         "ns", low=0.0, high=100.0, typical=1.0, meaning="standard deviation of the dead time between avalanches"
     )
 
-    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+    def detector(self, sensor: Sensor) -> Sensor:
         """Change the dead time and let it vary."""
         shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
         if shift == 0 and self.spread_ns == 0.0:

@@ -18,6 +18,9 @@ __all__ = ["Fog"]
 FloatArray = npt.NDArray[np.float64]
 
 CLEAR_M = 1e6
+_NEAREST_M = 0.05
+"""The window: no air before it sends light back, whatever the overlap says."""
+_NODES = 8
 _FAINT_PER_M = 1e-5
 """Where the profile ends: S per metre of air, half a percent of the reference sensor's background."""
 
@@ -26,13 +29,14 @@ _FAINT_PER_M = 1e-5
 class Fog(LightEffect):
     """Extinction with range, and backscatter close to the sensor.
 
-    Homogeneous fog of meteorological optical range MOR: alpha = ln 20 / MOR, beta = backscatter / MOR. Surfaces:
-    S' = S exp(-2 alpha R). The air itself, in single scattering, up to what the beam meets:
-    dS/dR = K pi beta exp(-2 alpha R) / R^2 times the overlap of the fields of view of laser and receiver, which rises
-    linearly from 0 at `overlap_start_m` to 1 at `overlap_full_m`. A hard target with beta0 = rho / pi gives the same
-    K rho / R^2 (Rasshofer, Spies and Spies, "Influences of weather phenomena on automotive laser radar systems",
-    Adv. Radio Sci. 9, 2011; Hahner et al., "Fog simulation on real lidar point clouds", ICCV 2021, with beta = 0.046 /
-    MOR, 0.023 ... 0.092 in their droplet distributions, and an overlap from 0.9 m to 1 m).
+    Homogeneous fog of meteorological optical range MOR: alpha = ln 20 / MOR, beta = backscatter / MOR. Surfaces: S' = S
+    exp(-2 alpha R). The air itself, in single scattering, up to what the beam meets: dS/dR = K pi beta exp(-2 alpha R)
+    / R^2 times the overlap of the fields of view of laser and receiver, which rises from 0 at `overlap_start_m`:
+    linearly to 1 at `overlap_full_m` where `overlap_power` is 0, else as 1 - 20^-u^overlap_power, u = (R - start) /
+    (full - start), which is 95 % at `overlap_full_m`. A hard target with beta0 = rho / pi gives the same K rho / R^2
+    (Rasshofer, Spies and Spies, "Influences of weather phenomena on automotive laser radar systems", Adv. Radio Sci. 9,
+    2011; Hahner et al., "Fog simulation on real lidar point clouds", ICCV 2021, with beta = 0.046 / MOR, 0.023 ...
+    0.092 in their droplet distributions, and an overlap from 0.9 m to 1 m).
 
     Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter; the fog does not change over the
     frame. Extinction takes its toll of all light that stands before this effect, and of what the air sends back also
@@ -48,11 +52,13 @@ class Fog(LightEffect):
         "1/sr", low=0.0, high=10.0, typical=0.046, meaning="backscatter coefficient times MOR"
     )
     overlap_start_m: float = parameter(
-        "m", low=0.1, high=50.0, typical=0.9, meaning="range where the receiver begins to see the laser's beam"
+        "m", low=0.0, high=50.0, typical=0.9, meaning="range where the receiver begins to see the laser's beam"
     )
     overlap_full_m: float = parameter(
         "m", low=0.1, high=100.0, typical=1.0, meaning="range from which on the receiver sees all of the laser's beam"
     )
+
+    overlap_power: float = parameter("", low=0.0, high=10.0, typical=0.0, meaning="how the overlap rises; 0: linearly")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,22 +92,30 @@ class Fog(LightEffect):
         return strength * np.diff(self._integral(edge_m[: cells + 1], 2.0 * extinction_per_m)) / STEP_M
 
     def _integral(self, range_m: FloatArray, decay: float) -> FloatArray:
-        """Integral of overlap exp(-decay R) / R^2 from the sensor to `range_m`, exactly; same shape."""
-        from scipy.special import exp1
+        """Integral of overlap exp(-decay R) / R^2 from the sensor to each of rising `range_m`; same shape.
 
-        start, full = self.overlap_start_m, self.overlap_full_m
+        Each cell by Gauss-Legendre quadrature in pieces that no kink of the overlap divides.
+        """
+        kinks = np.array([_NEAREST_M, self.overlap_start_m, self.overlap_full_m])
+        edges = np.unique(np.concatenate([range_m, kinks[(kinks > range_m[0]) & (kinks < range_m[-1])]]))
+        node, weight = np.polynomial.legendre.leggauss(_NODES)
+        half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+        at_m = middle[:, None] + half[:, None] * node
+        pieces = half * ((self._overlap(at_m) * np.exp(-decay * at_m) / np.maximum(at_m, _NEAREST_M) ** 2) @ weight)
+        return np.asarray(np.interp(range_m, edges, np.concatenate([[0.0], np.cumsum(pieces)])))
 
-        def inverse_square(at: FloatArray) -> FloatArray:
-            return np.asarray(decay * exp1(decay * at) - np.exp(-decay * at) / at)
+    def _overlap(self, range_m: FloatArray) -> FloatArray:
+        """Share of the laser's beam that the receiver sees; same shape."""
+        wide = max(self.overlap_full_m - self.overlap_start_m, 1e-9)
+        u = np.maximum(range_m - self.overlap_start_m, 0.0) / wide
+        rise = (
+            np.minimum(u, 1.0)
+            if self.overlap_power == 0.0
+            else -np.expm1(-math.log(20.0) * _power(u, self.overlap_power))
+        )
+        return np.where(range_m < _NEAREST_M, 0.0, rise)
 
-        def inverse(at: FloatArray) -> FloatArray:
-            return np.asarray(-exp1(decay * at))
 
-        beyond = np.maximum(range_m, full)
-        integral = inverse_square(beyond) - inverse_square(np.array(full))
-        if full - start > 1e-6:
-            within, begin = np.clip(range_m, start, full), np.array(start)
-            rise = inverse(within) - inverse(begin) - start * (inverse_square(within) - inverse_square(begin))
-            integral = integral + rise / (full - start)
-        # Differences of nearly equal numbers must not leave a falling integral: light is never negative.
-        return np.maximum.accumulate(integral)
+def _power(u: FloatArray, power: float) -> FloatArray:
+    """u^power, no more than what exp can take."""
+    return np.asarray(np.minimum(np.minimum(u, 1e6) ** power, 700.0))

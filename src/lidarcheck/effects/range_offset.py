@@ -25,4 +25,4 @@ class RangeOffset(ReadoutEffect):
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move every echo along its beam."""
-        return scan if self.offset_m == 0.0 else at_range(scan, scan.range_m + self.offset_m, around.sensor)
+        return scan if self.offset_m == 0.0 else at_range(scan, scan.range_m + self.offset_m)

@@ -25,4 +25,4 @@ class RangeScale(ReadoutEffect):
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move every echo along its beam."""
-        return scan if self.fraction == 0.0 else at_range(scan, scan.range_m * (1.0 + self.fraction), around.sensor)
+        return scan if self.fraction == 0.0 else at_range(scan, scan.range_m * (1.0 + self.fraction))

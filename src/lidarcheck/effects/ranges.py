@@ -1,4 +1,4 @@
-"""Moving echoes along their beams, as several effects do."""
+"""Moving echoes along their beams, as several effects do, and rounding their ranges as the sensor reports them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ import numpy.typing as npt
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor, beam_directions
 
-__all__ = ["at_range"]
+__all__ = ["at_range", "quantised"]
 
 
-def at_range(scan: Scan, range_m: npt.NDArray[np.float64], sensor: Sensor) -> Scan:
-    """The same echoes at other ranges, shape (n,), quantised as the sensor reports them.
+def quantised(range_m: npt.NDArray[np.float64], sensor: Sensor) -> npt.NDArray[np.float64]:
+    """Ranges as the sensor reports them: a multiple of its resolution, and none behind the sensor; same shape."""
+    range_m = np.maximum(range_m, 0.0)
+    if sensor.range_resolution_m > 0.0:
+        range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
+    return range_m
+
+
+def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
+    """The same echoes at other ranges, shape (n,), not rounded yet: several effects may move an echo.
 
     No echo lies behind the sensor: a range below 0 becomes 0. Echoes of a beam that have changed places change rows
     and numbers too, so that both still go by range; all other rows stay where they are.
     """
     range_m = np.maximum(range_m, 0.0)
-    if sensor.range_resolution_m > 0.0:
-        range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
     xyz = beam_directions(scan.layer, scan.point) * range_m[:, None]
     moved = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
     return _in_order(moved, range_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, Surroundings, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Threshold"]
@@ -24,6 +24,6 @@ class Threshold(DetectorEffect):
         "detectors ON", low=-100, high=1000, typical=3, whole=True, meaning="added to the sensor's threshold"
     )
 
-    def detector(self, sensor: Sensor, around: Surroundings) -> Sensor:
+    def detector(self, sensor: Sensor) -> Sensor:
         """Shift the sensor's threshold."""
         return replace(sensor, threshold=max(sensor.threshold + self.shift, 0)) if self.shift else sensor

@@ -254,7 +254,11 @@ def _numbers(entry: _Entry, file: Path | None, faults: list[InputError]) -> list
             what = f"number {index + 1} of {entry.key} is empty"
             if cell.text:
                 what = f"number {index + 1} of {entry.key} is {shown(cell.text)}, not a number"
-            faults.append(InputError(what, file=file, line=cell.line, fix="use digits with a decimal point"))
+            faults.append(
+                InputError(
+                    what, file=file, line=cell.line, fix="use digits with a decimal point, and commas between numbers"
+                )
+            )
             value = math.nan
         values.append(value)
     return values

@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects import Effect
+from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor, beam_directions
 
 if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
@@ -59,10 +60,11 @@ def simulate(
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
     run, light = _light_and_sensor(ideal, model, seed, frame, scene)
-    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress)
-    for effect in _of_stage("readout", model.effects):
+    readout = _of_stage("readout", model.effects)
+    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress, rounded=not readout)
+    for effect in readout:
         scan = effect.readout(scan, run.of(effect))
-    return scan
+    return _rounded(scan, run.sensor) if readout else scan
 
 
 def light_after_effects(
@@ -130,7 +132,7 @@ class _Run:
             if stage == "aim":
                 run = replace(run, ideal=effect.aim(run.ideal, run.of(effect)))
             else:
-                run = replace(run, sensor=effect.detector(run.sensor, run.of(effect)))
+                run = replace(run, sensor=effect.detector(run.sensor))
         return run
 
     def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:
@@ -159,8 +161,9 @@ def echoes_of(
     frame: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
+    rounded: bool = True,
 ) -> Scan:
-    """The SPADs' echoes of the light that reaches each beam; see `simulate`."""
+    """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
     from lidarcheck.model import kernel, streams
     from lidarcheck.model.echoes import new_echoes
     from lidarcheck.model.numbers import numbers_of
@@ -185,7 +188,7 @@ def echoes_of(
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
 
     _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
-    return _report(light, sensor, echoes)
+    return _report(light, sensor, echoes, rounded)
 
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
@@ -221,17 +224,24 @@ def _share(run: Callable[[int], None], starts: range, threads: int | None, told:
             raise
 
 
-def _report(light: Light, sensor: Sensor, echoes: Echoes) -> Scan:
-    """Echoes as the sensor reports them: range quantised, PEAK saturated, numbered from 1."""
+def _rounded(scan: Scan, sensor: Sensor) -> Scan:
+    """The same echoes at ranges as the sensor reports them."""
+    xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
+    return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
+
+
+def _report(light: Light, sensor: Sensor, echoes: Echoes, rounded: bool) -> Scan:
+    """Echoes as the sensor reports them: PEAK saturated, numbered from 1, no range below 0."""
     from lidarcheck.model.echoes import list_echoes
 
     n = int(echoes.held.sum())
     row, slot = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     centre, features = np.empty(n), np.empty((3, n))
     list_echoes(echoes, row, slot, centre, features)
-    range_m = 0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns)
-    if sensor.range_resolution_m > 0.0:
-        range_m = np.rint(range_m / sensor.range_resolution_m) * sensor.range_resolution_m
+    # An echo of the first bins is timed before the shot; it is reported at the sensor, not behind it.
+    range_m = np.maximum(0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns), 0.0)
+    if rounded:
+        range_m = quantised(range_m, sensor)
     return Scan.from_beams(
         light.layer[row],
         light.point[row],

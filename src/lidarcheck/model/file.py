@@ -7,14 +7,14 @@ import logging
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
 from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
 
-from lidarcheck.effects.base import Curve, Effect, FileParameter
+from lidarcheck.effects.base import Curve, DetectorEffect, Effect, FileParameter
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
@@ -119,7 +119,11 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     document = _external_document(model.external, directory) if model.external else _document(model, directory)
     text = tomli_w.dumps(document)
     parsed = tomllib.loads(text)
-    validate(parsed, LineIndex(Path(path)), _ExternalFile if model.external else _ModelTable)
+    lines = LineIndex(Path(path))
+    validate(parsed, lines, _ExternalFile if model.external else _ModelTable)
+    faults = [] if model.external else _detector_faults(model.effects, model.sensor, lines)
+    if faults:
+        raise ConfigError(faults)
     write_text(path, text)
 
 
@@ -131,6 +135,8 @@ def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
         sensor = _sensor(table, lines)
     except ConfigError as error:
         faults += error.faults
+    if not faults:
+        faults = _detector_faults(effects, sensor, lines)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
     materials = {int(number): _material(number, entry, lines) for number, entry in table.materials.items()}
@@ -192,6 +198,16 @@ def _curve(directory: Path, parameter: FileParameter, path: str) -> Curve:
     if table is None:
         raise InputError(f"the file has no {axis} table", file=file, fix=f"{parameter.name} needs one: add it")
     return Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(file))
+
+
+def _detector_faults(effects: Sequence[Effect], sensor: Sensor, lines: LineIndex) -> list[InputError]:
+    """A fault for the first effect that makes a sensor which cannot be, such as a dead time below the ON time."""
+    for index, effect in enumerate(effects):
+        try:
+            sensor = effect.detector(sensor) if isinstance(effect, DetectorEffect) else sensor
+        except UsageError as error:
+            return [_effect_fault(error, index, effect.settings(), lines)]
+    return []
 
 
 def _effect_fault(error: UsageError, index: int, parameters: Mapping[str, Any], lines: LineIndex) -> InputError:
