@@ -128,11 +128,11 @@ def test_interpolation_is_linear_in_y_and_zero_outside() -> None:
         (
             b"PostPro.LUT_blooming_X = 1, 3, 2, 4,, x\nPostPro.LUT_blooming_Y = 0,1.5,-1,nan, 1e999\n",
             [
-                ":1: number 5 of PostPro.LUT_blooming_X is empty; use digits with a decimal point, and commas between numbers",
-                ':1: number 6 of PostPro.LUT_blooming_X is "x", not a number; use digits with a decimal point, and commas between numbers',
+                ":1: number 5 of PostPro.LUT_blooming_X is empty; write numbers as 0.5, 0.25",
+                ':1: number 6 of PostPro.LUT_blooming_X is "x", not a number; write numbers as 0.5, 0.25',
                 ":1: number 3 of PostPro.LUT_blooming_X is 2, below 3 before it; X must not decrease",
-                ':2: number 4 of PostPro.LUT_blooming_Y is "nan", not a number; use digits with a decimal point, and commas between numbers',
-                ':2: number 5 of PostPro.LUT_blooming_Y is "1e999", not a number; use digits with a decimal point, and commas between numbers',
+                ':2: number 4 of PostPro.LUT_blooming_Y is "nan", not a number; write numbers as 0.5, 0.25',
+                ':2: number 5 of PostPro.LUT_blooming_Y is "1e999", not a number; write numbers as 0.5, 0.25',
                 ":2: PostPro.LUT_blooming_Y has 5 numbers, PostPro.LUT_blooming_X has 6; give both the same number",
                 ":2: number 2 of PostPro.LUT_blooming_Y is 1.5, out of range; use a number from 0 to 1",
                 ":2: number 3 of PostPro.LUT_blooming_Y is -1, out of range; use a number from 0 to 1",

@@ -77,7 +77,7 @@ def test_the_order_of_rows_does_not_matter():
 def test_sub_beams_keep_to_their_own_surfaces():
     near, far = tilted((1, 0, 0), 10).ideal(LAYERS, POINTS), tilted((1, 0.5, 0), 30).ideal(LAYERS, POINTS)
     both = IdealScan(*(np.concatenate([getattr(t, c) for t in (near, far)]) for c in COLUMNS))
-    assert rank_in_beam(both.layer, both.point).tolist() == [0] * len(near) + [1] * len(far)
+    assert rank_in_beam(both).tolist() == [0] * len(near) + [1] * len(far)
     rays = shaken(both, 0.2)
     hits = LocalSurfaces.of(both).cast(rays)
     truth = [tilted(n, h).cast(rays).distance_m for n, h in (((1, 0, 0), 10), ((1, 0.5, 0), 30))]

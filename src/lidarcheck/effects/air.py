@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.beam_rows import BeamRows
+from lidarcheck.effects.own_rays import shares_that_end
 from lidarcheck.scan import Haze, IdealScan, Light
 
 __all__ = ["STEP_M", "ends_of", "with_haze"]
@@ -32,7 +33,7 @@ def with_haze(light: Light, ideal: IdealScan, density_per_m: FloatArray) -> Ligh
     """
     if len(density_per_m) == 0:
         return light
-    rows = BeamRows.of(light, ideal)
+    rows = BeamRows.of(light, ideal, shares_that_end(ideal))
     share, earlier = rows.share, light.haze
     if earlier is not None:
         before_per_m = _in_cells(earlier)

@@ -19,8 +19,9 @@ class AmbientLight(LightEffect):
     retro-reflection, which returns nothing to the sensor but the sensor's own light; `sky` stands in for rho where a
     row meets nothing. A Lambertian surface that fills a pixel looks equally bright from any distance and angle, so the
     background is constant along the trace. 110 klux are 0.82 W / m^2 / nm at 905 nm (ASTM G173): a SPAD of 10 um behind
-    F/1.2 and a filter of 20 nm, transmission 0.6, detection efficiency 0.2, sees 1.4e-4 per ns from rho = 1. The rate
-    goes with the SPAD's area and the filter's width: 25 um and 50 nm give 2e-3.
+    F/1.2 and a filter of 20 nm, transmission 0.6, detection efficiency 0.2, sees 0.14 per ns from rho = 1, which blinds
+    it. The rate goes with the light, the SPAD's area and the filter's width; the typical value, 1/280 of that, is what
+    400 lux of daylight give, or 110 klux behind optics that keep out as much.
 
     Valid for evenly lit scenes: no shadows, no sun in the field of view. Identity at rate 0.
     """
@@ -29,7 +30,7 @@ class AmbientLight(LightEffect):
     tree = (86,)
 
     rate_per_ns: float = parameter(
-        "1/ns", low=0.0, high=0.1, typical=0.0005, meaning="avalanches per armed SPAD and ns from a white surface"
+        "1/ns", low=0.0, high=10.0, typical=0.0005, meaning="avalanches per armed SPAD and ns from a white surface"
     )
     sky: float = parameter("", low=0.0, high=10.0, typical=0.1, meaning="reflectance that open sky looks like")
 

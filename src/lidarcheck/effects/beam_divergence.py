@@ -122,7 +122,7 @@ def _keep(block: _Block, rows: BoolArray, ideal: IdealScan) -> None:
 
 def _equal_in_beams(ideal: IdealScan, spans: Spans) -> Spans:
     """Beams of several rows: all of them along both axes or none, for rows of a beam must keep equal weights."""
-    if not rank_in_beam(ideal.layer, ideal.point).any():
+    if not rank_in_beam(ideal).any():
         return spans
     either = _in_whole_beams(ideal, spans.up | spans.left)
     return Spans(either, either)
@@ -141,7 +141,7 @@ def _subdivided(ideal: IdealScan, own: Rays, blocks: list[_Block], around: Surro
         spans[block.row[block.spans]] = True
     if not spans.any():
         return ideal
-    if rank_in_beam(ideal.layer, ideal.point).any():
+    if rank_in_beam(ideal).any():
         spans = _in_whole_beams(ideal, spans)
     count = np.ones(len(ideal), dtype=np.int64)
     for block in blocks:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.own_rays import rank_in_beam
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS
 
@@ -55,14 +54,14 @@ class BeamGrid:
     stride: tuple[int, int]
 
     @classmethod
-    def of(cls, ideal: IdealScan) -> BeamGrid:
-        """The grid of a scan's rows; rows of beams that the sensor does not have are left out."""
+    def of(cls, ideal: IdealScan, slot: npt.NDArray[np.int32]) -> BeamGrid:
+        """The grid of a scan's rows and their ranks; rows of beams that the sensor does not have are left out."""
         layer, point = ideal.layer.astype(np.int64), ideal.point.astype(np.int64)
         inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
         rows = np.flatnonzero(inside)
         cell = layer[rows] * POINTS + point[rows]
-        if len(cell) and not bool(np.all(cell[1:] >= cell[:-1])):
-            rows = rows[np.argsort(cell, kind="stable")]
+        if len(cell) and not bool(np.all(cell[1:] > cell[:-1])):
+            rows = rows[np.lexsort((slot[rows], cell))]
         count = np.bincount(cell, minlength=_CELLS)
         first = np.cumsum(count) - count
         fired = count > 0
@@ -73,7 +72,7 @@ class BeamGrid:
             first=first,
             count=count,
             order=rows,
-            slot=rank_in_beam(ideal.layer, ideal.point),
+            slot=slot,
             near=near,
             stride=(_stride(layer[rows]), _stride(point[rows])),
         )

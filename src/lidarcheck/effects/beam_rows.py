@@ -30,10 +30,10 @@ class BeamRows(NamedTuple):
     share: FloatArray
 
     @classmethod
-    def of(cls, light: Light, ideal: IdealScan) -> BeamRows:
+    def of(cls, light: Light, ideal: IdealScan, share: FloatArray | None = None) -> BeamRows:
         """The rows behind the beams of `light`; none for a beam that the ideal scan does not know."""
         key, beam_key = _keys(ideal.layer, ideal.point), _keys(light.layer, light.point)
-        row, share = np.arange(len(key)), ideal.shares()
+        row, share = np.arange(len(key)), ideal.shares() if share is None else share
         if np.any(key[1:] < key[:-1]):
             row = np.argsort(key, kind="stable")
             key, share = key[row], share[row]

@@ -15,12 +15,12 @@ class Crosstalk(DetectorEffect):
     """An avalanche sets off neighbouring SPADs in the same bin.
 
     Each of the four side neighbours that is armed avalanches with probability sides / 4, each of the four corner
-    neighbours with corners / 4, and so on from those that were set off; a shot's SPADs stand in 3 rows, and what lies
-    outside the point's array is not followed. Weak echoes grow by up to sides + corners, false alarms multiply, and the
-    scatter of AREA exceeds the binomial one. Photons of hot carriers: Rech et al., Opt. Express 16 (2008) 8381; the
-    cascade: Gallego et al., JINST 8 (2013) P05013. Published: 0.035 over the sides and 0.017 over the corners, 0.002 in
-    large arrays. The bounds keep the mean offspring of an avalanche below 0.9 in an endless array. Identity at sides 0
-    and corners 0.
+    neighbours with corners / 4, and so on from those that were set off; a shot's SPADs stand in 3 rows (in one,
+    where their number is no multiple of 3), and what lies outside the point's array is not followed. Weak echoes
+    grow by up to sides + corners, false alarms multiply, and the scatter of AREA exceeds the binomial one. Photons
+    of hot carriers: Rech et al., Opt. Express 16 (2008) 8381; the cascade: Gallego et al., JINST 8 (2013) P05010.
+    Published: 0.035 over the sides and 0.017 over the corners, 0.002 in large arrays. The bounds keep the mean
+    offspring of an avalanche below 0.9 in an endless array. Identity at sides 0 and corners 0.
     """
 
     name = "crosstalk"

@@ -12,6 +12,8 @@ from lidarcheck.scan import Light
 
 __all__ = ["IncidenceFalloff"]
 
+_LEAST_COSINE = 1e-3
+
 
 @dataclass(frozen=True)
 class IncidenceFalloff(LightEffect):
@@ -38,8 +40,8 @@ class IncidenceFalloff(LightEffect):
             return light
         ideal = around.ideal
         lambertian = by_material(ideal, around.materials, lambda material: float(material.kind == "lambertian"), 0.0)
-        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), 0.0, 1.0)
-        lit = cosine > 0.0
-        factor = np.where(lit, np.where(lit, cosine, 1.0) ** (self.exponent - 1.0), 0.0)
+        # A mirror shows a surface at another incidence than its row's: none may become brighter without bound.
+        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), _LEAST_COSINE, 1.0)
+        factor = cosine ** (self.exponent - 1.0)
         factor = np.where(lambertian > 0.0, factor, 1.0)
         return replace(light, pulse_signal=light.pulse_signal * np.where(row >= 0, factor[row], 1.0))

@@ -46,8 +46,8 @@ class MirrorMultipath(LightEffect):
     `reflectivity` r for light along the normal, and with `grazing` 1 Schlick's approximation of Fresnel's formula, as
     for water. The mirror is the ground (a wet road) with `material_id` -1, else every surface of that material.
     `roughness_deg` tilts the normal at random, beam by beam (rms about either axis). The echo of the mirror itself
-    stays. Other effects of this stage that stand before this one do not act on its pulses; put gains behind it. Without
-    a scene only what the sensor sees itself, from the same side, can be reflected. Identity at reflectivity and grazing
+    stays. Gains of this stage that stand before this one do not act on its pulses; put them behind it. Without a
+    scene only what the sensor sees itself, from the same side, can be reflected. Identity at reflectivity and grazing
     0.
     """
 
@@ -91,6 +91,7 @@ class MirrorMultipath(LightEffect):
         )
         cosine = np.abs(np.einsum("ij,ij->i", rays.direction[row], mirror.normal[met]))
         signal = self._passage(cosine) * around.signal(image) * ideal.shares()[row]
+        signal *= np.exp(-2.0 * light.extinction_per_m * way[met])
         lit = signal > 0.0
         source = _rows_at(ideal, onward, hits, met)
         return light.with_pulses(beam[met][lit], way[met][lit], signal[lit], source[lit])

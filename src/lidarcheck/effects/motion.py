@@ -57,8 +57,8 @@ class Motion(AimEffect):
             origin = turned(rays.origin_m, self.yaw_deg_s * remaining_s, 0.0) + np.outer(remaining_s, velocity)
             direction = turned(rays.direction, self.yaw_deg_s * remaining_s, 0.0)
             rays = replace(rays, origin_m=origin, direction=direction)
-        # Rays that have a time already are at that of their column.
-        time_s = np.where(rays.time_s != 0.0, rays.time_s, remaining_s)
+        # A scene moves on from the frame's start, the scan's own surfaces from the time that they were seen at.
+        time_s = remaining_s if around.scene is None else sweep_time_s(ideal.point)
         return recast(ideal, replace(rays, time_s=time_s), around, moving)
 
     def _moving(self, velocity: Velocity, around: Surroundings) -> dict[int, Velocity]:

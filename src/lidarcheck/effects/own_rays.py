@@ -13,7 +13,7 @@ from lidarcheck.rays import Caster, Rays, Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import beam_directions
 
-__all__ = ["AimedRays", "moving_of", "rank_in_beam", "rays_of", "second_rows"]
+__all__ = ["AimedRays", "moving_of", "rank_in_beam", "rays_of", "second_rows", "shares_that_end"]
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,13 @@ def moving_of(rays: Rays, caster: Caster) -> Mapping[int, Velocity]:
     return caster.velocities_m_s if np.any(rays.time_s) else {}
 
 
-def rank_in_beam(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """Rank of each row among the rows of its beam, from 0, in the table's order; shape (n,)."""
-    key = layer.astype(np.int64) << 32 | point
+def rank_in_beam(ideal: IdealScan) -> npt.NDArray[np.int32]:
+    """Rank of each row among the rows of its beam, from 0, by what they meet: their order cannot matter; (n,)."""
+    key = ideal.layer.astype(np.int64) << 32 | ideal.point
     if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
         return np.zeros(len(key), dtype=np.int32)
-    order = np.argsort(key, kind="stable")
+    also = [column for column in (ideal.share, ideal.object_id, ideal.time_s) if column is not None]
+    order = np.lexsort((*also, ideal.material_id, ideal.incidence_deg, ideal.distance_m, key))
     sorted_key = key[order]
     begins = np.concatenate(([True], sorted_key[1:] != sorted_key[:-1]))
     place = np.arange(len(key))
@@ -57,24 +58,53 @@ def rays_of(ideal: IdealScan) -> Rays:
     if ideal.rays is not None:
         return ideal.rays
     n = len(ideal)
-    slot = rank_in_beam(ideal.layer, ideal.point)
-    return Rays(np.zeros((n, 3)), beam_directions(ideal.layer, ideal.point), np.zeros(n), slot)
+    slot = rank_in_beam(ideal)
+    time_s = np.zeros(n) if ideal.time_s is None else ideal.time_s
+    return Rays(np.zeros((n, 3)), beam_directions(ideal.layer, ideal.point), time_s, slot)
 
 
 def second_rows(ideal: IdealScan, rays: Rays) -> npt.NDArray[np.bool_]:
     """Rows that lie on the ray of a nearer one: what panes and mirrors show besides themselves; shape (n,).
 
-    Only a scan with shares has such rows; without shares, several rows of a beam are sub-beams.
+    Only a scan with shares has such rows; without shares, several rows of a beam are sub-beams. Rows of one ray that
+    stand for equal shares are sub-beams, too, of a scan whose file does not keep rays.
     """
-    second = np.zeros(len(ideal), dtype=bool)
+    return _sent_on(ideal, rays)[0]
+
+
+def shares_that_end(ideal: IdealScan) -> npt.NDArray[np.float64]:
+    """The part of its beam's light whose way ends at each row, shape (n,); together 1 at most in a beam.
+
+    A pane sends on a part of the light that it gets: the air before it is passed by that part once, not twice.
+    """
+    return _sent_on(ideal, rays_of(ideal))[1]
+
+
+def _sent_on(ideal: IdealScan, rays: Rays) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    """Which rows get their light from a nearer one on their ray, and what of each row's light goes no further; (n,).
+
+    A row's light comes from the last one before it that has more than that left.
+    """
+    second, ends = np.zeros(len(ideal), dtype=bool), np.array(ideal.shares())
     if ideal.share is None or len(ideal) < 2:
-        return second
+        return second, ends
     beam = ideal.layer.astype(np.int64) << 32 | ideal.point
     far = np.where(ideal.distance_m > 0.0, ideal.distance_m, np.inf)
     keys = (*rays.origin_m.T, *rays.direction.T, beam)
-    order = np.lexsort((far, *keys))
-    same = np.ones(len(ideal) - 1, dtype=bool)
+    order = np.lexsort((-ideal.share, far, *keys))
+    begins = np.zeros(len(order), dtype=bool)
+    begins[0] = True
     for key in keys:
-        same &= key[order[1:]] == key[order[:-1]]
-    second[order[1:][same]] = True
-    return second
+        begins[1:] |= key[order[1:]] != key[order[:-1]]
+    first = np.flatnonzero(begins)
+    count = np.diff(np.append(first, len(order)))
+    for j in range(1, int(count.max())):
+        place = first[count > j] + j
+        row, open_ = order[place], np.ones(len(place), dtype=bool)
+        for back in range(1, j + 1):
+            parent = order[place - back]
+            takes = open_ & (ends[parent] > ends[row] * (1.0 + 1e-9))
+            ends[parent[takes]] -= ends[row[takes]]
+            second[row[takes]] = True
+            open_ &= ~takes
+    return second, ends

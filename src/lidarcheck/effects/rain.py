@@ -12,6 +12,7 @@ from lidarcheck.effects.air import ends_of
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.beam_rows import BeamRows
 from lidarcheck.effects.draws import poisson_counts
+from lidarcheck.effects.own_rays import shares_that_end
 from lidarcheck.scan import Light
 from lidarcheck.sensor import Sensor
 
@@ -66,7 +67,7 @@ class Rain(LightEffect):
         if self.rate_mm_h == 0.0:
             return light
         beam, range_m, signal = self._drops(light, around)
-        rows = BeamRows.of(light, around.ideal)
+        rows = BeamRows.of(light, around.ideal, shares_that_end(around.ideal))
         # What took its toll before, as fog in the same air, takes it from the drops' light as well.
         signal = signal * np.exp(-2.0 * light.extinction_per_m * range_m)
         signal *= rows.reaching(beam, range_m, ends_of(rows, around.ideal, math.inf))

@@ -23,7 +23,7 @@ class RetroGhost(LightEffect):
     The light goes sensor - sign - own car - sign - sensor: to every pulse of a retro-reflector at range R, a further
     one at 2 R + extra_m on the same beam, and so twice the size, with
 
-        S_ghost = strength S(R) (25 m / R)^exponent.
+        S_ghost = strength S(R) (25 m / R)^exponent,
 
     and never above S(R) itself. S falls as R^-2, so a ghost falls as R^-(2 + exponent); a sign measured at two
     distances gave about -2.25. `extra_m` is half the way by which the second loop is longer than the first. Measured
@@ -61,6 +61,8 @@ class RetroGhost(LightEffect):
             fall = (_REFERENCE_M / np.maximum(range_m, _NEAREST_M)) ** self.exponent
             signal = self.strength * light.pulse_signal[of] * fall
         ghost_m = 2.0 * range_m + self.extra_m
+        # The air that dimmed the target dims the ghost's longer way as well.
+        signal = signal * np.exp(-2.0 * light.extinction_per_m * np.maximum(ghost_m - range_m, 0.0))
         # A ghost cannot be brighter than what it is a ghost of: at short range the power law has no meaning.
         signal = np.minimum(np.nan_to_num(signal, nan=0.0), light.pulse_signal[of])
         seen = (signal > 0.0) & (ghost_m > 0.0)

@@ -56,7 +56,8 @@ class LocalSurfaces:
     @classmethod
     def of(cls, ideal: IdealScan) -> LocalSurfaces:
         """The surfaces of a scan."""
-        rays, grid = rays_of(ideal), BeamGrid.of(ideal)
+        rays = rays_of(ideal)
+        grid = BeamGrid.of(ideal, rays.slot)
         planes = planes_of(ideal, rays.direction, grid)
         along = np.einsum("ij,ij->i", planes.m, rays.direction)
         return cls(

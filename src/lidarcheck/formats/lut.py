@@ -254,11 +254,7 @@ def _numbers(entry: _Entry, file: Path | None, faults: list[InputError]) -> list
             what = f"number {index + 1} of {entry.key} is empty"
             if cell.text:
                 what = f"number {index + 1} of {entry.key} is {shown(cell.text)}, not a number"
-            faults.append(
-                InputError(
-                    what, file=file, line=cell.line, fix="use digits with a decimal point, and commas between numbers"
-                )
-            )
+            faults.append(InputError(what, file=file, line=cell.line, fix="write numbers as 0.5, 0.25"))
             value = math.nan
         values.append(value)
     return values

@@ -128,7 +128,7 @@ class Fired:
     def _off(self, rows: IndexArray, times: float, beam: IndexArray, range_m: FloatArray) -> FloatArray:
         place = times * self.distance_m[rows]
         near = nearest_on_line(self.beam_of_row[rows], place, beam, range_m)
-        return range_m - place[near] if len(rows) else np.full(len(beam), np.inf)
+        return np.where(near >= 0, range_m - place[near], np.inf) if len(rows) else np.full(len(beam), np.inf)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -84,9 +84,10 @@ def sampled(scene: Scene, how: Sampling) -> IdealScan:
     if further:
         rows = _Rows._make(np.concatenate(columns) for columns in zip(rows, *further, strict=True))
     beam = rows.ray // how.sub_beams**2
+    slot = _rank(beam)
     if further or how.sub_beams > 1:
         order = np.lexsort((rows.distance_m, beam))
-        rows, beam = _Rows._make(column[order] for column in rows), beam[order]
+        rows, beam, slot = _Rows._make(column[order] for column in rows), beam[order], slot[order]
     own_rays = how.sub_beams > 1 or how.motion is not None
     return IdealScan(
         layer[beam],
@@ -97,8 +98,16 @@ def sampled(scene: Scene, how: Sampling) -> IdealScan:
         object_id=rows.object_id,
         time_s=None if how.motion is None else rays.time_s[rows.ray],
         share=rows.share if further else None,
-        rays=rays.take(rows.ray) if own_rays else None,
+        rays=replace(rays.take(rows.ray), slot=slot) if own_rays else None,
     )
+
+
+def _rank(beam: IndexArray) -> npt.NDArray[np.int32]:
+    """Rank of each row among those of its beam: its sub-beams' own rows first, what mirrors and panes add behind."""
+    order = np.argsort(beam, kind="stable")
+    rank = np.empty(len(beam), dtype=np.int32)
+    rank[order] = np.arange(len(beam)) - np.searchsorted(beam[order], beam[order])
+    return rank
 
 
 def _fired(how: Sampling) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], Rays]:
