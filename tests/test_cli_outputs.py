@@ -127,3 +127,87 @@ def test_a_report_never_replaces_a_scenario(option, tmp_path, monkeypatch, capsy
     assert main(["check", "wall", option, "scenarios/wall.toml"]) == 2
     assert "is the name of a scenario, golden or model" in capsys.readouterr().err
     assert wall.read_text() == "#"
+
+
+MESH_SCENE = """\
+[materials.1]
+reflectance = 0.5
+
+[[scene.objects]]
+shape = "mesh"
+file = "mesh.ply"
+position_m = [9.0, 0.0, 0.0]
+material = 1
+
+[scene.sampling]
+layers = [255, 264]
+points = [470, 489]
+"""
+MESH = """\
+ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 -5 -5
+0 5 -5
+0 0 5
+3 0 1 2
+"""
+MODEL = """\
+variant = "SMART"
+
+[materials.1]
+reflectance = 0.5
+
+[[effects]]
+name = "blooming_vertical"
+lut = "lut.txt"
+"""
+LUT = "PostPro.LUT_blooming_X = -6, 0, 6\nPostPro.LUT_blooming_Y = 0.01, 1, 0.02\n"
+EXTERNAL = 'variant = "SMART"\n\n[external]\ncommand = ["cp", "table.txt", "{scan}"]\n'
+
+
+@pytest.fixture
+def simulation(tmp_path, monkeypatch):
+    """A directory with an ideal scan, a model with a table, and a scene with a mesh, made current."""
+    monkeypatch.chdir(tmp_path)
+    files = {"scene.toml": MESH_SCENE, "mesh.ply": MESH, "model.toml": MODEL, "lut.txt": LUT}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert main(["scene", "scene.toml", "--out", "ideal.txt", "--quiet"]) == 0
+    return [*files, "ideal.txt"]
+
+
+def _refused(arguments, name, capsys):
+    before = Path(name).read_bytes()
+    assert main(["simulate", *arguments]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "would replace another file of this command; name another for --out" in said
+    assert Path(name).read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["scene.toml", "mesh.ply", "model.toml", "lut.txt", "ideal.txt"])
+def test_an_echo_file_never_replaces_what_it_was_simulated_from(simulation, name, capsys):
+    given = ["ideal.txt", "--model", "model.toml", "--scene", "scene.toml", "--quiet", "--out"]
+    assert set(simulation) == {"scene.toml", "mesh.ply", "model.toml", "lut.txt", "ideal.txt"}
+    Path("link.txt").symlink_to(name)
+    _refused([*given, "link.txt"], name, capsys)
+    if not name.endswith(".toml"):  # which is no format of echoes
+        _refused([*given, name], name, capsys)
+    assert main(["simulate", *given, "echoes.ply"]) == 0
+    assert Path("echoes.ply").exists()
+
+
+def test_a_table_is_kept_without_a_scene(simulation, capsys):
+    _refused(["ideal.txt", "--model", "model.toml", "--out", "lut.txt"], "lut.txt", capsys)
+
+
+def test_a_file_of_an_external_model_is_kept(simulation, capsys):
+    Path("table.txt").write_text("//X Y Z\n")
+    Path("external.toml").write_text(EXTERNAL)
+    _refused(["ideal.txt", "--model", "external.toml", "--out", "table.txt"], "table.txt", capsys)

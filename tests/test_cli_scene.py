@@ -8,6 +8,7 @@ import pytest
 
 from lidarcheck.cli import main
 from lidarcheck.formats import load_ideal
+from lidarcheck.harness.scenario import load_scenario
 from lidarcheck.harness.scene_file import builtin_names
 from lidarcheck.sensor import beam_directions
 
@@ -92,6 +93,144 @@ def test_a_scenario_brings_its_scene(here, capsys):
     assert not Path("c.txt").exists()
 
 
+SCENARIO = """\
+description = "x"
+scene = "own.toml"
+
+[model]
+variant = "SMART"
+
+[model.materials.3]
+reflectance = 0.1
+
+[model.materials.4]
+reflectance = 0.5
+
+[sampling]
+points = [475, 476]
+sub_beams = 2
+swept = true
+velocity_m_s = [20.0, 0.0, 0.0]
+
+[[kpis]]
+kpi = "area_mean"
+tolerance = 1.0
+"""
+
+
+@pytest.mark.parametrize("inline", [False, True])
+def test_a_scenario_is_cast_as_check_casts_it(here, inline):
+    """The scene says layers and points, the scenario other points and more: key by key the scenario goes before."""
+    text = SCENARIO.replace('scene = "own.toml"\n', "") + PANEL if inline else SCENARIO
+    Path("scenario.toml").write_text(text)
+    assert main(["scene", "scenario.toml", "--out", "a.parquet", "--quiet"]) == 0
+    written, checked = load_ideal("a.parquet"), load_scenario("scenario.toml").ideal
+    assert len(written) == 10 * 2 * 4 * 2
+    assert set(written.point) == {475, 476}
+    for name in ("layer", "point", "distance_m", "material_id", "incidence_deg", "object_id", "time_s", "share"):
+        assert np.array_equal(getattr(written, name), getattr(checked, name)), name
+
+
+def test_options_go_before_the_scenario(here):
+    Path("scenario.toml").write_text(SCENARIO)
+    assert main(["scene", "scenario.toml", "--out", "a.parquet", "--sub-beams", "1", "--no-second-hits", "-q"]) == 0
+    assert len(load_ideal("a.parquet")) == 10 * 2
+
+
+def test_a_fault_of_the_scenarios_sampling_has_its_line(here, capsys):
+    Path("scenario.toml").write_text(SCENARIO.replace("sub_beams = 2", "sub_beams = 9"))
+    assert main(["scene", "scenario.toml", "--out", "a.txt"]) == 2
+    assert capsys.readouterr().err.startswith("error: scenario.toml:15: sampling.sub_beams = 9 is out of range; ")
+    assert not Path("a.txt").exists()
+
+
+MESH_PLY = """\
+ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 -5 -5
+0 5 -5
+0 0 5
+3 0 1 2
+"""
+MESH = """\
+[[objects]]
+shape = "mesh"
+file = "mesh.ply"
+position_m = [9.0, 0.0, 0.0]
+material = 3
+
+[sampling]
+layers = [255, 264]
+points = [470, 489]
+"""
+
+
+@pytest.mark.parametrize("out", ["mesh.ply", "link.ply", "./mesh.ply", "elsewhere/mesh.ply"])
+def test_an_output_never_replaces_a_mesh_of_the_scene(here, out, capsys):
+    Path("mesh.ply").write_text(MESH_PLY)
+    Path("mesh.toml").write_text(MESH)
+    Path("link.ply").symlink_to("mesh.ply")
+    Path("elsewhere").symlink_to(here)
+    assert main(["scene", "mesh.toml", "--out", out]) == 2
+    assert f"error: {Path(out)}: would replace another file of this command" in capsys.readouterr().err
+    assert Path("mesh.ply").read_text() == MESH_PLY
+    assert Path("link.ply").is_symlink()
+    assert main(["scene", "mesh.toml", "--out", "other.ply", "--quiet"]) == 0
+
+
+def test_an_output_never_replaces_what_a_link_in_the_scene_leads_to(here, capsys):
+    Path("kept.ply").write_text(MESH_PLY)
+    Path("mesh.ply").symlink_to("kept.ply")
+    Path("mesh.toml").write_text(MESH)
+    assert main(["scene", "mesh.toml", "--out", "kept.ply"]) == 2
+    assert "would replace another file" in capsys.readouterr().err
+    assert Path("kept.ply").read_text() == MESH_PLY
+
+
+@pytest.mark.parametrize("link", ["own.toml", "m.toml", "scenario.toml"])
+def test_an_output_never_replaces_a_file_behind_a_link(here, link, capsys):
+    """Scene, materials and scenario, by a name that could be an ideal scan's."""
+    Path("m.toml").write_text("[materials.3]\nreflectance = 0.1\n[materials.4]\nreflectance = 0.1\n")
+    Path("own.toml").write_text('materials = "m.toml"\n' + PANEL)
+    Path("scenario.toml").write_text(SCENARIO)
+    Path("a.txt").symlink_to(link)
+    before = Path(link).read_bytes()
+    assert main(["scene", "scenario.toml", "--out", "a.txt"]) == 2
+    assert "would replace another file" in capsys.readouterr().err
+    assert Path(link).read_bytes() == before
+
+
+def test_a_scene_of_too_many_triangles_is_one_line(here, capsys):
+    text = '[[objects]]\nshape = "tree"\nposition_m = [9.0, 0.0, 0.0]\nheight_m = 5.0\ncrown_m = 2.0\ncopies = 1000\n'
+    Path("wood.toml").write_text((text + "step_m = [0.0, 1.0, 0.0]\n") * 40)
+    assert main(["scene", "wood.toml", "--out", "a.txt"]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "triangles; at most 20000000" in said
+
+
+def test_a_mesh_in_latin_1_is_cast_and_a_cut_one_is_said_at_its_line(here, capsys):
+    Path("mesh.toml").write_text(MESH.replace(".ply", ".obj"))
+    Path("mesh.obj").write_bytes(b"# B\xe4r\nv 0 -5 -5\nv 0 5 -5\nv 0 0 5\nf 1 2 3\n")
+    assert main(["scene", "mesh.toml", "--out", "a.txt", "--quiet"]) == 0
+    Path("mesh.obj").write_bytes(b"\0" * 80 + b"\1\0\0\0" + b"\xe4" * 30)
+    assert main(["scene", "mesh.toml", "--out", "b.txt", "--quiet"]) == 2
+    assert capsys.readouterr().err.startswith("error: mesh.toml:3: objects[0].file: mesh.obj: not an OBJ mesh: ")
+
+
+def test_the_help_speaks_of_a_scene_only(capsys):
+    assert main(["scene", "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "SCENARIO" not in out
+    assert "SCENE" in out.split("Arguments:")[1]
+
+
 def test_json_says_what_is_seen(here, capsys):
     assert main(["scene", "own.toml", "--out", "a.parquet", "--json", "--quiet"]) == 0
     facts = json.loads(capsys.readouterr().out)
@@ -125,8 +264,18 @@ WRONG = {
     "no format": (["own.toml", "--out", "a.doc"], "cannot write '.doc' files"),
     "no directory": (["own.toml", "--out", "no/a.txt"], "its directory does not exist"),
     "itself": (["own.toml", "--out", "own.toml"], "own.toml"),
-    "many": (["own.toml", "--out", "a.txt", "--sub-beams", "9"], "sub_beams = 9 is out of range"),
-    "none": (["own.toml", "--out", "a.txt", "--sub-beams", "0"], "sub_beams = 0 is out of range"),
+    "many": (
+        ["own.toml", "--out", "a.txt", "--sub-beams", "9"],
+        "--sub-beams 9 is out of range; use a whole number from 1 to 8",
+    ),
+    "none": (["own.toml", "--out", "a.txt", "--sub-beams", "0"], "--sub-beams 0 is out of range"),
+    "a fraction": (
+        ["own.toml", "--out", "a.txt", "--sub-beams", "1.5"],
+        "--sub-beams 1.5 is out of range; use a whole",
+    ),
+    "a whole fraction": (["own.toml", "--out", "a.txt", "--sub-beams", "2.0"], "--sub-beams 2.0 is out of range"),
+    "below none": (["own.toml", "--out", "a.txt", "--sub-beams=-2"], "--sub-beams -2 is out of range"),
+    "a word": (["own.toml", "--out", "a.txt", "--sub-beams", "two"], "--sub-beams two is out of range"),
     "list and more": (["own.toml", "--list"], "--list stands beside"),
 }
 

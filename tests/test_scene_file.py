@@ -91,7 +91,30 @@ def test_a_mesh_is_found_beside_the_scene(tmp_path):
     ideal = load_scene(write(tmp_path, text)).ideal(layers=(259, 259), points=(479, 479))
     assert ideal.distance_m[0] == pytest.approx(7.0, rel=1e-5)
     (tmp_path / "parts/wall.obj").write_text("v 0 0 0\n")
-    with pytest.raises(ConfigError, match=r"wall\.obj: "):
+    with pytest.raises(ConfigError, match=r"scene\.toml:3: objects\[0\]\.file: parts/wall\.obj: the mesh has no tri"):
+        load_scene(tmp_path / "scene.toml")
+    # A byte of Latin-1, cut off: no text, and no mesh.
+    (tmp_path / "parts/wall.obj").write_bytes(b"# B\xe4r\n")
+    with pytest.raises(ConfigError, match=r"scene\.toml:3: objects\[0\]\.file: parts/wall\.obj: not an OBJ mesh"):
+        load_scene(tmp_path / "scene.toml")
+
+
+def test_a_scene_has_a_limit_of_triangles(tmp_path, monkeypatch):
+    balls = '[[objects]]\nshape = "ellipsoid"\nposition_m = [9.0, 0.0, 0.0]\nsize_m = [1.0, 1.0, 1.0]\nmaterial = 1\n'
+    many = f"{balls}{balls}sides = 720\ncopies = 1000\nstep_m = [0.0, 1.0, 0.0]\n"
+    # 720 meridians and 360 belts: two triangles a cell, but for the poles' one; before it 24 and 12.
+    total = 24 * 2 * 11 + 1000 * 720 * 2 * 359
+    with pytest.raises(ConfigError) as caught:
+        load_scene(write(tmp_path, many))
+    (said,) = caught.value.lines()
+    assert said.startswith(
+        f"error: {tmp_path / 'scene.toml'}:6: objects[1] with its copies brings the scene to {total} "
+    )
+    assert "at most 20000000" in said
+    monkeypatch.setattr("lidarcheck.harness.scene_file.MAX_TRIANGLES", 24 * 2 * 11)
+    assert load_scene(write(tmp_path, balls)).scene.triangles == 24 * 2 * 11
+    monkeypatch.setattr("lidarcheck.harness.scene_file.MAX_TRIANGLES", 24 * 2 * 11 - 1)
+    with pytest.raises(ConfigError, match="brings the scene to 528 triangles"):
         load_scene(tmp_path / "scene.toml")
 
 
@@ -387,6 +410,14 @@ def test_a_scene_says_which_files_it_was_read_from(tmp_path):
     write(tmp_path, "[materials.1]\nreflectance = 0.5\n", "m.toml")
     file = load_scene(write(tmp_path, 'materials = "m.toml"\n' + (MESH + '"wall.obj"\n') * 2))
     assert file.files == (tmp_path / "scene.toml", tmp_path / "wall.obj", tmp_path / "m.toml")
+
+
+def test_the_file_of_materials_of_the_documentation_is_one(tmp_path):
+    text = (Path(__file__).parents[1] / "docs/scenes.md").read_text(encoding="utf-8")
+    shown = text.split("with the keys that they have in a model file:\n\n```toml\n")[1].split("```")[0]
+    write(tmp_path, shown, "materials.toml")
+    file = load_scene(write(tmp_path, 'materials = "materials.toml"\n' + changed("= 3", "= 17")))
+    assert file.materials[17].retro_gain == 982.0
 
 
 def test_the_file_an_ideal_scan_names_is_the_scene(tmp_path):

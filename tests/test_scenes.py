@@ -488,6 +488,97 @@ def test_what_cannot_be_is_refused(make, says):
         make()
 
 
+def both_ways(scene, origin):
+    return scene.cast(rays_of(origin, [(1, 0, 0), (-1, 0, 0)]))
+
+
+@pytest.mark.parametrize("x", [0.0, 5e-7, -5e-7])
+def test_a_surface_that_a_ray_begins_on_is_passed_over(x):
+    """A face of a box through the sensor: ahead lies the box's other face, behind it another wall."""
+    scene = scene_of(box((x, -1.0, -1.0), (2.0, 1.0, 1.0), 7), placed(wall(9.0, 9.0, 8), (-3.0, 0.0, 0.0)))
+    hits = both_ways(scene, (0.0, 0.0, 0.0))
+    assert hits.distance_m == pytest.approx([2.0, 3.0], rel=1e-9)
+    assert hits.material_id.tolist() == [7, 8]
+    assert hits.object_id.tolist() == [1, 2]
+    # Two micrometres ahead it is a surface like any other.
+    assert both_ways(scene, (x - 2e-6, 0.0, 0.0)).distance_m[0] == pytest.approx(2e-6, rel=1e-6)
+
+
+def test_a_ray_from_the_only_surface_meets_nothing():
+    hits = both_ways(scene_of(wall(4.0, 4.0, 7)), (0.0, 0.0, 0.0))
+    assert not hits.distance_m.any()
+    assert not hits.material_id.any()
+    assert not hits.object_id.any()
+    assert not hits.incidence_deg.any()
+    assert not hits.normal.any()
+
+
+def test_every_beam_of_a_sensor_in_a_face_sees_past_it():
+    scene = scene_of(box((0.0, -50.0, -50.0), (2.0, 50.0, 50.0), 7))
+    ideal = scene.ideal(**SOME)
+    assert np.allclose(ideal.distance_m, 2.0 / beam_directions(ideal.layer, ideal.point)[:, 0], rtol=1e-9)
+    assert set(ideal.material_id) == {7}
+
+
+def test_grazing_rays_leave_the_surface_that_they_begin_on():
+    """At 0.001 degrees to a floor through the origin, of which embree's precision cannot tell the sides."""
+    angle = np.deg2rad(np.array([1e-3, -1e-3, 0.1, -0.1]))
+    direction = np.stack([np.cos(angle), np.zeros(4), np.sin(angle)], axis=1)
+    scene = scene_of(floor(200.0, 200.0, 7), placed(wall(9.0, 9.0, 8), (20.0, 0.0, 0.0)))
+    hits = scene.cast(rays_of((0.0, 0.0, 0.0), direction))
+    assert np.allclose(hits.distance_m, 20.0 / direction[:, 0], rtol=1e-9)
+    assert set(hits.material_id) == {8}
+
+
+OBJ = b"v 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 2 3\n"
+STL = b"solid ball\n" + b"".join(
+    b"facet normal 0 0 1\nouter loop\nvertex 1 0 0\nvertex 0 2 0\nvertex 0 0 3\nendloop\nendfacet\n" for _ in range(4)
+) + b"endsolid ball\n"  # fmt: skip
+PLY = (
+    b"ply\nformat ascii 1.0\ncomment B\xe4r\ncomment TextureFile gone.png\nelement vertex 3\nproperty float x\n"
+    b"property float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    b"1 0 0\n0 2 0\n0 0 3\n3 0 1 2\n"
+)
+
+
+def binary_stl(announced, faces, header=b"ball"):
+    corners = np.diag([1, 2, 3]).astype("<f4").tobytes()
+    face = b"\0" * 12 + corners + b"\0\0"
+    return header.ljust(80) + np.uint32(announced).astype("<u4").tobytes() + face * faces
+
+
+READABLE_MESHES = {
+    "latin-1 comment.obj": b"# B\xe4r\n" + OBJ,
+    "latin-1 group.obj": OBJ.replace(b"f", b"g B\xe4r\nf"),
+    "byte order mark.obj": b"\xef\xbb\xbf" + OBJ,
+    "mark and comment.obj": b"\xef\xbb\xbf# B\xc3\xa4r\n" + OBJ,
+    "tabs.obj": OBJ.replace(b" ", b"\t"),
+    "indented.obj": b"  " + OBJ.replace(b"\n", b" \n\t"),
+    "remark.obj": OBJ.replace(b"0\n", b"0 # a corner 7\n").replace(b"3\n", b"3 # f 1 1 1\n"),
+    "windows.obj": OBJ.replace(b"\n", b"\r\n"),
+    "old mac.obj": OBJ.replace(b"\n", b"\r"),
+    "continued.obj": OBJ.replace(b"f 1 ", b"f 1 \\\n "),
+    "no library.obj": b"mtllib gone.mtl\nusemtl B\xe4r\n" + OBJ,
+    "latin-1 name.stl": STL.replace(b"ball", b"B\xe4r"),
+    "name of words.stl": STL.replace(b"ball", b"facet vertex normal"),
+    "capitals.stl": STL.upper(),
+    "windows.stl": STL.replace(b"\n", b"\r\n"),
+    "mark.stl": b"\xef\xbb\xbf" + STL,
+    "binary.stl": binary_stl(4, 4),
+    "solid binary.stl": binary_stl(4, 4, b"solid B\xe4r"),
+    "latin-1.ply": PLY,
+    "mark.ply": b"\xef\xbb\xbf" + PLY,
+}
+
+
+@pytest.mark.parametrize(("name", "content"), READABLE_MESHES.items(), ids=READABLE_MESHES)
+def test_a_mesh_with_odd_text_is_read(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    triangles = load_mesh(tmp_path / name, 1).triangles_m
+    assert len(triangles) == (4 if name.endswith(".stl") else 1)
+    assert np.allclose(triangles, np.diag([1, 2, 3]))
+
+
 BROKEN_MESHES = {
     "empty.stl": b"",
     "noise.stl": b"\x00\x01\x02" * 50,
@@ -498,17 +589,53 @@ BROKEN_MESHES = {
     "far.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 30\n",
     "letters.obj": b"v a b c\nf 1 2 3\n",
     "wall.step": b"ISO-10303-21;",
+    "latin-1.stl": b"B\xe4r",
+    "cut.stl": binary_stl(4, 4)[:-20],
+    "count.stl": binary_stl(3, 4),
+    "huge count.stl": binary_stl(2**32 - 1, 4),
+    "cut solid.stl": binary_stl(4, 4, b"solid ball")[:-20],
+    "cut text.stl": STL[:-60],
+    "no end.stl": STL[:-14],
+    "letters.stl": STL.replace(b"vertex 1", b"vertex x"),
+    "stl.obj": binary_stl(4, 4),
+    "stl text.obj": STL,
+    "obj.stl": OBJ,
+    "obj.ply": OBJ,
+    "half letters.obj": OBJ.replace(b"0 2 0", b"0 2 x"),
+    "nothing.obj": b"# B\xe4r\n",
+    "cut.ply": PLY[:-8],
+    "cut header.ply": PLY[:60],
+    "latin-1 data.ply": PLY.replace(b"1 0 0", b"\xe4 0 0"),
 }
 
 
-@pytest.mark.parametrize(("name", "content"), BROKEN_MESHES.items())
+@pytest.mark.parametrize(("name", "content"), BROKEN_MESHES.items(), ids=BROKEN_MESHES)
 def test_a_broken_mesh_is_named(tmp_path, name, content):
     file = tmp_path / name
     file.write_bytes(content)
     with pytest.raises(InputError) as caught:
         load_mesh(file, 1)
     assert caught.value.file == str(file)
+    assert caught.value.fix
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_whatever_the_reader_raises_names_the_mesh(tmp_path, monkeypatch):
+    trimesh = pytest.importorskip("trimesh")
+
+    def fails(*_, **__):
+        raise ModuleNotFoundError("No module named 'charset_normalizer'")
+
+    monkeypatch.setattr(trimesh, "load_mesh", fails)
+    (tmp_path / "a.glb").write_bytes(b"glTF")
+    with pytest.raises(InputError, match=r"a\.glb: not a readable GLB mesh: No module named"):
+        load_mesh(tmp_path / "a.glb", 1)
+
+
+def test_a_mesh_says_what_is_wrong_with_its_size(tmp_path):
+    (tmp_path / "a.stl").write_bytes(binary_stl(3, 4))
+    with pytest.raises(InputError, match="its header says 3 triangles, there is room for 4; was it written completely"):
+        load_mesh(tmp_path / "a.stl", 1)
 
 
 def test_a_missing_mesh_and_the_upward_axis(tmp_path):
