@@ -169,7 +169,7 @@ name = "blooming_vertical"
 lut = "lut.txt"
 """
 LUT = "PostPro.LUT_blooming_X = -6, 0, 6\nPostPro.LUT_blooming_Y = 0.01, 1, 0.02\n"
-EXTERNAL = 'variant = "SMART"\n\n[external]\ncommand = ["cp", "table.txt", "{scan}"]\n'
+EXTERNAL = '[external]\ncommand = ["cp", "table.txt", "{scan}"]\n'
 
 
 @pytest.fixture

@@ -208,10 +208,11 @@ def test_an_output_never_replaces_a_file_behind_a_link(here, link, capsys):
 
 
 def test_a_scene_of_too_many_triangles_is_one_line(here, capsys):
-    text = '[[objects]]\nshape = "tree"\nposition_m = [9.0, 0.0, 0.0]\nheight_m = 5.0\ncrown_m = 2.0\ncopies = 1000\n'
-    Path("wood.toml").write_text((text + "step_m = [0.0, 1.0, 0.0]\n") * 40)
-    assert main(["scene", "wood.toml", "--out", "a.txt"]) == 2
+    ball = 'shape = "ellipsoid"\nposition_m = [9.0, 0.0, 0.0]\nsize_m = [1.0, 1.0, 1.0]\nmaterial = 3\nsides = 720\n'
+    Path("balls.toml").write_text(f"[[objects]]\n{ball}copies = 1000\nstep_m = [0.0, 1.0, 0.0]\n")
+    assert main(["scene", "balls.toml", "--out", "a.txt"]) == 2
     (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith("error: balls.toml:1: objects[0] with its copies brings the scene to ")
     assert "triangles; at most 20000000" in said
 
 

@@ -6,6 +6,7 @@ import pytest
 from effect_kit import Around, lit, wall
 from lidarcheck import effects
 from lidarcheck.effects.base import Curve
+from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Material, Sensor
@@ -57,3 +58,18 @@ def test_drops_behind_fog_are_dimmed_by_it() -> None:
     assert np.array_equal(clear.pulse_range_m[drops[0]], foggy.pulse_range_m[drops[1]])
     dimmed = foggy.pulse_signal[drops[1]] / clear.pulse_signal[drops[0]]
     assert dimmed == pytest.approx(0.05 ** (2.0 * clear.pulse_range_m[drops[0]] / 60.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["crosstalk", "afterpulsing"])
+def test_what_can_be_set_once_only_is_refused_twice(name: str) -> None:
+    once = effects.make(name, {}).detector(Sensor.of("SMART"))  # type: ignore[attr-defined]
+    with pytest.raises(UsageError, match=f"{name} stands in the model twice"):
+        effects.make(name, {}).detector(once)  # type: ignore[attr-defined]
+
+
+def test_two_spreads_of_the_dead_time_add_up_as_variances() -> None:
+    sensor = Sensor.of("SMART")
+    for spread_ns in (3.0, 4.0):
+        sensor = effects.make("dead_time", {"shift_ns": 1.0, "spread_ns": spread_ns}).detector(sensor)  # type: ignore[attr-defined]
+    assert sensor.nonideal.dead_spread_ns == pytest.approx(5.0)
+    assert sensor.dead_bins == 14

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import DetectorEffect, parameter
+from lidarcheck.errors import UsageError
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Afterpulsing"]
@@ -39,6 +40,10 @@ class Afterpulsing(DetectorEffect):
         """Let avalanches have afterpulses."""
         if self.probability == 0.0:
             return sensor
+        if sensor.nonideal.afterpulse > 0.0:
+            raise UsageError(
+                "afterpulsing stands in the model twice: probability is set already", fix="keep one of the two"
+            )
         real = replace(
             sensor.nonideal,
             afterpulse=float(self.probability),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import DetectorEffect, parameter
+from lidarcheck.errors import UsageError
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Crosstalk"]
@@ -37,5 +38,7 @@ class Crosstalk(DetectorEffect):
         """Let neighbours set each other off."""
         if self.sides == 0.0 and self.corners == 0.0:
             return sensor
+        if max(sensor.nonideal.crosstalk_sides, sensor.nonideal.crosstalk_corners) > 0.0:
+            raise UsageError("crosstalk stands in the model twice: sides is set already", fix="keep one of the two")
         real = replace(sensor.nonideal, crosstalk_sides=float(self.sides), crosstalk_corners=float(self.corners))
         return replace(sensor, nonideal=real)

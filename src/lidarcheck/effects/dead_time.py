@@ -36,6 +36,8 @@ class DeadTime(DetectorEffect):
         shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
         if shift == 0 and self.spread_ns == 0.0:
             return sensor
+        # Two spreads add up as independent ones do.
+        spread_ns = math.hypot(sensor.nonideal.dead_spread_ns, self.spread_ns)
         dead, most = sensor.dead_bins + shift, int(SENSOR_BOUNDS["dead_bins"].high)
         if not sensor.on_bins <= dead <= most:
             low, high = (bins * sensor.bin_ns for bins in (sensor.on_bins - sensor.dead_bins, most - sensor.dead_bins))
@@ -44,4 +46,4 @@ class DeadTime(DetectorEffect):
                 f"lie between the ON time, {sensor.on_bins * sensor.bin_ns:g} ns, and {most * sensor.bin_ns:g} ns",
                 fix=f"use a shift_ns from {low:g} to {high:g} ns",
             )
-        return replace(sensor, dead_bins=dead, nonideal=replace(sensor.nonideal, dead_spread_ns=float(self.spread_ns)))
+        return replace(sensor, dead_bins=dead, nonideal=replace(sensor.nonideal, dead_spread_ns=spread_ns))
