@@ -111,9 +111,9 @@ def test_a_scene_has_a_limit_of_triangles(tmp_path, monkeypatch):
         f"error: {tmp_path / 'scene.toml'}:6: objects[1] with its copies brings the scene to {total} "
     )
     assert "at most 20000000" in said
-    monkeypatch.setattr("lidarcheck.harness.scene_file.MAX_TRIANGLES", 24 * 2 * 11)
+    monkeypatch.setattr("lidarcheck.harness.scene_objects.MAX_TRIANGLES", 24 * 2 * 11)
     assert load_scene(write(tmp_path, balls)).scene.triangles == 24 * 2 * 11
-    monkeypatch.setattr("lidarcheck.harness.scene_file.MAX_TRIANGLES", 24 * 2 * 11 - 1)
+    monkeypatch.setattr("lidarcheck.harness.scene_objects.MAX_TRIANGLES", 24 * 2 * 11 - 1)
     with pytest.raises(ConfigError, match="brings the scene to 528 triangles"):
         load_scene(tmp_path / "scene.toml")
 

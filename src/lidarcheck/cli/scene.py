@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +15,7 @@ from lidarcheck.cli.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
+    from lidarcheck.formats.config import LineIndex
     from lidarcheck.harness.scene_file import SceneFile
     from lidarcheck.scan import IdealScan
 
@@ -26,8 +29,17 @@ ALL = (
 )
 
 
+def _sub_beams(_type: Any, tokens: Sequence[Any]) -> int:
+    from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
+
+    text = tokens[0].value
+    if not (text.isascii() and text.isdecimal() and len(text) <= 9 and 1 <= int(text) <= MAX_SUB_BEAMS):
+        raise UsageError(f"--sub-beams {text} is out of range", fix=f"use a whole number from 1 to {MAX_SUB_BEAMS}")
+    return int(text)
+
+
 def scene(
-    scenario: Annotated[
+    scene: Annotated[
         str | None, Parameter(help="A scene's TOML file, a scenario with a scene, or the name of a built-in scene.")
     ] = None,
     /,
@@ -39,7 +51,10 @@ def scene(
         bool, Parameter(name="--list", negative=(), show_default=False, help="List the built-in scenes.")
     ] = False,
     sub_beams: Annotated[
-        int | None, Parameter(help="Rows a beam is divided into per axis, 1 to 8; as the scene says by default.")
+        int | None,
+        Parameter(
+            converter=_sub_beams, help="Rows a beam is divided into per axis, 1 to 8; as the scene says by default."
+        ),
     ] = None,
     swept: Annotated[
         bool,
@@ -54,12 +69,12 @@ def scene(
     """Cast the beams into a scene and write what each meets."""
     hush(quiet)
     if list_:
-        if scenario is not None or out is not None:
+        if scene is not None or out is not None:
             raise UsageError("--list stands beside a scene or --out", fix="remove one of the two")
         _show_all(json)
         return 0
-    if scenario is None or out is None:
-        missing = "scene" if scenario is None else "--out"
+    if scene is None or out is None:
+        missing = "scene" if scene is None else "--out"
         fix = "lidarcheck scene highway --out ideal.txt; --list shows the built-in scenes"
         raise UsageError(f"{missing} is missing", fix=fix)
     from lidarcheck.formats import save_ideal
@@ -69,9 +84,10 @@ def scene(
         raise UsageError(
             "LAS holds points, not what a beam meets", file=out, fix="use .txt, .csv, .pcd, .ply or .parquet"
         )
-    check_writable(out, option="--out", besides=(scenario,))
-    with stage(f"reading {scenario}"):
-        file = find_scene(scenario)
+    check_writable(out, option="--out", besides=(scene,))
+    with stage(f"reading {scene}"):
+        file = find_scene(scene)
+    check_writable(out, option="--out", besides=file.files)
     with stage(f"casting {file.name}"):
         ideal = file.ideal(**_changes(sub_beams, swept, no_second_hits))
     with stage(f"writing {out.name}"):
@@ -79,7 +95,7 @@ def scene(
     if json:
         emit(json_text(_facts(file, ideal, out)))
     beams, met = _beams(ideal)
-    note(f"{out}: {len(ideal)} rows of {beams} beams of {scenario}, {met} of which meet something")
+    note(f"{out}: {len(ideal)} rows of {beams} beams of {scene}, {met} of which meet something")
     return 0
 
 
@@ -90,7 +106,10 @@ def _changes(sub_beams: int | None, swept: bool, no_second_hits: bool) -> dict[s
 
 
 def find_scene(name: str) -> SceneFile:
-    """A built-in by its name, else the scene of a file; a scenario is told by its KPIs or its model."""
+    """A built-in by its name, else the scene of a file, of a scenario as this samples it.
+
+    A scenario is told by its KPIs or its model.
+    """
     from lidarcheck.formats.config import parse_toml
     from lidarcheck.harness.scene_file import builtin_names, builtin_path, load_scene, scene_of
 
@@ -103,7 +122,20 @@ def find_scene(name: str) -> SceneFile:
         return load_scene(name)
     if "scene" not in data:
         raise ConfigError([lines.fault((), "the scenario has no scene", fix='add scene = "NAME" or a [scene] table')])
-    return scene_of(data["scene"], lines)
+    return _as_sampled(scene_of(data["scene"], lines), data, lines)
+
+
+def _as_sampled(file: SceneFile, scenario: dict[str, Any], lines: LineIndex) -> SceneFile:
+    """The scene with what the scenario says of its sampling, key by key, as `check` casts it."""
+    from lidarcheck.formats.config import Config, validate
+    from lidarcheck.harness.scene_file import SamplingTable
+
+    class Asked(Config):
+        sampling: SamplingTable = SamplingTable()
+
+    asked = validate({key: scenario[key] for key in ("sampling",) if key in scenario}, lines, Asked).sampling
+    changes = {key: getattr(asked, key) for key in asked.model_fields_set}
+    return replace(file, sampling=file.sampling.model_copy(update=changes), files=(lines.file, *file.files))
 
 
 def _show_all(json: bool) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import Quiet, Seed
 from lidarcheck.cli.outputs import check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
+
+if TYPE_CHECKING:
+    from lidarcheck.harness.scene_file import SceneFile
+    from lidarcheck.model import Model
 
 __all__ = ["simulate"]
 
@@ -22,7 +26,10 @@ def simulate(
     out: Annotated[Path, Parameter(help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet.")],
     scene: Annotated[
         str | None,
-        Parameter(help="What the ideal scan was cast from, for effects that aim beams elsewhere: as `scene` takes it."),
+        Parameter(
+            help="What the ideal scan was cast from, for effects that aim beams elsewhere: as `scene` takes it. "
+            "Materials are those of the model, not of the scene."
+        ),
     ] = None,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -38,7 +45,8 @@ def simulate(
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
-    caster = None if scene is None else find_scene(scene).scene
+    scene_file = None if scene is None else find_scene(scene)
+    check_writable(out, option="--out", besides=_read(sensor_model, scene_file))
     with stage(f"reading {ideal.name}"):
         beams_meet = load_ideal(ideal)
     with progress("simulating") as show:
@@ -46,10 +54,19 @@ def simulate(
             beams_meet,
             sensor_model,
             seed=seed,
-            scene=caster,
+            scene=None if scene_file is None else scene_file.scene,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
     with stage(f"writing {out.name}"):
         save_scan(scan, out)
     note(f"{out}: {len(scan)} echoes from {len(beams_meet)} rows of {ideal}, seed {seed}")
     return 0
+
+
+def _read(model: Model, scene: SceneFile | None) -> list[Path]:
+    """The files that the model and the scene name."""
+    from lidarcheck.harness.provenance import external_files
+
+    files = [Path(curve.file) for effect in model.effects for curve in effect.curves()]
+    files += external_files(model.external) if model.external else []
+    return files + list(scene.files if scene else ())

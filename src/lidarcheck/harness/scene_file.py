@@ -16,14 +16,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from lidarcheck.errors import ConfigError, InputError, UsageError
+from lidarcheck.errors import ConfigError, UsageError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.config_words import nearest, shown
+from lidarcheck.harness.scene_objects import is_file, objects_of
 from lidarcheck.harness.scene_shapes import Mesh, ObjectTable, ShapeTable, Velocity, entries
 from lidarcheck.model.file import model_of
 from lidarcheck.scan import IdealScan
-from lidarcheck.scenes import Facets, Optics, Scene, SceneObject
-from lidarcheck.scenes.facets import placed
+from lidarcheck.scenes import Optics, Scene
 from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
 from lidarcheck.sensor import LAYERS, POINTS, VARIANTS, Material
 
@@ -196,7 +196,7 @@ def scene_of(value: object, lines: LineIndex, key: str = "scene") -> SceneFile:
     if value in builtin_names():
         return load_scene(builtin_path(value))
     file = lines.file.parent / value
-    if not _is_file(file):
+    if not is_file(file):
         near = nearest(value, builtin_names())
         fix = f"did you mean {near}?" if near else "give its path from this file's directory, or the name of a built-in"
         raise ConfigError([lines.fault((key,), f"{key} = {shown(value)} is neither a file nor a built-in", fix=fix)])
@@ -208,45 +208,12 @@ def build_scene(table: SceneTable, directory: Path, lines: LineIndex) -> Scene:
 
     Objects without an ID of their own are numbered from 1 in the order of the file. `ConfigError` with all faults.
     """
-    faults: list[InputError] = []
-    objects: list[SceneObject] = []
-    next_object = 1
-    for index, shape in enumerate(table.objects):
-        first = next_object if shape.object is None else shape.object
-        next_object = max(next_object, first + shape.copies)
-        try:
-            objects += _objects(shape, _facets(shape, index, directory, lines), first)
-        except InputError as error:
-            faults.append(error)
-        except UsageError as error:
-            faults.append(lines.fault(("objects", index), error.what, fix=error.fix))
-    if faults:
-        raise ConfigError(faults)
+    objects = objects_of(table.objects, directory, lines)
     optics = {int(number): Optics(entry.mirror, entry.transmission) for number, entry in table.optics.items()}
     try:
         return Scene(tuple(objects), optics)
     except UsageError as error:
         raise ConfigError([lines.fault(("objects",), error.what, fix=error.fix)]) from None
-
-
-def _facets(shape: ShapeTable, index: int, directory: Path, lines: LineIndex) -> Facets:
-    if isinstance(shape, Mesh) and not _is_file(directory / shape.file):
-        what = f"objects[{index}].file = {shown(str(shape.file))} is not a file"
-        raise lines.fault(("objects", index, "file"), what, fix="give its path from the scene's directory")
-    return shape.facets(directory)
-
-
-def _objects(shape: ShapeTable, facets: Facets, first: int) -> list[SceneObject]:
-    made = []
-    name = shape.name or str(shape.shape)  # type: ignore[attr-defined]
-    for copy in range(shape.copies):
-        position = np.asarray(shape.position_m) + copy * np.asarray(shape.step_m)
-        there = placed(
-            facets, tuple(position.tolist()), yaw_deg=shape.yaw_deg, pitch_deg=shape.pitch_deg, roll_deg=shape.roll_deg
-        )
-        label = name if shape.copies == 1 else f"{name} {copy + 1}"
-        made.append(SceneObject(there.triangles_m, there.material_id, first + copy, shape.velocity_m_s, label))
-    return made
 
 
 def _scene_file(content: dict[str, Any], lines: LineIndex, name: str) -> SceneFile:
@@ -262,7 +229,7 @@ def _materials(heading: _Heading, data: dict[str, Any], lines: LineIndex) -> dic
         return None
     if isinstance(heading.materials, Path):
         file = lines.file.parent / heading.materials
-        if not _is_file(file):
+        if not is_file(file):
             what = f"materials = {shown(str(heading.materials))} is not a file"
             raise ConfigError([lines.fault(("materials",), what, fix="give its path from the scene's directory")])
         data, lines = parse_toml(file)
@@ -292,10 +259,3 @@ def _check_materials(
 def _inside(lines: LineIndex, key: str) -> LineIndex:
     """The lines of a table's own keys."""
     return LineIndex(lines.file, {path[1:]: line for path, line in lines.lines.items() if path[0] == key})
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False

@@ -17,6 +17,12 @@ FloatArray = npt.NDArray[np.float64]
 _GRAZING = 1e-9
 """Below this cosine a plane tells no distance: embree's is taken."""
 
+_ON_M = 1e-6
+"""A surface so near is the one that the ray begins on; a distance of 0 would say that nothing is met."""
+
+_AHEAD_M = (1e-4, 1e-3, 1e-2)
+"""So far ahead the search goes on then: the first is beyond embree's precision, the others are for grazing rays."""
+
 
 class Bvh:
     """Triangles, shape (n, 3, 3) in metres, that can be asked for the first one on a ray. Safe to share by threads."""
@@ -40,18 +46,34 @@ class Bvh:
     ) -> tuple[npt.NDArray[np.int32], FloatArray, FloatArray]:
         """For rays, shape (n, 3) each: index of the triangle, -1 for none; distance [m], infinite for none; cosine.
 
-        The cosine is that between the ray and the triangle's `normal`, negative where the normal looks at the ray's
-        origin; shape (n,) each.
+        A surface within a micrometre of the ray's origin is passed over. The cosine is that between the ray and the
+        triangle's `normal`, negative where the normal looks at the ray's origin; shape (n,) each.
         """
-        found = self._scene.run(_single(origin_m), _single(direction), output=1)
-        face, near_m = found["primID"], found["tfar"].astype(np.float64)
+        face, near_m, cosine = self._seen(origin_m, direction, 0.0)
+        for ahead_m in _AHEAD_M:
+            rows = np.flatnonzero(near_m <= _ON_M)
+            if not len(rows):
+                break
+            face[rows], near_m[rows], cosine[rows] = self._seen(origin_m[rows], direction[rows], ahead_m)
+        else:
+            on = near_m <= _ON_M
+            face[on], near_m[on] = -1, np.inf
+        return face, near_m, cosine
+
+    def _seen(
+        self, origin_m: FloatArray, direction: FloatArray, ahead_m: float
+    ) -> tuple[npt.NDArray[np.int32], FloatArray, FloatArray]:
+        """As `first`, of triangles at least `ahead_m` away, also that on which the ray begins."""
+        begin_m = origin_m + ahead_m * direction if ahead_m else origin_m
+        found = self._scene.run(_single(begin_m), _single(direction), output=1)
+        face, near_m = found["primID"], found["tfar"].astype(np.float64) + ahead_m
         normal = self.normal[face]
         cosine = np.einsum("ij,ij->i", normal, direction)
         along_m = self._offset_m[face] - np.einsum("ij,ij->i", normal, origin_m)
         usable = np.abs(cosine) > _GRAZING
         np.divide(along_m, cosine, out=near_m, where=usable & (face >= 0))
         near_m[face < 0] = np.inf
-        return face, np.maximum(near_m, 0.0), cosine
+        return face, near_m, cosine
 
 
 def _single(vectors: FloatArray) -> npt.NDArray[np.float32]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import struct
+import io
+import warnings
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,17 +11,12 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.scenes.facets import Facets
+from lidarcheck.scenes.mesh_files import mesh_content
 
 __all__ = ["SUFFIXES", "load_mesh"]
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 Up = Literal["z", "y"]
-
-_DAMAGED = (
-    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, NotImplementedError, OSError, RuntimeError,
-    TypeError, ValueError, struct.error,
-)  # fmt: skip
-"""What trimesh's readers raise on files that are not what they should be."""
 
 
 def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = None) -> Facets:
@@ -47,12 +43,18 @@ def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = 
 def _triangles(path: Path, kind: str) -> Any:
     import trimesh
 
+    # A GLB file may name further ones by their place; of the others everything stands in the file.
+    source: Any = path if kind == "glb" else io.BytesIO(mesh_content(path, kind))
     # Colours and textures say nothing here, and would be looked for in further files.
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
-        mesh = trimesh.load_mesh(path, file_type=kind, process=False, **options)
+        with warnings.catch_warnings():
+            # So numpy says that it stopped at something that is no number.
+            warnings.filterwarnings("error", category=DeprecationWarning, message="string or file could not be read")
+            mesh = trimesh.load_mesh(source, file_type=kind, process=False, **options)
         triangles = np.asarray(mesh.triangles, dtype=np.float64)
-    except _DAMAGED as error:
+    except Exception as error:  # noqa: BLE001
+        # Whatever trimesh's readers stumble over, it is the file that is not what it should be.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"not a readable {kind.upper()} mesh: {reason[:120]}", file=path, fix=_formats()) from None
     if not len(triangles):

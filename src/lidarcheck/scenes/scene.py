@@ -133,7 +133,8 @@ class Scene:
     def cast(self, rays: Rays, *, moving: Mapping[int, Velocity] | None = None, max_range_m: float = 300.0) -> Hits:
         """What each ray meets first within `max_range_m`, the objects in `moving` where they are at the ray's time.
 
-        Both sides of a surface are met. A ray that begins on a surface may meet that one: begin it a millimetre off.
+        Both sides of a surface are met. One within a micrometre of the ray's origin is passed over; farther from the
+        sensor than 1 m, where single precision is coarser, begin a ray that leaves a surface a millimetre off it.
         """
         groups = self._groups({} if moving is None or not np.any(rays.time_s) else moving)
         n = len(rays)
