@@ -45,14 +45,15 @@ def effects(
 ) -> int:
     """List the effects that a model can name, or explain one and show what it changes."""
     hush(quiet)
-    from lidarcheck.effects import catalogue, find
+    from lidarcheck.effects import catalogue, empirical, find
     from lidarcheck.sensor import Sensor
 
     Sensor.of(variant)
     if name is None:
         if settings:
             raise UsageError("--set needs an effect", fix="name it: lidarcheck effects NAME --set PARAMETER=VALUE")
-        emit(json_text([facts(effect) for effect in catalogue().values()]) if json else listing(catalogue()))
+        everything = [facts(effect) for effect in catalogue().values()]
+        emit(json_text(everything) if json else listing(catalogue(), empirical()))
         return 0
     effect = find(name)
     made = _make(name, settings or ())
@@ -66,10 +67,11 @@ def effects(
 
 
 def _make(name: str, settings: Sequence[str]) -> Effect:
-    """The effect with `PARAMETER=VALUE` applied; numbers as numbers, all else as text."""
+    """The effect with `PARAMETER=VALUE` applied; numbers as numbers, all else as text. Lists are those it shows."""
     from lidarcheck.effects import find, make
 
     files = {file.name for file in find(name).files()}
+    lists = {numbers.name for numbers in find(name).lists()}
     values: dict[str, Any] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
@@ -79,8 +81,12 @@ def _make(name: str, settings: Sequence[str]) -> Effect:
             raise UsageError(f"--set {key} is given more than once", fix="give it once")
         if key in files:
             raise UsageError(f"--set {key} names a file", fix="--set takes numbers; name the file in a model file")
+        if key in lists:
+            raise UsageError(
+                f"--set {key} is a list", fix="--set takes one number or word; put the list in a model file"
+            )
         values[key] = _number(text)
-    return make(name, values)
+    return make(name, find(name).example() | values)
 
 
 def _number(text: str) -> float | str:
@@ -100,7 +106,8 @@ def _show(effect: Effect, variant: str, seed: int) -> Shown:
 
 def _picture(effect: Effect, shown: Shown) -> str:
     """What is shown, in words and as a plot; in words alone where nothing changes."""
-    settings = ", ".join(f"{key} = {value}" for key, value in effect.settings().items())
+    shown_as = {key: list(value) if isinstance(value, tuple) else value for key, value in effect.settings().items()}
+    settings = ", ".join(f"{key} = {value}" for key, value in shown_as.items())
     head = f"Shown on a small demonstration scene, {shown.variant}, seed {shown.seed}"
     head = f"{head}:\n{_wrapped(settings)}" if settings else f"{head}:\n"
     if not shown.significant:

@@ -3,6 +3,7 @@
 An effect is a frozen dataclass in a file of its own here, whose class derives from the stage it belongs to. Its fields
 are its parameters, declared with `parameter(...)`; its docstring gives the formula, the source and the valid range.
 Being here is all it takes: the model, the commands and the documentation know effects through `catalogue()` alone.
+Empirical terms, which describe data and explain nothing, are found in the same way and stand apart in `empirical()`.
 
 The light's way has four stages: `aim` (what a beam meets), `light` (pulses and background), `detector` (the SPADs'
 numbers) and `readout` (echoes). An effect takes its stage's table and returns a new one; at zero strength it returns
@@ -21,11 +22,22 @@ import itertools
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.parameters import (
+    ChoiceParameter,
+    Curve,
+    FileParameter,
+    ListParameter,
+    Parameter,
+    choice_parameter,
+    file_parameter,
+    list_parameter,
+    parameter,
+)
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -34,24 +46,28 @@ from lidarcheck.sensor import Material, Sensor
 __all__ = [
     "STAGES",
     "AimEffect",
+    "ChoiceParameter",
     "Curve",
     "DetectorEffect",
     "Effect",
     "FileParameter",
     "LightEffect",
+    "ListParameter",
     "Parameter",
     "ReadoutEffect",
     "Surroundings",
     "catalogue",
     "check_order",
+    "choice_parameter",
+    "empirical",
     "file_parameter",
     "find",
+    "list_parameter",
     "make",
     "parameter",
 ]
 
 STAGES = ("aim", "light", "detector", "readout")
-_E = TypeVar("_E", bound="Effect")
 
 
 class Surroundings(Protocol):
@@ -84,56 +100,6 @@ class Surroundings(Protocol):
         """Uniform numbers in [0, 1), shape (n, draws): the same for a beam, whatever other effects there are."""
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter of an effect: its unit, the closed interval it may lie in, and a typical value."""
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    typical: float
-    whole: bool
-    meaning: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"unit": self.unit, "low": self.low, "high": self.high, "typical": self.typical, "meaning": self.meaning}
-
-
-@dataclass(frozen=True, slots=True)
-class FileParameter:
-    """A parameter that names a file; `kind` says what is read from it, as "lut.vertical"."""
-
-    name: str
-    kind: str
-    meaning: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"kind": self.kind, "meaning": self.meaning}
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """What a file parameter holds: `y` over `x`, shapes (n,), x not decreasing, and the file that it was read from."""
-
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    file: str
-
-
-def file_parameter(kind: str, *, meaning: str) -> Any:
-    """Declare a parameter that names a file, as a dataclass field of type `Curve | None`; None when left out."""
-    return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning})
-
-
-def parameter(unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False) -> Any:
-    """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out."""
-    facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning}
-    return dataclasses.field(default=int(typical) if whole else typical, metadata=facts)
-
-
 @dataclass(frozen=True)
 class Effect(abc.ABC):
     """A configured effect. Derive from one of the stage classes below, not from this one."""
@@ -142,27 +108,43 @@ class Effect(abc.ABC):
     stage: ClassVar[str]
     tree: ClassVar[tuple[int, ...]] = ()
     """Its nodes in the perception-sensor effect tree PerCollECT/LidarLimbs; empty where the tree has none for it."""
+    empirical: ClassVar[bool] = False
+    """Whether it only describes data that no effect explains; it is then not in the catalogue."""
 
     def __post_init__(self) -> None:
-        for p in self.parameters():
-            value = getattr(self, p.name)
-            number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-            if not number or not p.low <= value <= p.high or (p.whole and value != int(value)):
-                kind = "a whole number" if p.whole else "a number"
-                wrong = "out of range" if number else "no number"
-                raise UsageError(
-                    f"{self.name}: {p.name} = {value!r} is {wrong}",
-                    fix=f"use {kind} from {p.low:g} to {p.high:g} {p.unit}".rstrip(),
-                )
+        for words in self.choices():
+            words.check(self.name, getattr(self, words.name))
+        for numbers in self.lists():
+            checked = numbers.checked(self.name, getattr(self, numbers.name))
+            object.__setattr__(self, numbers.name, checked)  # an array or a list becomes a tuple
+        for number in self.parameters():
+            number.check(self.name, getattr(self, number.name))
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """The declared parameters, in the order of the class."""
+        """The declared parameters that are a number, in the order of the class."""
         return tuple(
             Parameter(name=f.name, typical=f.default, **f.metadata)  # type: ignore[arg-type]
             for f in dataclasses.fields(cls)
-            if "kind" not in f.metadata
+            if "whole" in f.metadata
         )
+
+    @classmethod
+    def lists(cls) -> tuple[ListParameter, ...]:
+        """The declared parameters that are lists of numbers."""
+        return tuple(ListParameter(f.name, **f.metadata) for f in dataclasses.fields(cls) if "ascending" in f.metadata)
+
+    @classmethod
+    def choices(cls) -> tuple[ChoiceParameter, ...]:
+        """The declared parameters that are one of some words."""
+        return tuple(ChoiceParameter(f.name, **f.metadata) for f in dataclasses.fields(cls) if "choices" in f.metadata)
+
+    @classmethod
+    def example(cls) -> dict[str, Any]:
+        """What shows it beside its typical values: the example of every list and choice that has one."""
+        shown: dict[str, Any] = {p.name: p.example for p in cls.choices() if p.example}
+        shown |= {p.name: p.example for p in cls.lists() if p.example}
+        return {f.name: shown[f.name] for f in dataclasses.fields(cls) if f.name in shown}
 
     @classmethod
     def files(cls) -> tuple[FileParameter, ...]:
@@ -178,9 +160,12 @@ class Effect(abc.ABC):
         """What was read from the files that its parameters name."""
         return tuple(curve for f in self.files() if (curve := getattr(self, f.name)) is not None)
 
-    def settings(self) -> dict[str, float | str]:
-        """The parameters' values by name; of a file parameter the file, absent where none is set."""
-        values: dict[str, float | str] = {p.name: getattr(self, p.name) for p in self.parameters()}
+    def settings(self) -> dict[str, Any]:
+        """The parameters' values by name; of a file parameter the file. Absent where no file, list or word is set."""
+        values: dict[str, Any] = {p.name: getattr(self, p.name) for p in self.parameters()}
+        declared = [*(p.name for p in self.choices()), *(p.name for p in self.lists())]
+        names = [f.name for f in dataclasses.fields(self) if f.name in declared]  # in the order of the class
+        values |= {name: value for name in names if (value := getattr(self, name))}
         curves = {f.name: getattr(self, f.name) for f in self.files()}
         return values | {name: curve.file for name, curve in curves.items() if curve is not None}
 
@@ -227,7 +212,19 @@ class ReadoutEffect(Effect):
 
 @functools.cache
 def catalogue() -> Mapping[str, type[Effect]]:
-    """All effects by name, in the order of the light's way and then of their names."""
+    """All effects by name, in the order of the light's way and then of their names; no empirical terms."""
+    return {name: effect for name, effect in _found().items() if not effect.empirical}
+
+
+@functools.cache
+def empirical() -> Mapping[str, type[Effect]]:
+    """The empirical terms by name, in the order of the light's way: what describes data that no effect explains."""
+    return {name: effect for name, effect in _found().items() if effect.empirical}
+
+
+@functools.cache
+def _found() -> Mapping[str, type[Effect]]:
+    """The effects of all files here by name, in the order of the light's way and then of their names."""
     package = importlib.import_module("lidarcheck.effects")
     found: dict[str, type[Effect]] = {}
     for module in pkgutil.iter_modules(package.__path__):
@@ -238,8 +235,8 @@ def catalogue() -> Mapping[str, type[Effect]]:
 
 
 def find(name: str) -> type[Effect]:
-    """The effect of that name; `UsageError` with the nearest one otherwise."""
-    effects = catalogue()
+    """The effect or empirical term of that name; `UsageError` with the nearest one otherwise."""
+    effects = _found()
     if name not in effects:
         raise UsageError(f"there is no effect {name!r}", fix=_did_you_mean(name, effects))
     return effects[name]
@@ -252,7 +249,7 @@ def make(name: str, parameters: Mapping[str, Any], read: Callable[[FileParameter
     """
     effect = find(name)
     files = {f.name: f for f in effect.files()}
-    known = [p.name for p in effect.parameters()] + list(files)
+    known = [f.name for f in dataclasses.fields(effect)]
     values = dict(parameters)
     for key, value in parameters.items():
         if key not in known:

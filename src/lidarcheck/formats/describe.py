@@ -94,7 +94,7 @@ class Description:
 def _words(value: Any) -> str:
     if isinstance(value, Mapping):
         return "; ".join(f"{name}: {_words(inner)}" for name, inner in value.items()) or "none"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(_words(inner) for inner in value) or "none"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
@@ -203,5 +203,8 @@ def _describe_model(path: str | os.PathLike[str], model: Any) -> Description:
         facts["variant"] = model.sensor.variant
         facts["sensor"] = model.sensor.overrides()
         facts["materials"] = {str(number): material.name for number, material in model.materials.items()}
-        facts["effects"] = [effect.name for effect in model.effects]
+        facts["effects"] = [effect.name for effect in model.effects if not effect.empirical]
+        terms = [effect for effect in model.effects if effect.empirical]
+        if terms:
+            facts["empirical terms"] = {term.name: term.settings() for term in terms}
     return Description(str(Path(path)), "TOML", "model", facts=facts)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
     from lidarcheck.model.numbers import Numbers
 
-__all__ = ["check_seed", "echoes_of", "light_after_effects", "simulate", "usable_cores"]
+__all__ = ["aimed", "check_seed", "echoes_of", "light_after_effects", "simulate", "simulate_unread", "usable_cores"]
 
 Progress = Callable[[int, int], object]
 
@@ -67,6 +67,30 @@ def simulate(
     return _rounded(scan, run.sensor) if readout else scan
 
 
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Echoes of the SPADs before any readout effect, and what readout effects may know."""
+
+    scan: Scan
+    _run: _Run
+
+    def read_out(self, model: Model) -> Scan:
+        """What `simulate` gives with a model that differs from the one simulated by its readout effects alone."""
+        scan, run = self.scan, replace(self._run, model=model)
+        for effect in _of_stage("readout", model.effects):
+            scan = effect.readout(scan, run.of(effect))
+        return _rounded(scan, run.sensor)
+
+
+def simulate_unread(
+    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, threads: int | None = None
+) -> Unread:
+    """`simulate` up to the readout effects, for many readouts of the same echoes."""
+    check_seed(seed, frame)
+    run, light = _light_and_sensor(ideal, model, seed, frame, None)
+    return Unread(echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False), run)
+
+
 def light_after_effects(
     ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
 ) -> tuple[Light, Sensor]:
@@ -75,11 +99,21 @@ def light_after_effects(
     return light, run.sensor
 
 
+def aimed(
+    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
+) -> IdealScan:
+    """What the beams meet behind the model's aim effects."""
+    return _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects).ideal
+
+
+def _run_of(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> _Run:
+    return _Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
+
+
 def _light_and_sensor(
     ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None
 ) -> tuple[_Run, Light]:
-    run = _Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
-    run = run.after_stage("aim", model.effects)
+    run = _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects)
     light = light_of(run.ideal, model)
     for effect in _of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))

@@ -1,0 +1,191 @@
+"""What the beams of several frames meet, in one table: the covariates over which residuals are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.light import surface_signal
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan
+
+__all__ = ["SIDES", "Beams", "beams_of", "bright_offsets"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+SIDES = ("above", "below", "left", "right")
+"""The neighbours of a beam, in the order of `Beams.neighbour_m`."""
+
+BRIGHT_SIGNAL = 30.0
+"""S from which a surface saturates all SPADs and may bloom or show ghosts, avalanches per SPAD and shot."""
+
+_SMOOTH = 0.06
+"""Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
+_LAYER_DEG, _POINT_DEG = 0.05, 0.125
+
+
+@dataclass(frozen=True)
+class Beams:
+    """The beams of all frames, ordered by (frame, layer, point); columns of shape (n,) unless said otherwise.
+
+    `key`: ascending, one number a beam. `distance_m`: the nearest surface, 0 where the beam meets nothing.
+    `signal`: S of that surface without effects. `neighbour_m` (n, 4): what the fired beams beside it meet, in the
+    order of `SIDES`, 0 for nothing and -1 where none was fired. `slope_m_per_deg` (n, 2): change of the range with
+    elevation and azimuth on the beam's own surface, 0 at edges. `bright` (n, 4): beams to the next bright surface
+    on each side, 0 where there is none, and `bright_m` (n, 4) its range. `hit_beam`, `hit_m`, `hit_row` (m,): all
+    surfaces, ascending in (beam, range), a beam's several rows each.
+    """
+
+    key: IndexArray
+    frame: IndexArray
+    layer: IndexArray
+    point: IndexArray
+    distance_m: FloatArray
+    material_id: IndexArray
+    incidence_deg: FloatArray
+    object_id: IndexArray
+    signal: FloatArray
+    retro: npt.NDArray[np.bool_]
+    neighbour_m: FloatArray
+    slope_m_per_deg: FloatArray
+    bright: IndexArray
+    bright_m: FloatArray
+    hit_beam: IndexArray
+    hit_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+
+def key_of(frame: npt.ArrayLike, layer: npt.ArrayLike, point: npt.ArrayLike) -> IndexArray:
+    """One number for each (frame, layer, point), ascending in that order."""
+    f, a, b = (np.asarray(x, dtype=np.int64) for x in (frame, layer, point))
+    return np.asarray((f << 40) + (a << 20) + b)
+
+
+def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
+    """The beams of some frames, numbered as they stand in `ideals`."""
+    frames = np.concatenate([np.full(len(ideal), i) for i, ideal in enumerate(ideals)])
+    layer, point, distance, material, incidence = (
+        np.concatenate([np.asarray(getattr(ideal, name)) for ideal in ideals])
+        for name in ("layer", "point", "distance_m", "material_id", "incidence_deg")
+    )
+    objects = np.concatenate(
+        [np.zeros(len(i), np.int64) - 1 if i.object_id is None else i.object_id.astype(np.int64) for i in ideals]
+    )
+    signal = np.concatenate([surface_signal(ideal, model) for ideal in ideals])
+    rows_key = key_of(frames, layer, point)
+    # Misses sort behind the surfaces of their beam, so that a beam's first row is its nearest surface.
+    order = np.lexsort((np.where(distance > 0.0, distance, np.inf), rows_key))
+    key, first, beam = np.unique(rows_key[order], return_index=True, return_inverse=True)
+    row = order[first]
+    hit = distance[order] > 0.0
+    retros = [i for i, entry in model.materials.items() if entry.kind == "retro"]
+    shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), distance[row])
+    neighbour, slope = _neighbours(shape, distance[row])
+    bright, bright_m = bright_offsets(shape, signal[row], distance[row])
+    return Beams(
+        key=key,
+        frame=frames[row],
+        layer=layer[row].astype(np.int64),
+        point=point[row].astype(np.int64),
+        distance_m=distance[row],
+        material_id=np.where(distance[row] > 0.0, material[row], -1).astype(np.int64),
+        incidence_deg=incidence[row],
+        object_id=objects[row],
+        signal=signal[row],
+        retro=np.isin(material[row], retros) & (distance[row] > 0.0),
+        neighbour_m=neighbour,
+        slope_m_per_deg=slope,
+        bright=bright,
+        bright_m=bright_m,
+        hit_beam=beam[hit],
+        hit_m=distance[order][hit],
+    )
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Where each beam stands in its frame's lattice of fired layers and points: `cell` (n,), -1 in `grid` where none."""
+
+    grid: IndexArray
+    place: tuple[IndexArray, IndexArray, IndexArray]
+    layers: IndexArray
+    points: IndexArray
+
+
+def _shape(frame: IndexArray, layer: IndexArray, point: IndexArray, distance: FloatArray) -> _Shape:
+    layers, row = np.unique(layer, return_inverse=True)
+    points, column = np.unique(point, return_inverse=True)
+    grid = np.full((int(frame.max()) + 1, len(layers), len(points)), -1, dtype=np.int64)
+    grid[frame, row, column] = np.arange(len(frame))
+    return _Shape(grid, (frame, row, column), layers, points)
+
+
+def _neighbours(shape: _Shape, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The ranges beside each beam (n, 4) and the slope of its surface (n, 2)."""
+    n = len(distance)
+    ranges = np.full((n, 4), -1.0)
+    padded = np.pad(shape.grid, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
+    f, r, c = shape.place
+    for side, (dr, dc) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+        index = padded[f, r + 1 + dr, c + 1 + dc]
+        ranges[:, side] = np.where(index >= 0, distance[index], -1.0)
+    slope = np.zeros((n, 2))
+    steps = (
+        _step(shape.layers)[r] * _LAYER_DEG,
+        _step(shape.points)[c] * _POINT_DEG,
+    )
+    for axis, (plus, minus) in enumerate(((0, 1), (2, 3))):
+        near = (np.abs(ranges[:, [plus, minus]] - distance[:, None]) < _SMOOTH * distance[:, None]).all(axis=1)
+        smooth = near & (distance > 0.0)
+        slope[smooth, axis] = (ranges[smooth, plus] - ranges[smooth, minus]) / (2.0 * steps[axis][smooth])
+    return ranges, slope
+
+
+def _step(lines: IndexArray) -> FloatArray:
+    """Mean distance of each line from the two beside it, in lines of the sensor; shape (n,)."""
+    if len(lines) < 2:
+        return np.ones(len(lines))
+    gap = np.diff(lines).astype(np.float64)
+    return np.asarray(0.5 * (np.append(gap, gap[-1]) + np.insert(gap, 0, gap[0])))
+
+
+def bright_offsets(shape: _Shape, signal: FloatArray, distance: FloatArray) -> tuple[IndexArray, FloatArray]:
+    """Lines to the next bright beam on each of the four `SIDES` (0: none) and that beam's range, shapes (n, 4)."""
+    grid = shape.grid
+    there = grid >= 0
+    bright = np.zeros(grid.shape, dtype=bool)
+    bright[there] = signal[grid[there]] >= BRIGHT_SIGNAL
+    range_m = np.zeros(grid.shape)
+    range_m[there] = distance[grid[there]]
+    lines = (shape.layers, shape.layers, shape.points, shape.points)
+    offsets, ranges = np.zeros((len(signal), 4), dtype=np.int64), np.zeros((len(signal), 4))
+    for side, (axis, forward) in enumerate(((1, True), (1, False), (2, True), (2, False))):
+        offset, away = _next_bright(bright, range_m, lines[side], axis, forward=forward)
+        offsets[:, side], ranges[:, side] = offset[shape.place], away[shape.place]
+    return offsets, ranges
+
+
+def _next_bright(
+    bright: npt.NDArray[np.bool_], range_m: FloatArray, lines: IndexArray, axis: int, *, forward: bool
+) -> tuple[IndexArray, FloatArray]:
+    """For each cell the next bright cell strictly beyond it along an axis: lines to it and its range; 0 for none."""
+    mark, away = np.moveaxis(bright, axis, -1), np.moveaxis(range_m, axis, -1)
+    if forward:
+        mark, away, place = mark[..., ::-1], away[..., ::-1], lines[::-1]
+    else:
+        place = lines
+    index = np.where(mark, np.arange(mark.shape[-1]), -1)
+    last = np.maximum.accumulate(index, axis=-1)
+    last = np.concatenate([np.full_like(last[..., :1], -1), last[..., :-1]], axis=-1)
+    safe = np.maximum(last, 0)
+    offset = np.where(last >= 0, np.abs(place[safe] - place), 0)
+    ranges = np.where(last >= 0, np.take_along_axis(away, safe, axis=-1), 0.0)
+    if forward:
+        offset, ranges = offset[..., ::-1], ranges[..., ::-1]
+    return np.moveaxis(offset, -1, axis), np.moveaxis(ranges, -1, axis)

@@ -1,0 +1,250 @@
+"""What a benchmark's answers are worth: shares with Wilson intervals, coverage, calibration, seconds."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lidarcheck.kpi.detection import wilson
+
+__all__ = ["CONFIDENT", "LARGEST_SET", "Answer", "Bin", "Score", "Share", "score"]
+
+LARGEST_SET = 3
+"""Effects that one finding may leave open, itself included, to count as named within an equivalence set."""
+CONFIDENT = 0.5
+"""A wrong name with at least this confidence is said, not suspected."""
+STRENGTHS = ("weak", "medium", "strong")
+NULLS, HIDDEN, OUTSIDE = ("null", "null_nuisance"), ("single", "pair"), ("left_out", "alien")
+_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One case: what was hidden, and what was found.
+
+    `effects`: the names that were hidden; `observable`: which of them stand out of the noise; `comparable`: true values
+    by "effect.parameter". `found`: findings as `report.json` has them. `error`: why there is no answer; empty else.
+    """
+
+    number: int
+    kind: str
+    strength: str
+    variant: str
+    scene: str
+    effects: tuple[str, ...]
+    observable: Mapping[str, bool]
+    comparable: Mapping[str, float]
+    verdict: str
+    found: tuple[Mapping[str, Any], ...]
+    closed: float
+    seconds: float
+    z: Mapping[str, float] = field(default_factory=dict)
+    exclude: tuple[str, ...] = ()
+    error: str = ""
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Answer:
+        """From its dictionary, as JSON gives it back."""
+        parts = dict(row)
+        for name in ("effects", "found", "exclude"):
+            parts[name] = tuple(parts.get(name, ()))
+        parts["closed"] = math.nan if parts["closed"] is None else parts["closed"]
+        return cls(**parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; what is not a number is None."""
+        row = asdict(self)
+        row["closed"] = None if math.isnan(self.closed) else self.closed
+        return row
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was named, in order of importance, without "unknown"."""
+        return tuple(one["name"] for one in self.found if one["name"] != "unknown")
+
+    @property
+    def shows(self) -> bool:
+        """Whether all that was hidden stands out of the noise."""
+        return all(self.observable.get(name, False) for name in self.effects)
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """`hits` of `of`, with Wilson's 95 % interval; NaN and 0 … 1 where there are none."""
+
+    hits: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        """The share itself."""
+        return self.hits / self.of if self.of else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval."""
+        low, high = wilson(self.hits, self.of)
+        return float(low), float(high)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        low, high = self.interval
+        return {"hits": self.hits, "of": self.of, "share": self.value if self.of else None, "low": low, "high": high}
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """Names said with a confidence of `low` to `high`: mean confidence beside the share that was right."""
+
+    low: float
+    high: float
+    confidence: float
+    right: Share
+
+
+@dataclass(frozen=True)
+class Score:
+    """All figures. `shares` and `all_shares` by name: of the cases whose effects stand out, and of all cases.
+
+    `closed`: median share of the gap closed where something stands out. `brier`: mean squared difference of confidence
+    and outcome. `seconds`: median and 90th percentile. `errors`: cases without an answer, by number.
+    """
+
+    cases: int
+    shares: Mapping[str, Share]
+    all_shares: Mapping[str, Share]
+    closed: float
+    calibration: tuple[Bin, ...]
+    brier: float
+    seconds: tuple[float, float]
+    errors: Mapping[int, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        bins = [
+            {"low": b.low, "high": b.high, "confidence": b.confidence, **b.right.to_dict()} for b in self.calibration
+        ]
+        return {
+            "cases": self.cases,
+            "observable": {name: share.to_dict() for name, share in self.shares.items()},
+            "all": {name: share.to_dict() for name, share in self.all_shares.items()},
+            "closed": None if math.isnan(self.closed) else self.closed,
+            "calibration": bins,
+            "brier": None if math.isnan(self.brier) else self.brier,
+            "seconds": {"median": self.seconds[0], "p90": self.seconds[1]},
+            "errors": {str(number): why for number, why in self.errors.items()},
+        }
+
+
+def score(answers: Sequence[Answer]) -> Score:
+    """Judge a benchmark's answers."""
+    showing = [a for a in answers if a.shows]
+    hidden = [a for a in showing if a.kind in HIDDEN and not math.isnan(a.closed)]
+    seconds = [a.seconds for a in answers if not a.error]
+    said = [(_confidence(one), one["name"] in a.effects) for a in answers for one in a.found if _is_name(one)]
+    return Score(
+        cases=len(answers),
+        shares=_shares(showing),
+        all_shares=_shares(answers),
+        closed=float(np.median([a.closed for a in hidden])) if hidden else math.nan,
+        calibration=_calibration(said),
+        brier=float(np.mean([(p - right) ** 2 for p, right in said])) if said else math.nan,
+        seconds=(float(np.median(seconds)), float(np.quantile(seconds, 0.9))) if seconds else (math.nan, math.nan),
+        errors={a.number: a.error for a in answers if a.error},
+    )
+
+
+def _shares(answers: Sequence[Answer]) -> dict[str, Share]:
+    singles = [a for a in answers if a.kind == "single"]
+    pairs = [a for a in answers if a.kind == "pair"]
+    found = {"singles named exactly": _share(singles, _exact)}
+    for strength in STRENGTHS:
+        of = [a for a in singles if a.strength == strength]
+        found[f"  {strength}"] = _share(of, _exact)
+    found["singles named within a set of three"] = _share(singles, _within)
+    found["pairs complete"] = _share(pairs, _exact)
+    found["pairs complete within sets of three"] = _share(pairs, _within)
+    found["wrong abstentions"] = _share([*singles, *pairs], lambda a: a.verdict != "explained")
+    nulls = [a for a in answers if a.kind in NULLS]
+    found["false alarms on nulls"] = _share(nulls, lambda a: a.verdict != "no_gap")
+    found["  without nuisances"] = _share([a for a in nulls if a.kind == "null"], lambda a: a.verdict != "no_gap")
+    found["  with nuisances"] = _share([a for a in nulls if a.kind == "null_nuisance"], lambda a: a.verdict != "no_gap")
+    outside = [a for a in answers if a.kind in OUTSIDE]
+    found["unknowns recognised"] = _share(outside, _recognised)
+    for kind, words in (("left_out", "  effect left out of the catalogue"), ("alien", "  effect of no catalogue")):
+        found[words] = _share([a for a in outside if a.kind == kind], _recognised)
+    found["confident wrong names on unknowns"] = _share(outside, _misled)
+    found["90 % intervals cover the truth"] = _coverage(answers)
+    return found
+
+
+def _share(answers: Sequence[Answer], holds: Callable[[Answer], bool]) -> Share:
+    return Share(sum(holds(a) for a in answers), len(answers))
+
+
+def _is_name(finding: Mapping[str, Any]) -> bool:
+    return bool(finding["name"] != "unknown")
+
+
+def _confidence(finding: Mapping[str, Any]) -> float:
+    """What is not a number is no confidence."""
+    return float(finding["confidence"] or 0.0)
+
+
+def _exact(answer: Answer) -> bool:
+    """Explained, by just what was hidden."""
+    return answer.verdict == "explained" and sorted(answer.names) == sorted(answer.effects)
+
+
+def _within(answer: Answer) -> bool:
+    """Explained by as many findings as were hidden, each of which may stand for one of them."""
+    sets = [{one["name"], *one["equivalent_to"]} for one in answer.found if _is_name(one)]
+    if answer.verdict != "explained" or len(sets) != len(answer.effects):
+        return False
+    return _matched(answer.effects, [one for one in sets if len(one) <= LARGEST_SET])
+
+
+def _matched(effects: Sequence[str], sets: Sequence[set[str]]) -> bool:
+    """Whether every effect finds a set of its own that holds it."""
+    if not effects:
+        return True
+    first, rest = effects[0], effects[1:]
+    return any(first in one and _matched(rest, [*sets[:i], *sets[i + 1 :]]) for i, one in enumerate(sets))
+
+
+def _misled(answer: Answer) -> bool:
+    """A name was said with confidence that was not hidden, or was no longer in the catalogue."""
+    allowed = set(answer.effects) - set(answer.exclude)
+    return any(_is_name(one) and one["name"] not in allowed and _confidence(one) >= CONFIDENT for one in answer.found)
+
+
+def _recognised(answer: Answer) -> bool:
+    return answer.verdict == "unknown" and not _misled(answer)
+
+
+def _coverage(answers: Iterable[Answer]) -> Share:
+    """Of the true values of effects that were named, how many lie in their interval."""
+    hits = of = 0
+    for answer in answers:
+        for one in answer.found:
+            for name, interval in one["parameters"].items():
+                truth = answer.comparable.get(f"{one['name']}.{name}")
+                if truth is not None and None not in (interval["low"], interval["high"]):
+                    of += 1
+                    hits += interval["low"] <= truth <= interval["high"]
+    return Share(hits, of)
+
+
+def _calibration(said: Sequence[tuple[float, bool]]) -> tuple[Bin, ...]:
+    bins = []
+    for low, high in itertools.pairwise(_EDGES):
+        inside = [(p, right) for p, right in said if low <= p < high or (p == high == 1.0)]
+        if inside:
+            right = Share(sum(right for _, right in inside), len(inside))
+            bins.append(Bin(low, high, float(np.mean([p for p, _ in inside])), right))
+    return tuple(bins)

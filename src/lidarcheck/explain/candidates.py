@@ -1,0 +1,224 @@
+"""Where the search for each effect begins, and which of its parameters are free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import Effect, find, make
+
+__all__ = ["Free", "Probe", "fixed_probes", "free_of"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """A parameter that a fit may move: on a logarithmic scale, or in steps of `step` in its own unit."""
+
+    name: str
+    step: float
+    log: bool = False
+    whole: bool = False
+
+    def encode(self, value: float) -> float:
+        """The value on the fit's own scale, where one step has length 1."""
+        return float(np.log(max(value, 1e-12)) / self.step if self.log else value / self.step)
+
+    def decode(self, x: float, low: float, high: float) -> float:
+        """The parameter's value, kept within its range."""
+        value = float(np.exp(np.clip(x * self.step, -60.0, 60.0)) if self.log else x * self.step)
+        value = min(max(value, low), high)
+        return float(round(value)) if self.whole else value
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """One start of the search for an effect: its settings there, and the parameters that are free."""
+
+    name: str
+    settings: Mapping[str, Any]
+    free: tuple[Free, ...]
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+
+    def effect(self, x: FloatArray | None = None) -> Effect:
+        """The effect at the start, or at a point of the fit's scale."""
+        values = {**self.fixed, **self.settings}
+        if x is not None:
+            ranges = {p.name: (p.low, p.high) for p in find(self.name).parameters()}
+            for one, at in zip(self.free, x, strict=True):
+                values[one.name] = one.decode(float(at), *ranges[one.name])
+        for low, high in _RISING.get(self.name, ()):
+            values[low] = min(values[low], values.get(high, np.inf))
+        whole = {p.name for p in find(self.name).parameters() if p.whole}
+        return make(self.name, {k: int(v) if k in whole else v for k, v in values.items()})
+
+    def scaled(self, factor: float) -> Probe:
+        """The same start with the effect's strength scaled, as far as its parameters have a strength."""
+        powers, parts = _POWERS.get(self.name, ()), _PARTS.get(self.name, ())
+        settings = dict(self.settings)
+        settings |= {name: settings[name] ** factor for name in powers if name in settings}
+        settings |= {name: settings[name] * factor for name in parts if name in settings}
+        if self.name == "fog":
+            settings["mor_m"] = min(settings["mor_m"] / max(factor, 0.02), 1e5)
+        if self.name == "incidence_falloff":
+            settings["exponent"] = 1.0 + (settings["exponent"] - 1.0) * factor
+        return replace(self, settings=settings)
+
+    def start(self) -> FloatArray:
+        """The start on the fit's scale, shape (n_free,)."""
+        typical = {p.name: p.typical for p in find(self.name).parameters()}
+        values = {**typical, **self.fixed, **self.settings}
+        return np.array([one.encode(float(values[one.name])) for one in self.free])
+
+
+_POWERS: dict[str, tuple[str, ...]] = {
+    "signal_gain": ("gain",), "material_reflectance": ("factor",), "layer_gain": ("gain",),
+    "blockage": ("transmission",), "pulse_shape": ("stretch",),
+}  # fmt: skip
+"""Parameters that are 1 without the effect."""
+_PARTS: dict[str, tuple[str, ...]] = {
+    "ambient_light": ("rate_per_ns",), "dark_counts": ("rate_per_ns",), "crosstalk": ("sides", "corners"),
+    "afterpulsing": ("probability",), "dead_time": ("shift_ns",), "timing_jitter": ("sigma_ns",),
+    "range_offset": ("offset_m",), "range_scale": ("fraction",), "walk_error": ("per_decade_m", "bend_m"),
+    "boresight": ("yaw_deg", "pitch_deg"), "beam_divergence": ("vertical_deg", "horizontal_deg"),
+    "blooming_vertical": ("core_up", "core_down", "skirt_up", "skirt_down"),
+    "blooming_horizontal": ("core_left", "core_right", "skirt_left", "skirt_right"),
+    "retro_ghost": ("strength",), "mirror_multipath": ("reflectivity",), "rain": ("rate_mm_h",),
+    "motion": ("forward_m_s", "left_m_s", "up_m_s", "yaw_deg_s"),
+    "vibration": ("pitch_deg", "yaw_deg", "random_deg"), "interference": ("share",), "dropout": ("share",),
+    "threshold": ("shift",),
+}  # fmt: skip
+"""Parameters that are 0 without the effect."""
+_LOG = 0.2
+_RISING: dict[str, tuple[tuple[str, str], ...]] = {"fog": (("overlap_start_m", "overlap_full_m"),)}
+"""Parameters of which the first must not pass the second."""
+
+_FREE: dict[str, tuple[Free, ...]] = {
+    "signal_gain": (Free("gain", 0.05, log=True),),
+    "ambient_light": (Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True)),
+    "dark_counts": (Free("rate_per_ns", _LOG, log=True),),
+    "crosstalk": (Free("sides", 0.4, log=True), Free("corners", 0.7, log=True)),
+    "afterpulsing": (Free("probability", 0.4, log=True), Free("delay_ns", 0.5, log=True)),
+    "dead_time": (Free("shift_ns", 1.0), Free("spread_ns", 0.5)),
+    "pulse_shape": (
+        Free("stretch", 0.05, log=True), Free("tail_share", 0.3, log=True), Free("tail_ns", 0.25, log=True),
+    ),
+    "timing_jitter": (Free("sigma_ns", _LOG, log=True), Free("amplitude_power", 0.1)),
+    "range_offset": (Free("offset_m", 0.005),),
+    "range_scale": (Free("fraction", 0.0001),),
+    "walk_error": (Free("per_decade_m", 0.01), Free("bend_m", 0.01)),
+    "threshold": (Free("shift", 1.0, whole=True),),
+    "boresight": (Free("yaw_deg", 0.03), Free("pitch_deg", 0.015)),
+    "beam_divergence": (Free("vertical_deg", _LOG, log=True), Free("horizontal_deg", _LOG, log=True)),
+    "incidence_falloff": (Free("exponent", 0.1),),
+    "material_reflectance": (Free("factor", 0.05, log=True),),
+    "layer_gain": (Free("gain", 0.05, log=True),),
+    "blooming_vertical": (
+        Free("core_up", 0.4, log=True), Free("core_down", 0.4, log=True), Free("core_rows", _LOG, log=True),
+        Free("skirt_up", 0.4, log=True), Free("skirt_down", 0.4, log=True),
+        Free("skirt_up_rows", _LOG, log=True), Free("skirt_down_rows", _LOG, log=True),
+    ),
+    "blooming_horizontal": (
+        Free("core_left", 0.4, log=True), Free("core_right", 0.4, log=True), Free("core_columns", _LOG, log=True),
+        Free("skirt_left", 0.4, log=True), Free("skirt_right", 0.4, log=True),
+        Free("skirt_left_columns", _LOG, log=True), Free("skirt_right_columns", _LOG, log=True),
+    ),
+    "retro_ghost": (Free("strength", _LOG, log=True), Free("extra_m", 0.1), Free("exponent", 0.3)),
+    "mirror_multipath": (Free("reflectivity", _LOG, log=True), Free("grazing", 0.1)),
+    "fog": (
+        Free("mor_m", _LOG, log=True), Free("backscatter", 0.3, log=True),
+        Free("overlap_start_m", 0.3), Free("overlap_full_m", 0.3, log=True),
+    ),
+    "rain": (
+        Free("rate_mm_h", _LOG, log=True), Free("drop_echo", 0.4, log=True), Free("drop_density", 0.4, log=True),
+        Free("extinction_coefficient", 0.3, log=True),
+    ),
+    "motion": (
+        Free("forward_m_s", 1.0), Free("left_m_s", 1.0), Free("up_m_s", 0.5), Free("yaw_deg_s", 2.0),
+    ),
+    "vibration": (Free("pitch_deg", 0.3, log=True), Free("yaw_deg", 0.3, log=True)),
+    "blockage": (Free("transmission", 0.05), Free("soft_edge_deg", 0.3, log=True), Free("roundness", 0.3)),
+    "interference": (Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("farthest_m", _LOG, log=True)),
+    "dropout": (Free("share", _LOG, log=True),),
+}
+
+_STARTS: dict[str, list[dict[str, float]]] = {
+    "signal_gain": [{"gain": 0.8}, {"gain": 1.25}, {"gain": 0.5}],
+    "ambient_light": [{"rate_per_ns": 0.0005}, {"rate_per_ns": 0.002}],
+    "dark_counts": [{"rate_per_ns": 0.0002}, {"rate_per_ns": 0.0008}],
+    "crosstalk": [{"sides": 0.02, "corners": 0.01}, {"sides": 0.06, "corners": 0.02}],
+    "afterpulsing": [{"probability": 0.05}, {"probability": 0.15}],
+    "dead_time": [
+        {"shift_ns": -3.0, "spread_ns": 0.0}, {"shift_ns": 4.0, "spread_ns": 0.0}, {"shift_ns": 0.0, "spread_ns": 3.0},
+    ],
+    "pulse_shape": [
+        {"stretch": 0.75, "tail_share": 0.001}, {"stretch": 1.3, "tail_share": 0.001},
+        {"stretch": 1.0, "tail_share": 0.1, "tail_ns": 8.0},
+    ],
+    "timing_jitter": [{"sigma_ns": 0.3}, {"sigma_ns": 1.0}],
+    "range_offset": [{"offset_m": 0.04}, {"offset_m": -0.04}, {"offset_m": 0.3}, {"offset_m": -0.3}],
+    "range_scale": [{"fraction": 0.001}, {"fraction": -0.001}, {"fraction": 0.006}, {"fraction": -0.006}],
+    "walk_error": [
+        {"per_decade_m": 0.06, "bend_m": 0.0}, {"per_decade_m": -0.06, "bend_m": 0.0},
+        {"per_decade_m": 0.0, "bend_m": 0.06}, {"per_decade_m": 0.0, "bend_m": -0.06},
+    ],
+    "threshold": [{"shift": 2.0}, {"shift": -2.0}, {"shift": 6.0}],
+    "boresight": [
+        {"yaw_deg": y, "pitch_deg": p}
+        for y, p in ((0.12, 0.0), (-0.12, 0.0), (0.0, 0.06), (0.0, -0.06), (0.4, 0.0), (-0.4, 0.0), (0.0, 0.2),
+                     (0.0, -0.2))
+    ],
+    "beam_divergence": [
+        {"vertical_deg": 0.06, "horizontal_deg": 0.12}, {"vertical_deg": 0.15, "horizontal_deg": 0.3},
+    ],
+    "incidence_falloff": [{"exponent": 0.6}, {"exponent": 1.5}, {"exponent": 2.5}],
+    "blooming_vertical": [
+        {"core_up": 0.0003, "core_down": 0.0003, "skirt_up": 5e-5, "skirt_down": 5e-5},
+        {"core_up": 0.0003, "core_down": 0.002, "skirt_up": 5e-4, "skirt_down": 1e-4},
+    ],
+    "blooming_horizontal": [
+        {"core_left": 1e-4, "core_right": 1e-4}, {"core_left": 1e-3, "core_right": 1e-3, "skirt_left": 2e-5,
+                                                  "skirt_right": 2e-5},
+    ],
+    "retro_ghost": [{"strength": 3e-5}, {"strength": 1.5e-4}],
+    "mirror_multipath": [{"reflectivity": 0.15}, {"reflectivity": 0.5}],
+    "fog": [
+        {"mor_m": 60.0, "overlap_start_m": 1.0, "overlap_full_m": 3.0},
+        {"mor_m": 250.0, "overlap_start_m": 1.0, "overlap_full_m": 3.0},
+    ],
+    "rain": [{"rate_mm_h": 10.0}, {"rate_mm_h": 40.0}],
+    "motion": [
+        {"forward_m_s": 12.0}, {"forward_m_s": -12.0}, {"forward_m_s": 0.0, "left_m_s": 10.0},
+        {"forward_m_s": 0.0, "left_m_s": -10.0}, {"forward_m_s": 0.0, "yaw_deg_s": 25.0},
+        {"forward_m_s": 0.0, "yaw_deg_s": -25.0},
+    ],
+    "vibration": [
+        {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 150.0, "random_deg": 0.0},
+        {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 60.0, "random_deg": 0.0},
+        {"pitch_deg": 0.001, "yaw_deg": 0.001, "frequency_hz": 400.0, "random_deg": 0.04},
+        {"pitch_deg": 0.001, "yaw_deg": 0.001, "frequency_hz": 400.0, "random_deg": 0.12},
+    ],
+    "interference": [{"share": 0.01, "signal": 1.0}, {"share": 0.06, "signal": 3.0}],
+    "dropout": [{"share": 0.01}, {"share": 0.06}],
+}
+
+_FIXED: dict[str, dict[str, float]] = {"beam_divergence": {"rays": 3}}
+
+
+def free_of(name: str) -> tuple[Free, ...]:
+    """The parameters of an effect that fits move."""
+    return _FREE[name]
+
+
+def fixed_probes(names: Iterable[str]) -> list[Probe]:
+    """The starts that need no look at the data."""
+    return [
+        Probe(name, settings, _FREE[name], _FIXED.get(name, {}))
+        for name in names
+        for settings in _STARTS.get(name, ())
+    ]

@@ -1,0 +1,205 @@
+"""What the gap workflow finds: the verdict, the effects, the evidence, and everything that a report shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lidarcheck.effects.base import Effect
+from lidarcheck.model.spec import Model
+
+__all__ = [
+    "Candidate",
+    "Explanation",
+    "Finding",
+    "Gap",
+    "Interval",
+    "Progress",
+    "Standout",
+    "Step",
+    "Teller",
+]
+
+VERDICTS = ("no_gap", "explained", "unknown")
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value with its 90 % interval; `unit` as the effect's parameter has it."""
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+    def to_dict(self) -> dict[str, float]:
+        """As report.json has it."""
+        return {"value": self.value, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One missing effect: its name ("unknown" outside the catalogue), its parameters, how sure that is.
+
+    `where`: in words, what of the data it shows in. `equivalent_to`: effects that these data cannot tell apart from
+    it, and `separated_by`: the measurement that would. `effects`: what the written model gets for it, in the order of
+    the light's way (more than one for an empirical description).
+    """
+
+    name: str
+    parameters: Mapping[str, Interval]
+    confidence: float
+    equivalent_to: tuple[str, ...]
+    where: str
+    separated_by: str = ""
+    effects: tuple[Effect, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """As report.json has it."""
+        return {
+            "name": self.name,
+            "parameters": {name: one.to_dict() for name, one in self.parameters.items()},
+            "confidence": self.confidence,
+            "equivalent_to": list(self.equivalent_to),
+            "where": self.where,
+            "separated_by": self.separated_by,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Standout:
+    """A summary that stands out: which feature over which bin of which covariate, by how many standard deviations."""
+
+    feature: str
+    covariate: str
+    bin: str
+    z: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One row of the candidates' table.
+
+    `gain`: by how much it shortens the distance of the summaries on the fit frames; `needed`: what chance and the
+    5 % rule ask for; `pull`: its leading parameter's distance from no effect in standard errors; `closed`: share of
+    the distance that it closes on the select frames (NaN where it was not fitted); `verdict` in words.
+    """
+
+    name: str
+    round: int
+    gain: float
+    needed: float
+    pull: float
+    closed: float
+    verdict: str
+    equivalent_to: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The distance of measured and simulated echoes on the frames that no fit has seen.
+
+    `before`, `after`, `floor` (two simulations of the same model apart by their seeds only), each with its interval;
+    the same by feature, and `waterfall`: the gap after each effect, in order of importance.
+    """
+
+    before: Interval
+    after: Interval
+    floor: Interval
+    by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    waterfall: tuple[tuple[str, Interval], ...] = ()
+
+    @property
+    def closed(self) -> float:
+        """Share of the gap above the floor that is closed."""
+        excess = self.before.value - self.floor.value
+        return (self.before.value - self.after.value) / excess if excess > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one step of the workflow did, in words."""
+
+    name: str
+    words: str
+
+
+Teller = Callable[[str, int, int], object]
+"""Told (step, done, of) while the workflow runs; called often."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The steps by name, in order, with the share of the whole work that each usually takes."""
+
+    shares: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The whole answer. `model` is the case's model with what was found; `seeds` and `hashes` make it repeatable.
+
+    `split`: which frames (numbers as in the case's file, from 0) were used to fit, to select and to verify.
+    `not_testable`: effects that these scenes cannot show, with the reason. `left_out`: damaged frames and why.
+    """
+
+    verdict: str
+    findings: tuple[Finding, ...]
+    not_testable: Mapping[str, str]
+    gap: Gap
+    model: Model
+    steps: tuple[Step, ...]
+    where: tuple[Standout, ...]
+    candidates: tuple[Candidate, ...]
+    split: Mapping[str, tuple[int, ...]]
+    seeds: Mapping[str, int]
+    hashes: Mapping[str, str]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """report.json."""
+        return {
+            "verdict": self.verdict,
+            "effects": [one.to_dict() for one in self.findings],
+            "not_testable": list(self.not_testable),
+            "gap": {
+                "before": self.gap.before.value,
+                "after": self.gap.after.value,
+                "floor": self.gap.floor.value,
+                "closed": self.gap.closed,
+                "intervals": {
+                    name: [getattr(self.gap, name).low, getattr(self.gap, name).high]
+                    for name in ("before", "after", "floor")
+                },
+                "by_feature": {
+                    name: dict(zip(("before", "after", "floor"), values, strict=True))
+                    for name, values in self.gap.by_feature.items()
+                },
+                "waterfall": [{"effect": name, **one.to_dict()} for name, one in self.gap.waterfall],
+            },
+            "why_not_testable": dict(self.not_testable),
+            "steps": [{"step": one.name, "found": one.words} for one in self.steps],
+            "where": [
+                {"feature": w.feature, "covariate": w.covariate, "bin": w.bin, "z": w.z, "words": w.words}
+                for w in self.where
+            ],
+            "candidates": [
+                {
+                    "name": c.name,
+                    "round": c.round,
+                    "gain": c.gain,
+                    "needed": c.needed,
+                    "pull": c.pull,
+                    "closed": c.closed,
+                    "verdict": c.verdict,
+                    "equivalent_to": list(c.equivalent_to),
+                }
+                for c in self.candidates
+            ],
+            "split": {name: list(frames) for name, frames in self.split.items()},
+            "seeds": dict(self.seeds),
+            "hashes": dict(self.hashes),
+            "left_out": dict(self.left_out),
+        }

@@ -1,0 +1,188 @@
+"""Fitting an effect's parameters: damped Gauss-Newton on summaries, with common random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import Effect
+from lidarcheck.errors import UsageError
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import LIMIT, Nuisance, at, axes_of
+from lidarcheck.model.spec import Model
+
+__all__ = ["Fit", "fit"]
+
+FloatArray = npt.NDArray[np.float64]
+Shows = Callable[..., FloatArray | None]
+
+_FLIPS = 0.7
+"""So much a summary changes when single beams' echoes come out otherwise."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Effects fitted together: their probes, where each stands on its own scale, and how far the model then is.
+
+    `shown` (seeds, n_summaries): what it shows. `jacobian` (n_summaries, n_free): change per step of every free parameter,
+    None before a fit has taken it.
+    """
+
+    probes: tuple[Probe, ...]
+    x: tuple[FloatArray, ...]
+    distance: float
+    shown: FloatArray
+    jacobian: FloatArray | None = None
+    nuisance: Nuisance = Nuisance()
+
+    def effects(self) -> list[Effect]:
+        """The configured effects."""
+        return [probe.effect(x) for probe, x in zip(self.probes, self.x, strict=True)]
+
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(probe.name for probe in self.probes)
+
+    def model(self, model: Model) -> Model:
+        """The model with the effects in their places."""
+        return with_effects(model, self.probes, self.x)
+
+
+def fit(
+    lab: Lab, probes: Sequence[Probe], x: Sequence[FloatArray], *, rounds: int = 3, nuisance: Nuisance | None = None
+) -> Fit:
+    """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is."""
+    nuisance = nuisance or Nuisance()
+    ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
+
+    def parts(flat: FloatArray) -> tuple[FloatArray, ...]:
+        return tuple(flat[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+    def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
+        try:
+            return lab.shows(with_effects(lab.model, probes, parts(flat)), seeds, nuisance=nuisance)
+        except UsageError:
+            return None  # no sensor or no effect has such numbers
+
+    start = np.concatenate([*x]) if len(x) else np.zeros(0)
+    end, shown, jacobian = _descend(lab, shows, start, rounds)
+    return Fit(tuple(probes), parts(end), lab.distance(shown) + nuisance.penalty, shown, jacobian, nuisance)
+
+
+def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray]) -> Model:
+    """The model with effects at points of their fits' scales."""
+    for probe, at_x in zip(probes, x, strict=True):
+        model = model.with_(probe.effect(at_x))
+    return model
+
+
+def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
+    """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
+    axes = axes_of([int(i) for i in np.unique(lab.beams.material_id) if i >= 0])
+    model = now.model(lab.model)
+
+    def shows(x: FloatArray, seeds: int | None = None) -> FloatArray:
+        return lab.shows(model, seeds, nuisance=at(axes, x))
+
+    x = np.zeros(len(axes))
+    shown = shows(x)
+    best = lab.distance(shown)
+    seen = _where_seen(lab, axes)
+    for _ in range(rounds):
+        jacobian = _jacobian(shows, x, shown) * seen
+        curvature, slope = _slopes(lab, jacobian, lab.measured - shown.mean(axis=0))
+        for damping in (1.0, 3.0, 10.0):
+            step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
+            trial = np.clip(x + step, -LIMIT, LIMIT)
+            there = shows(trial)
+            distance = lab.distance(there) + at(axes, trial).penalty
+            if distance < best:
+                x, shown, best = trial, there, distance
+                break
+        else:
+            break
+    nuisance = at(axes, x)
+    return replace(now, distance=best, shown=shown, nuisance=nuisance)
+
+
+def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
+    """The summaries by which each axis of a nuisance is judged, ones and zeros, shape (n_summaries, n_axes).
+
+    All others change by little but chance, of which a thousand together would drown what a small error does.
+    """
+    names = lab.summaries.names
+    materials = {i: m.name for i, m in lab.model.materials.items()}
+    seen = np.zeros((len(names), len(axes)))
+    for j, axis in enumerate(axes):
+        for i, name in enumerate(names):
+            if isinstance(axis, str):
+                along = "range along azimuth" if axis == "yaw" else "range along elevation"
+                seen[i, j] = name.feature == along or (name.feature, name.covariate) == ("range", "field of view")
+            else:
+                seen[i, j] = name.covariate == "material" and name.bin == (materials[axis] or f"material {axis}")
+    return seen
+
+
+def _descend(
+    lab: Lab, shows: Shows, at: FloatArray, rounds: int
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    shown = shows(at)
+    if shown is None:
+        return at, np.full((1, len(lab.measured)), 1e6), None
+    best, damping, jacobian = lab.distance(shown), 0.1, None
+    for _ in range(rounds if len(at) else 0):
+        jacobian = _jacobian(shows, at, shown)
+        curvature, slope = _slopes(lab, jacobian, lab.measured - shown.mean(axis=0))
+        before = best
+        for _ in range(3):
+            step = _step(curvature, slope, damping)
+            trial = shows(at + step)
+            distance = np.inf if trial is None else lab.distance(trial)
+            if trial is not None and distance < best:
+                at, shown, best, damping = at + step, trial, distance, damping * 0.3
+                break
+            damping = damping * 10.0 + 0.3
+        if before - best < max(2.0, 0.004 * before):
+            break
+    return at, shown, jacobian
+
+
+def _slopes(lab: Lab, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """J' C^-1 J and J' C^-1 r, for `jacobian` (n_summaries, p) and `residual` (n_summaries,)."""
+    weighted = lab.metric.times(jacobian)
+    return jacobian.T @ weighted, weighted.T @ residual
+
+
+def _step(curvature: FloatArray, slope: FloatArray, damping: float) -> FloatArray:
+    """A damped step; directions in which the curvature drowns in noise are left as they are."""
+    diagonal = np.maximum(np.diag(curvature), 0.0)
+    damped = 0.5 * (curvature + curvature.T) + np.diag(damping * diagonal + 0.5)
+    values, vectors = np.linalg.eigh(damped)
+    values = np.maximum(values, 0.5)
+    return np.clip(vectors @ ((vectors.T @ slope) / values), -7.0, 7.0)
+
+
+def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
+    """Change of the summaries per step with the first seed, shape (n_summaries, p).
+
+    One beam that flips makes smaller steps useless; what is no larger than such flips is taken for chance.
+    """
+    found = np.zeros((shown.shape[1], len(at)))
+    for j in range(len(at)):
+        for sign in (1.0, -1.0):
+            there = at.copy()
+            there[j] += sign
+            other = shows(there, 1)
+            if other is not None and np.any(other[0] != shown[0]):
+                found[:, j] = sign * (other[0] - shown[0])
+                break
+    return np.where(np.abs(found) > _FLIPS, found, 0.0)
+
+
+def moved(probe: Probe, **settings: float) -> Probe:
+    """The same probe with other settings."""
+    return replace(probe, settings={**probe.settings, **settings})

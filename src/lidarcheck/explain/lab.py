@@ -1,0 +1,230 @@
+"""Frames on the bench: what was measured on them, and what any model would show, in the same summaries."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import Effect, make
+from lidarcheck.explain.beams import Beams, beams_of
+from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance
+from lidarcheck.explain.sights import Sights, sights_of
+from lidarcheck.explain.summaries import Summaries, compressed
+from lidarcheck.model.chain import Unread, simulate_unread
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Scan
+
+__all__ = ["Frame", "Lab", "Metric"]
+
+FloatArray = npt.NDArray[np.float64]
+
+EXPECTATION_SEEDS = 8
+FLOOR_SEEDS = 20
+FLOOR_DRAWS = 144
+CHECK_DRAWS = 64
+_KEPT = 6
+_MISFIT = 1.0
+"""Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a case: `number` from 0 as in the case's file, what its beams meet, and what was measured."""
+
+    number: int
+    ideal: IdealScan
+    measured: Scan
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Distance of summaries that knows their noise, its correlations and the nuisances: r' C^-1 r.
+
+    C = D + F F', D diagonal (n,), F (n, k) few columns; kept factored (Woodbury), since there are a thousand summaries.
+    """
+
+    diagonal: FloatArray
+    factors: FloatArray
+
+    @functools.cached_property
+    def _small(self) -> FloatArray:
+        scaled = self.factors / self.diagonal[:, None]
+        return np.asarray(np.linalg.inv(np.eye(self.factors.shape[1]) + self.factors.T @ scaled))
+
+    def times(self, r: FloatArray) -> FloatArray:
+        """C^-1 r for r of shape (n,) or (n, m)."""
+        d = self.diagonal if r.ndim == 1 else self.diagonal[:, None]
+        plain = r / d
+        return np.asarray(plain - (self.factors @ (self._small @ (self.factors.T @ plain))) / d)
+
+    def square(self, r: FloatArray) -> float:
+        """r' C^-1 r."""
+        return float(r @ self.times(r))
+
+
+class Lab:
+    """Some frames with a model: simulates other models on them and measures how far they are from the measurement."""
+
+    def __init__(self, frames: Sequence[Frame], model: Model, seed: int, *, seeds: int = 2) -> None:
+        self.frames = tuple(frames)
+        self.model = model
+        self.seed = seed
+        self.seeds = seeds
+        self._unread: dict[object, list[Unread]] = {}
+        self._posed: dict[tuple[float, float], list[IdealScan]] = {}
+        self.beams: Beams = beams_of([f.ideal for f in frames], model)
+        names = {i: m.name for i, m in model.materials.items()}
+        base = [self.sights(model, 1000 + k) for k in range(EXPECTATION_SEEDS)]
+        drawn = [self.sights(model, 2000 + k) for k in range(FLOOR_SEEDS)]
+        fresh = [_shuffled(self.beams, drawn, self.seed + k) for k in range(FLOOR_DRAWS)]
+        self.summaries = Summaries(self.beams, base, fresh, names)
+        self.measured_sights = sights_of(self.beams, [f.measured for f in frames])
+        self.measured = self.summaries.of(self.measured_sights)
+        # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
+        self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
+        self._paired: dict[int, FloatArray] = {}
+        self.metric = _metric(self)
+        zero = np.zeros((1, len(self.measured)))
+        self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
+
+    def scans(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> list[Scan]:
+        """What the model shows of every frame, with random numbers of its own."""
+        nuisance = nuisance or Nuisance()
+        run = nuisance.model(model)
+        echoes = self._echoes(run, seed, nuisance)
+        return [one.read_out(run) for one in echoes]
+
+    def _echoes(self, model: Model, seed: int, nuisance: Nuisance) -> list[Unread]:
+        """The echoes before the readout, kept for the next model that differs by its readout alone."""
+        before = tuple(effect for effect in model.effects if effect.stage != "readout")
+        table = tuple((i, m.reflectance) for i, m in model.materials.items())
+        key = (before, model.sensor, table, seed, nuisance.yaw, nuisance.pitch)
+        if key not in self._unread:
+            if len(self._unread) >= _KEPT:
+                self._unread.pop(next(iter(self._unread)))
+            self._unread[key] = [
+                simulate_unread(ideal, model, seed=(self.seed << 16) + seed, frame=f.number, threads=1)
+                for f, ideal in zip(self.frames, self._ideals(nuisance), strict=True)
+            ]
+        return self._unread[key]
+
+    def _ideals(self, nuisance: Nuisance) -> list[IdealScan]:
+        pose = (nuisance.yaw, nuisance.pitch)
+        if pose not in self._posed:
+            plain = [f.ideal for f in self.frames]
+            self._posed = {(0.0, 0.0): plain, **dict(list(self._posed.items())[-3:])}
+            self._posed[pose] = nuisance.ideals(plain, self.model)
+        return self._posed[pose]
+
+    def sights(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Sights:
+        """What the model shows of each beam."""
+        return sights_of(self.beams, self.scans(model, seed, nuisance))
+
+    def shows(self, model: Model, seeds: int | None = None, nuisance: Nuisance | None = None) -> FloatArray:
+        """The model's summaries, a row a seed, shape (seeds, n_summaries); the seeds are the same for every model.
+
+        What chance does to the case's own model with a seed is taken off, since it does nearly the same to a model
+        that differs a little.
+        """
+        rows = [self.summaries.of(self.sights(model, k, nuisance)) - self._chance(k) for k in range(seeds or self.seeds)]
+        return np.array(rows)
+
+    def plain_base(self, k: int) -> FloatArray:
+        """The summaries of the case's own model with a seed, not compressed."""
+        if k not in self._paired:
+            self._paired[k] = self.summaries.plain(self.sights(self.model, k))
+        return self._paired[k]
+
+    def _chance(self, k: int) -> FloatArray:
+        return compressed(self.plain_base(k))
+
+    def distance(self, shown: FloatArray, measured: FloatArray | None = None) -> float:
+        """How far a model's summaries, a row a seed, are from the measured ones, without the noise of the seeds.
+
+        The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out.
+        """
+        r = (self.measured if measured is None else measured) - np.atleast_2d(shown)
+        n = len(r)
+        if n == 1:
+            return self.metric.square(r[0])
+        total = self.metric.square(r.sum(axis=0)) - sum(self.metric.square(row) for row in r)
+        return total / (n * (n - 1))
+
+
+def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:
+    """One more measurement that the model could have made: each beam as one of some simulations shows it.
+
+    Beams are independent under the model, so that this is as good as another simulation.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed & 0xFFFFFFFF, 77]))
+    pick = rng.integers(0, len(drawn), len(beams))
+    rows = np.arange(len(beams))
+    detected = np.array([s.detected for s in drawn])[pick, rows]
+    feature = np.array([s.feature for s in drawn])[pick, rows]
+    mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
+    extra = [
+        np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)])
+        for name in ("extra_beam", "extra_m", "extra_area", "extra_side")
+    ]
+    order = np.argsort(extra[0], kind="stable")
+    strayed = np.array([s.strayed for s in drawn])[pick, rows]
+    return Sights(detected, feature, *(column[order] for column in extra), strayed=strayed)  # type: ignore[misc]
+
+
+def _metric(lab: Lab) -> Metric:
+    """The noise of a measurement against simulations of some seeds, its correlations, and the nuisances."""
+    noise = lab.floor / np.sqrt(len(lab.floor) - 1.0)
+    factors = [noise.T, *(column[:, None] for column in nuisances(lab).values())]
+    return Metric(np.full(lab.floor.shape[1], _MISFIT), np.concatenate(factors, axis=1))
+
+
+def nuisances(lab: Lab) -> Mapping[str, FloatArray]:
+    """What errors of one standard deviation in gain, reflectances and pose would do to the summaries."""
+    steps: dict[str, tuple[Effect, float]] = {"gain": (make("signal_gain", {"gain": 1.06}), GAIN_ERROR / 0.06)}
+    present = np.unique(lab.beams.material_id[lab.beams.material_id >= 0])
+    for material in present:
+        effect = make("material_reflectance", {"factor": 1.1, "material_id": int(material)})
+        steps[f"reflectance of material {material}"] = (effect, REFLECTANCE_ERROR / 0.1)
+    for name in ("yaw_deg", "pitch_deg"):
+        settings = {"yaw_deg": 0.0, "pitch_deg": 0.0} | {name: 2.0 * POSE_ERROR_DEG}
+        steps[name] = (make("boresight", settings), 0.5)
+    found = {name: factor * _shift(lab, effect) for name, (effect, factor) in steps.items()}
+    found["sensor's height"] = _height(lab)
+    return found
+
+
+def _shift(lab: Lab, effect: Effect) -> FloatArray:
+    """Change of the summaries, not compressed, by an effect on top of the model's; paired seeds."""
+    model = beside(lab.model, effect)
+    return np.asarray(np.mean([lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k) for k in range(2)], axis=0))
+
+
+def beside(model: Model, effect: Effect) -> Model:
+    """The model with an effect before those that it has, also where it has one of that name already."""
+    return dataclasses.replace(model, effects=tuple(sorted((effect, *model.effects), key=_stage)))
+
+
+def _stage(effect: Effect) -> int:
+    from lidarcheck.effects.base import STAGES
+
+    return STAGES.index(effect.stage)
+
+
+def _height(lab: Lab) -> FloatArray:
+    """A sensor higher by h sees a surface as if it looked up by h / R: ranges change along the surface's slope."""
+    sights = [lab.sights(lab.model, k) for k in range(2)]
+    beams = lab.beams
+    turn_deg = np.rad2deg(HEIGHT_ERROR_M / np.maximum(beams.distance_m, 1.0))
+    moved = np.clip(beams.slope_m_per_deg[:, 0] * turn_deg, -1.0, 1.0)
+    shifts = []
+    for one in sights:
+        feature = one.feature.copy()
+        feature[:, 0] += moved
+        other = dataclasses.replace(one, feature=feature)
+        shifts.append(lab.summaries.plain(other) - lab.summaries.plain(one))
+    return np.asarray(np.mean(shifts, axis=0))

@@ -1,0 +1,270 @@
+"""Starts that need a look at the data: which layers, which patch of the window, which material, which frequency."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import make
+from lidarcheck.explain.candidates import Free, Probe, free_of
+from lidarcheck.explain.lab import Lab, beside
+
+__all__ = ["located_probes"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+_LOST = -1.0
+"""ln gain that a surely expected but missing echo stands for."""
+_BLOCKS = 16
+_PERIODS = (2, 3, 4, 5, 6, 8)
+
+
+@dataclass(frozen=True)
+class _Dimming:
+    """Per beam the ln gain that its echo asks for, and the weight of that; shape (n,)."""
+
+    log_gain: FloatArray
+    weight: FloatArray
+
+    def mean(self, group: IndexArray, count: int) -> tuple[FloatArray, FloatArray]:
+        """Weighted mean of each group and its weight; groups below 0 take no part."""
+        used = group >= 0
+        weight = np.bincount(group[used], self.weight[used], count)
+        total = np.bincount(group[used], (self.weight * self.log_gain)[used], count)
+        return total / np.maximum(weight, 1e-9), weight
+
+
+def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
+    """The starts for effects that have a place: layers, a patch, a material, a rhythm."""
+    wanted = set(names)
+    dimming = _dimming(lab)
+    found: list[Probe] = []
+    if "material_reflectance" in wanted:
+        found += _materials(lab, dimming)
+    if "layer_gain" in wanted:
+        found += _layers(lab, dimming)
+    if "blockage" in wanted:
+        found += _patches(lab, dimming)
+    if "vibration" in wanted:
+        found += _rhythms(lab)
+    if "motion" in wanted:
+        found += _movers(lab)
+    if "mirror_multipath" in wanted:
+        found += _mirrors(lab)
+    return found
+
+
+def _dimming(lab: Lab) -> _Dimming:
+    """From ln AREA, by its slope over ln S at that amplitude, as the model itself shows with more light."""
+    expected = lab.summaries.expected
+    brighter = lab.sights(beside(lab.model, make("signal_gain", {"gain": 1.25})), 0)
+    seen = expected.known & brighter.detected
+    change = np.where(seen, brighter.feature[:, 1] - expected.mean[:, 1], 0.0) / np.log(1.25)
+    slope = _by_amplitude(lab, change, seen)
+    measured = lab.measured_sights
+    valid = measured.detected & expected.known & (slope > 0.1)
+    residual = measured.feature[:, 1] - expected.mean[:, 1]
+    spread = np.maximum(expected.spread[:, 1], 1e-3)
+    gain = np.where(valid, residual / np.maximum(slope, 0.1), 0.0)
+    weight = np.where(valid, (slope / spread) ** 2, 0.0)
+    lost = ~measured.detected & expected.known & (expected.probability > 0.8)
+    typical = float(np.median(weight[valid])) if valid.any() else 1.0
+    return _Dimming(
+        np.where(lost, _LOST, np.clip(gain, -2.0, 2.0)), np.where(lost, typical, np.minimum(weight, 4.0 * typical))
+    )
+
+
+def _by_amplitude(lab: Lab, value: FloatArray, seen: npt.NDArray[np.bool_]) -> FloatArray:
+    """The mean of beams alike in amplitude, for every beam."""
+    amplitude = lab.summaries.expected.mean[:, 1]
+    edges = np.quantile(amplitude[seen], np.linspace(0.0, 1.0, 25)[1:-1]) if seen.any() else np.zeros(0)
+    place = np.searchsorted(edges, amplitude)
+    count = np.bincount(place[seen], minlength=len(edges) + 1)
+    total = np.bincount(place[seen], value[seen], len(edges) + 1)
+    return (total / np.maximum(count, 1))[place]
+
+
+def _materials(lab: Lab, dimming: _Dimming) -> list[Probe]:
+    ids, place = np.unique(lab.beams.material_id, return_inverse=True)
+    gain, weight = dimming.mean(np.where(lab.beams.material_id >= 0, place, -1), len(ids))
+    free = free_of("material_reflectance")
+    found = []
+    for material, g in zip(ids, gain, strict=True):
+        if material < 0:
+            continue
+        factor = float(np.exp(g)) if abs(g) > 0.05 else 1.3
+        found.append(Probe("material_reflectance", {"factor": factor}, free, {"material_id": int(material)}))
+    return found
+
+
+def _layers(lab: Lab, dimming: _Dimming) -> list[Probe]:
+    """A band, every k-th layer of the whole view or of a band, by the largest contrast with the other layers."""
+    layers, place = np.unique(lab.beams.layer, return_inverse=True)
+    if len(layers) < 4:
+        return []
+    gain, weight = dimming.mean(place, len(layers))
+    gain = gain - np.average(gain, weights=weight + 1e-9)
+    free = free_of("layer_gain")
+    found = []
+    for sign in (1.0, -1.0):
+        first, last = _best_run(sign * gain * weight, weight)
+        inside = slice(first, last + 1)
+        outside = np.ones(len(layers), dtype=bool)
+        outside[inside] = False
+        rest = np.average(gain[outside], weights=weight[outside] + 1e-9) if outside.any() else 0.0
+        level = float(np.exp(np.average(gain[inside], weights=weight[inside] + 1e-9) - rest))
+        band = {"first_layer": int(layers[first]), "last_layer": int(layers[last]), "every": 1}
+        found.append(Probe("layer_gain", {"gain": level}, free, band))
+    found.append(_comb(layers, gain, weight))
+    return found
+
+
+def _best_run(total: FloatArray, weight: FloatArray) -> tuple[int, int]:
+    """First and last of the run whose mean stands out most: largest sum over the root of its weight."""
+    sums, weights = np.concatenate([[0.0], np.cumsum(total)]), np.concatenate([[0.0], np.cumsum(weight)])
+    score = (sums[None, :] - sums[:, None]) / np.sqrt(np.maximum(weights[None, :] - weights[:, None], 1e-9))
+    n = len(total)
+    length = np.arange(n + 1)[None, :] - np.arange(n + 1)[:, None]
+    score = np.where((length > 0) & (length <= 0.8 * n), score, -np.inf)
+    first, after = np.unravel_index(int(np.argmax(score)), score.shape)
+    return int(first), int(after) - 1
+
+
+def _comb(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
+    best = (-1.0, 2, 0, 0.8)
+    for period in _PERIODS:
+        for phase in range(period):
+            mine = (layers % period) == phase
+            if not mine.any() or mine.all():
+                continue
+            a, b = (np.average(gain[m], weights=weight[m] + 1e-9) for m in (mine, ~mine))
+            noise = np.sqrt(1.0 / max(weight[mine].sum(), 1e-9) + 1.0 / max(weight[~mine].sum(), 1e-9))
+            if abs(a - b) / noise > best[0]:
+                best = (abs(a - b) / noise, period, phase, float(np.exp(a - b)))
+    _, period, phase, level = best
+    first = int(layers[layers % period == phase][0])
+    settings = {"first_layer": first, "last_layer": int(layers[-1]), "every": period}
+    return Probe("layer_gain", {"gain": level}, free_of("layer_gain"), settings)
+
+
+def _patches(lab: Lab, dimming: _Dimming) -> list[Probe]:
+    """The rectangle of the field of view that is dimmed most against the rest, sharp and soft."""
+    rows, row = _blocks(lab.beams.layer)
+    columns, column = _blocks(lab.beams.point)
+    gain, weight = dimming.mean(row * (len(columns) - 1) + column, (len(rows) - 1) * (len(columns) - 1))
+    shape = (len(rows) - 1, len(columns) - 1)
+    dim = -np.clip(gain - np.average(gain, weights=weight + 1e-9), -2.0, 2.0)
+    top, bottom, left, right = _best_rectangle((dim * weight).reshape(shape), weight.reshape(shape))
+    inside = np.zeros(shape, dtype=bool)
+    inside[top:bottom, left:right] = True
+    flat = inside.ravel()
+    level = np.average(gain[flat], weights=weight[flat] + 1e-9) - (
+        np.average(gain[~flat], weights=weight[~flat] + 1e-9) if (~flat).any() else 0.0
+    )
+    place = {
+        "first_layer": int(rows[top]), "last_layer": int(rows[bottom]) - 1,
+        "first_point": int(columns[left]), "last_point": int(columns[right]) - 1,
+    }  # fmt: skip
+    transmission = float(np.clip(np.exp(level), 0.02, 0.95))
+    free = (
+        *free_of("blockage"),
+        *(Free(name, step, whole=True) for name, step in zip(place, (4.0, 4.0, 4.0, 4.0), strict=True)),
+    )
+    return [
+        Probe("blockage", {"transmission": transmission, "soft_edge_deg": soft, "roundness": r, **place}, free)
+        for soft, r in ((0.2, 0.2), (1.0, 0.8))
+    ]
+
+
+def _blocks(line: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Edges of about sixteen strips, and the strip of each beam."""
+    low, high = int(line.min()), int(line.max()) + 1
+    edges = np.unique(np.linspace(low, high, min(_BLOCKS, high - low) + 1).astype(np.int64))
+    return edges, np.searchsorted(edges, line, side="right") - 1
+
+
+def _best_rectangle(total: FloatArray, weight: FloatArray) -> tuple[int, int, int, int]:
+    sums, weights = (np.pad(x.cumsum(0).cumsum(1), ((1, 0), (1, 0))) for x in (total, weight))
+    best, where = -np.inf, (0, 1, 0, 1)
+    rows, columns = total.shape
+    for top, bottom in itertools.combinations(range(rows + 1), 2):
+        s, w = sums[bottom] - sums[top], weights[bottom] - weights[top]
+        score = (s[None, :] - s[:, None]) / np.sqrt(np.maximum(w[None, :] - w[:, None], 1e-9))
+        score = np.where(np.arange(columns + 1)[None, :] > np.arange(columns + 1)[:, None], score, -np.inf)
+        left, right = np.unravel_index(int(np.argmax(score)), score.shape)
+        if score[left, right] > best and (bottom - top) * (right - left) < 0.7 * rows * columns:
+            best, where = float(score[left, right]), (top, bottom, int(left), int(right))
+    return where
+
+
+def _rhythms(lab: Lab) -> list[Probe]:
+    """The frequency at which range residuals swing along the slope of surfaces, in the phase of the sweep."""
+    from lidarcheck.rays import sweep_time_s
+
+    expected, measured = lab.summaries.expected, lab.measured_sights
+    valid = measured.detected & expected.known
+    residual = np.where(valid, measured.feature[:, 0] - expected.mean[:, 0], 0.0)
+    points, column = np.unique(lab.beams.point, return_inverse=True)
+    if len(points) < 12:
+        return []
+    time = sweep_time_s(points.astype(np.int32))
+    found = []
+    weight = lab.beams.slope_m_per_deg / np.maximum(expected.spread[:, :1], 0.02) ** 2
+    for axis, name in ((0, "pitch_deg"), (1, "yaw_deg")):
+        top = np.bincount(column, np.where(valid, np.clip(residual, -1.0, 1.0) * weight[:, axis], 0.0))
+        bottom = np.bincount(column, np.where(valid, weight[:, axis] * lab.beams.slope_m_per_deg[:, axis], 0.0))
+        angle = top / np.maximum(bottom, 1e-9)
+        peak = _periodogram(time, np.clip(angle, -0.5, 0.5), bottom)
+        if peak is None:
+            continue
+        frequency, phase, size = peak
+        settings = {"pitch_deg": size, "yaw_deg": size, "frequency_hz": frequency, "phase_deg": phase,
+                    "random_deg": 0.0}  # fmt: skip
+        free = (*free_of("vibration"), Free("frequency_hz", 0.05, log=True), Free("phase_deg", 15.0))
+        found.append(Probe("vibration", settings, free))
+    return found
+
+
+def _periodogram(time: FloatArray, angle: FloatArray, weight: FloatArray) -> tuple[float, float, float] | None:
+    """Frequency [Hz], phase [deg] and amplitude of the strongest sine; None where nothing has weight."""
+    if not np.any(weight > 0.0):
+        return None
+    root = np.sqrt(weight / weight.max())
+    length = max(float(time[-1] - time[0]), 1e-4)
+    best = (0.0, 0.0, 0.0, -1.0)
+    for frequency in np.geomspace(0.7 / length, 0.4 / float(np.median(np.diff(time))), 120):
+        swing = 2.0 * np.pi * frequency * time
+        basis = np.column_stack([np.sin(swing), np.cos(swing), np.ones_like(time)]) * root[:, None]
+        fit, *_ = np.linalg.lstsq(basis, angle * root, rcond=None)
+        drop = float(((basis[:, :2] @ fit[:2]) ** 2).sum())
+        if drop > best[3]:
+            best = (float(frequency), float(np.rad2deg(np.arctan2(fit[1], fit[0]))), float(np.hypot(*fit[:2])), drop)
+    return best[0], best[1], float(np.clip(best[2], 0.003, 0.5))
+
+
+def _movers(lab: Lab) -> list[Probe]:
+    """Objects that have a number may move on their own."""
+    ids, counts = np.unique(lab.beams.object_id[lab.beams.object_id >= 0], return_counts=True)
+    found = []
+    for number in ids[np.argsort(-counts)][:6]:
+        for sign in (1.0, -1.0):
+            settings = {"forward_m_s": 8.0 * sign, "left_m_s": 0.0}
+            free = (Free("forward_m_s", 1.0), Free("left_m_s", 1.0))
+            found.append(Probe("motion", settings, free, {"object_id": int(number)}))
+    return found
+
+
+def _mirrors(lab: Lab) -> list[Probe]:
+    """Each material as the mirror."""
+    ids = np.unique(lab.beams.material_id[(lab.beams.material_id >= 0) & ~lab.beams.retro])
+    free = (Free("reflectivity", 0.2, log=True), Free("grazing", 0.1))
+    return [
+        Probe("mirror_multipath", {"reflectivity": value}, free, {"material_id": int(i)})
+        for i in ids
+        for value in (0.5,)
+    ]

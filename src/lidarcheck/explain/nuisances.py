@@ -1,0 +1,85 @@
+"""What may be a little wrong without being worth a name: table entries, the sensor's place. Fitted, within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import make
+from lidarcheck.model.chain import aimed
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan
+
+__all__ = ["LIMIT", "Nuisance", "axes_of"]
+
+FloatArray = npt.NDArray[np.float64]
+
+GAIN_ERROR = 0.02
+REFLECTANCE_ERROR = 0.04
+POSE_ERROR_DEG = 0.015
+HEIGHT_ERROR_M = 0.01
+"""Usual errors (standard deviations) of the gain, of table entries, of the sensor's angles and of its height."""
+
+LIMIT = 2.5
+"""No nuisance is more than so many of its usual errors; what is larger is an effect and gets a name."""
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """How far gain, reflectances and pose are off, each in units of its usual error; nothing by default."""
+
+    yaw: float = 0.0
+    pitch: float = 0.0
+    materials: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def penalty(self) -> float:
+        """Sum of squares: how unusual that is."""
+        return float(self.yaw**2 + self.pitch**2 + sum(v**2 for v in self.materials.values()))
+
+    @property
+    def still(self) -> bool:
+        """Whether the beams look where they should."""
+        return self.yaw == 0.0 and self.pitch == 0.0
+
+    def model(self, model: Model) -> Model:
+        """The model with the reflectances of this nuisance."""
+        if not any(self.materials.values()):
+            return model
+        table = {
+            i: replace(entry, reflectance=entry.reflectance * float(np.exp(REFLECTANCE_ERROR * self.materials.get(i, 0.0))))
+            for i, entry in model.materials.items()
+        }
+        return replace(model, materials=table)
+
+    def ideals(self, ideals: Sequence[IdealScan], model: Model) -> list[IdealScan]:
+        """What the beams meet when they look where this nuisance says."""
+        if self.still:
+            return list(ideals)
+        turn = make("boresight", {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG})
+        return [aimed(ideal, replace(model, effects=(turn,))) for ideal in ideals]
+
+    def words(self) -> list[str]:
+        """What is off, in words, where it is off by more than a tenth of a usual error."""
+        found = []
+        for name, value in (("yaw", self.yaw), ("pitch", self.pitch)):
+            if abs(value) > 0.1:
+                found.append(f"{name} {value * POSE_ERROR_DEG:+.4f} deg")
+        for i, value in self.materials.items():
+            if abs(value) > 0.1:
+                found.append(f"reflectance of material {i} {100.0 * np.expm1(REFLECTANCE_ERROR * value):+.1f} %")
+        return found
+
+
+def axes_of(materials: Sequence[int]) -> list[str | int]:
+    """The axes along which a nuisance is fitted, in order: yaw, pitch, and the materials by number."""
+    return ["yaw", "pitch", *materials]
+
+
+def at(axes: Sequence[str | int], x: FloatArray) -> Nuisance:
+    """The nuisance at a point of those axes, kept within the limits."""
+    values = dict(zip(axes, np.clip(x, -LIMIT, LIMIT).tolist(), strict=True))
+    return Nuisance(values.pop("yaw"), values.pop("pitch"), {int(k): v for k, v in values.items()})

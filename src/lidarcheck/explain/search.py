@@ -1,0 +1,105 @@
+"""The search for missing effects: screen every candidate, fit the best, accept or reject, leave out again, refit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.lab import Lab
+
+__all__ = ["MOST_EFFECTS", "Screened", "Search", "Trial", "chance_level", "screen"]
+
+FloatArray = npt.NDArray[np.float64]
+
+MOST_EFFECTS = 4
+_REFINED = 4
+"""So many of the best screened effects are fitted in each round."""
+_LEAST_PART = 0.05
+"""An effect that explains less of the distance than this is not worth a name."""
+_LARGEST_SCALE = 1.5
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A probe, how the summaries change with it, (n_summaries,), and what that explains of a residual by chance."""
+
+    probe: Probe
+    change: FloatArray
+    chance: float
+
+    def gain(self, lab: Lab, residual: FloatArray) -> tuple[float, float]:
+        """By how much the distance of a residual shrinks when the change is scaled by a factor from 0 to 1.5, and
+        that factor."""
+        weighted = lab.metric.times(self.change)
+        length = float(self.change @ weighted)
+        if length <= 0.0:
+            return 0.0, 0.0
+        scale = min(max(float(weighted @ residual) / length, 0.0), _LARGEST_SCALE)
+        return float(2.0 * scale * (weighted @ residual) - scale**2 * length), scale
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames."""
+
+    name: str
+    round: int
+    fit: Fit
+    gain: float
+    needed: float
+    select_before: float
+    select_after: float
+    screened: float
+
+
+@dataclass
+class Search:
+    """What the search found; `trials` are all fitted candidates, `best` the accepted effects together."""
+
+    fit: Fit
+    trials: list[Trial] = field(default_factory=list)
+    screened: list[Screened] = field(default_factory=list)
+
+
+def screen(lab: Lab, probes: Sequence[Probe], told: Callable[[int, int], object] | None = None) -> list[Screened]:
+    """What every candidate would change, each with the same random numbers as the model itself."""
+    found = []
+    for i, probe in enumerate(probes):
+        try:
+            change = lab.shows(lab.model.with_(probe.effect()), 1)[0]
+        except UsageError:
+            continue  # such an effect cannot be on top of this model
+        found.append(Screened(probe, change, _chance(lab, change)))
+        if told is not None:
+            told(i + 1, len(probes))
+    return found
+
+
+def _chance(lab: Lab, change: FloatArray) -> float:
+    """Mean of what this change explains, in either direction, of draws in which nothing is missing; at least 1."""
+    weighted = lab.metric.times(change)
+    length = float(change @ weighted)
+    return max(1.0, float(np.mean((lab.check @ weighted) ** 2) / length)) if length > 0.0 else 1.0
+
+
+def chance_level(lab: Lab, screened: Sequence[Screened], share: float = 0.99) -> float:
+    """The quantile, over draws in which nothing is missing, of the largest gain that any candidate has by chance.
+
+    In units of each candidate's own mean gain by chance.
+    """
+    if not screened:
+        return 0.0
+    changes = np.array([one.change for one in screened]).T
+    weighted = lab.metric.times(changes)
+    length = np.maximum((changes * weighted).sum(axis=0), 1e-9)
+    slope = np.maximum(lab.check @ weighted, 0.0)
+    largest = (slope**2 / length / np.array([one.chance for one in screened])).max(axis=1)
+    # Sixty draws do not hold their own 99 % quantile: their mean and spread give it (Gumbel's distribution).
+    scale = float(np.std(largest)) * np.sqrt(6.0) / np.pi
+    return float(np.mean(largest) + scale * (-np.log(-np.log(share)) - 0.5772))

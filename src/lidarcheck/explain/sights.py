@@ -1,0 +1,79 @@
+"""What a scan shows of each beam: paired residuals of the surface's echo, and the echoes of no surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.explain.beams import Beams, key_of
+from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
+from lidarcheck.scan import Scan
+
+__all__ = ["FEATURES", "Sights", "sights_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+FEATURES = ("range", "area", "peak", "width")
+"""The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]."""
+
+
+@dataclass(frozen=True)
+class Sights:
+    """What scans of all frames show of each beam of a `Beams` table.
+
+    `detected` (n,): an echo within 2 m of a surface of the beam; of several the nearest. `feature` (n, 4): that echo's
+    features in the order of `FEATURES`, 0 where there is none. `extra_beam`, `extra_m`, `extra_area` (m,): the other
+    echoes, each with its beam, its range and ln AREA, in order of the beams. `extra_side` (m,): the side whose
+    neighbour meets a surface at that range, as `beams.SIDES`, -1 for none. `strayed` (n,): beams that show nothing but
+    a neighbour's surface, as an aim off by a fraction of a beam makes them.
+    """
+
+    detected: npt.NDArray[np.bool_]
+    feature: FloatArray
+    extra_beam: IndexArray
+    extra_m: FloatArray
+    extra_area: FloatArray
+    extra_side: IndexArray
+    strayed: npt.NDArray[np.bool_]
+
+
+def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
+    """Pair the echoes of the frames' scans with what the beams meet; every echo's beam must be in the table."""
+    frame = np.concatenate([np.full(len(scan), i) for i, scan in enumerate(scans)])
+    columns = ("layer", "point", "range_m", "area", "peak", "width_ns")
+    layer, point, range_m, area, peak, width = (
+        np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in columns
+    )
+    beam = np.searchsorted(beams.key, key_of(frame, layer, point))
+    surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
+    residual = np.where(surface >= 0, range_m - beams.hit_m[np.maximum(surface, 0)], np.inf)
+    # The nearest echo of each beam comes first; ties in range cannot be in one beam.
+    order = np.lexsort((np.abs(residual), beam))
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = beam[order][1:] != beam[order][:-1]
+    own = order[first & (np.abs(residual[order]) <= OF_SURFACE_M)]
+    detected = np.zeros(len(beams), dtype=bool)
+    detected[beam[own]] = True
+    feature = np.zeros((len(beams), len(FEATURES)))
+    log_area, log_peak = np.log(np.maximum(area, 1.0)), np.log(np.maximum(peak, 1.0))
+    for j, value in enumerate((residual, log_area, log_peak, width)):
+        feature[beam[own], j] = value[own]
+    others = np.ones(len(beam), dtype=bool)
+    others[own] = False
+    rest = np.flatnonzero(others)
+    rest = rest[np.lexsort((range_m[rest], beam[rest]))]
+    side = _sides(beams, beam[rest], range_m[rest])
+    strayed = np.zeros(len(beams), dtype=bool)
+    strayed[beam[rest][side >= 0]] = True
+    return Sights(detected, feature, beam[rest], range_m[rest], log_area[rest], side, strayed & ~detected)
+
+
+def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:
+    """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
+    beside = beams.neighbour_m[beam]
+    near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < 1.0 + 0.03 * range_m[:, None])
+    return np.where(near.any(axis=1), near.argmax(axis=1), -1)
