@@ -66,7 +66,7 @@ def test_it_says_what_is_missing_and_how_sure_that_is(page):
 
 def test_it_shows_the_gap_the_model_and_the_evidence(page):
     text = Page(page).text
-    assert "The model as it was 0.9 (0.85 to 0.95) + fog 0.2 (0.17 to 0.23) 79.5 % + layer_gain 0.03" in text
+    assert "As it was 0.9 (0.85 to 0.95) + fog 0.2 (0.17 to 0.23) 79.5 % + layer_gain 0.03" in text
     assert text.index("area 0.5 0.02 0.015") < text.index("range 0.1 0.011 0.01")
     assert '+ name = "fog"' in text
     assert "AREA is 31 standard deviations lower at 60-80 m area range 60-80 m −31.2" in text
@@ -85,6 +85,7 @@ def test_no_gap_says_so_and_shows_one_model():
     assert "= No gap: nothing is missing in the model" in words
     assert "measured and simulated echoes are 0.021 (90 %: 0.014 to 0.029) apart; chance alone makes 0.02" in words
     assert "What is missing" not in words
+    assert "Gap closed" not in words
     assert "What changes in the model" not in words
     assert 'class="before"' not in text
 

@@ -50,12 +50,12 @@ COMMANDS = (
     Command(
         "explain",
         "CASE --out DIR [OPTIONS]",
-        "Find where model and measurement disagree, name the missing effect, and add it.",
-        "CASE is a directory with case.toml: a model, and frames of an ideal scan, a measured scan and a time. Writes "
-        "report.json, report.html and model.toml, the model with what was found in it, ready for simulate and check. "
-        "The verdict is no_gap, explained or unknown; the exit code is 0 for each. An interrupted run goes on when the "
-        "same command is given again. --benchmark N instead runs N cases in which an effect is hidden, and says how "
-        "often it is found.",
+        "Name the effect that a model lacks, and add it.",
+        "Says where model and measurement disagree, and why. CASE is a directory with case.toml: a model, and frames "
+        "of an ideal scan, a measured scan and a time. Writes report.json, report.html and model.toml, the model with "
+        "what was found in it, ready for simulate and check. The verdict is no_gap, explained or unknown; the exit "
+        "code is 0 for each. An interrupted run goes on when the same command is given again. --benchmark N instead "
+        "runs N cases in which an effect is hidden, and says how often it is found.",
         (
             "lidarcheck explain case --out found --seed 1",
             "lidarcheck explain case --out found --exclude fog --into would_have_caught",

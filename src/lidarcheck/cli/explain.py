@@ -77,13 +77,22 @@ def explain(
     ] = None,
     quiet: Quiet = False,
 ) -> int:
-    """Find where model and measurement disagree, name the missing effect, and add it."""
+    """Name the effect that a model lacks, and add it."""
     hush(quiet)
     if benchmark is not None:
         from lidarcheck.cli.explain_benchmark import benchmark as run
 
         _refuse_beside("--benchmark", {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html})
-        return run(benchmark, seed=seed, jobs=jobs or _cores(), json=json, generator=generator, only=only, out=out)
+        return run(
+            benchmark,
+            seed=seed,
+            jobs=jobs or _cores(),
+            json=json,
+            generator=generator,
+            only=only,
+            out=out,
+            quiet=quiet,
+        )
     if generator is not None or only is not None:
         option = "--generator" if generator is not None else "--only"
         raise UsageError(f"{option} is for --benchmark", fix="add --benchmark N, or leave it out")
@@ -133,8 +142,8 @@ def _effects(exclude: Sequence[str]) -> tuple[str, ...]:
 def _checked(case: Path, out: Path, json: str | None, into: str | None) -> Case:
     """The case, once it is known that all results can be written."""
     check_directory(out, case)
-    if into is not None and Path(into).suffix == ".toml" and Path(into).exists():
-        raise UsageError(f"{into} is there already", fix="give the scenario another name")
+    if into is not None:
+        _check_new(Path(into))
     from lidarcheck.explain.case import load_case
 
     with stage("reading the case"):
@@ -144,6 +153,18 @@ def _checked(case: Path, out: Path, json: str | None, into: str | None) -> Case:
         check_writable(json, option="--json", besides=(*loaded.files, *(out / name for name in (REPORT, MODEL, PAGE))))
     make_directory(out)
     return loaded
+
+
+def _check_new(scenario: Path) -> None:
+    """A scenario is proposed, never replaced: a file, or a name in the nearest `scenarios` upward."""
+    name = scenario.name if scenario.suffix == ".toml" else f"{scenario.name}.toml"
+    places = [scenario.with_name(name)]
+    if scenario.suffix != ".toml" and scenario.parent == Path():
+        here = Path.cwd()
+        places = [d / "scenarios" / name for d in (here, *here.parents) if (d / "scenarios").is_dir()][:1]
+    for place in places:
+        if place.exists():
+            raise UsageError(f"{place} is there already", fix="give the scenario another name with --into")
 
 
 def _explained(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-from lidarcheck.cli.explain_watch import clock_text
+from lidarcheck.cli.explain_watch import Pace, watched
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
-from lidarcheck.cli.terminal import emit, note, progress
+from lidarcheck.cli.terminal import emit, note
 from lidarcheck.errors import InputError
 
 __all__ = ["benchmark"]
@@ -25,6 +25,7 @@ def benchmark(
     generator: Path | None,
     only: str | None,
     out: Path | None,
+    quiet: bool,
 ) -> int:
     """Run `n` cases and print how good the answers are."""
     if json is not None:
@@ -35,8 +36,8 @@ def benchmark(
     from lidarcheck.explain.benchmark_text import table_text
 
     try:
-        with progress("benchmark") as show:
-            tell = show if _watched() else _lines()
+        with watched({"benchmark": 1.0}, quiet=quiet) if _moves() else contextlib.nullcontext() as bar:
+            tell = _lines() if bar is None else _on(bar)
             result = run_benchmark(n, seed=seed, only=only, jobs=jobs, generator=generator, out=out, tell=tell)
     except KeyboardInterrupt:
         if out is not None:
@@ -49,17 +50,25 @@ def benchmark(
     return 0
 
 
-def _watched() -> bool:
+def _moves() -> bool:
     return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def _on(bar: Callable[[str, int, int], object]) -> Callable[[int, int, str], None]:
+    bar("benchmark", 0, 0)
+
+    def tell(done: int, of: int, _words: str) -> None:
+        bar("benchmark", done, of)
+
+    return tell
 
 
 def _lines() -> Callable[[int, int, str], None]:
     """A line for each case, with the time left."""
-    start, first = time.monotonic(), [-1]
+    pace = Pace({"benchmark": 1.0})
 
     def tell(done: int, of: int, words: str) -> None:
-        first[0] = done - 1 if first[0] < 0 else first[0]
-        left = (time.monotonic() - start) * (of - done) / (done - first[0])
-        note(f"{done} of {of} ({words}), about {clock_text(left)} left")
+        pace.tell("benchmark", done, of)
+        note(", ".join(part for part in (f"{done} of {of} cases", words, pace.left()) if part))
 
     return tell

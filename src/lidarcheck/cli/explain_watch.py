@@ -16,6 +16,8 @@ __all__ = ["Pace", "clock_text", "watched"]
 
 _SAYABLE = 0.02
 """Share of the work from which on its pace says something about the rest."""
+_AT_ONCE_S = 0.5
+"""What is there so soon was done by an earlier run, and says nothing about the pace of this one."""
 
 
 class Pace:
@@ -26,7 +28,7 @@ class Pace:
         self._shares = {name: share / total for name, share in shares.items()} if total > 0.0 else {}
         self._clock = clock
         self._start = clock()
-        self._ran = 0.0
+        self._restored = 0.0
         self.part = 0.0
 
     def tell(self, step: str, done: int, of: int) -> None:
@@ -37,6 +39,8 @@ class Pace:
         before = sum(self._shares[name] for name in names[: names.index(step)])
         now = before + self._shares[step] * (min(done / of, 1.0) if of > 0 else 0.0)
         self.part = max(self.part, min(now, 1.0))
+        if self.elapsed_s < _AT_ONCE_S:
+            self._restored = self.part
 
     @property
     def elapsed_s(self) -> float:
@@ -46,7 +50,8 @@ class Pace:
     @property
     def left_s(self) -> float | None:
         """Seconds that the rest takes at the pace so far; None while too little is done to say."""
-        return self.elapsed_s * (1.0 - self.part) / self.part if self.part >= _SAYABLE else None
+        ran = self.part - self._restored
+        return self.elapsed_s * (1.0 - self.part) / ran if ran >= _SAYABLE else None
 
     def left(self) -> str:
         """`about 0:40 left`; empty while too little is done to say."""

@@ -16,6 +16,7 @@ import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -69,28 +70,39 @@ def find_generator(start: Path | None = None) -> Path:
 
 
 def load_generator(directory: Path) -> ModuleType:
-    """The package in that directory, whatever its name; `InputError` when it is none or lacks what is needed."""
-    file = directory / "__init__.py"
+    """The package in that directory; `InputError` when it is none or lacks what is needed."""
+    file = directory.resolve() / "__init__.py"
     if not file.is_file():
         raise InputError("is not a Python package", file=directory, fix="name the directory of a generator of cases")
-    name = f"lidarcheck_cases_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(directory)])
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        try:
-            spec.loader.exec_module(module)
-        except BaseException as error:
-            del sys.modules[name]
-            if not isinstance(error, Exception):
-                raise
-            raise InputError(f"cannot be imported: {error}", file=file, fix="name a generator of cases") from error
-    missing = [part for part in ("plan", "write_case", "CaseOrder") if not hasattr(sys.modules[name], part)]
+    # Under its own name: what it has compiled and cached asks for modules by the name that they had then.
+    name = file.parent.name
+    module = sys.modules.get(name)
+    if module is None or module.__file__ != str(file):
+        if module is not None and not hasattr(module, "write_case"):
+            name = f"lidarcheck_cases_{hashlib.sha256(str(file).encode()).hexdigest()[:12]}"
+        module = _imported(name, file)
+    missing = [part for part in ("plan", "write_case", "CaseOrder") if not hasattr(module, part)]
     if missing:
         raise InputError(f"has no {', '.join(missing)}", file=file, fix="name a generator of cases")
-    return sys.modules[name]
+    return module
+
+
+def _imported(name: str, file: Path) -> ModuleType:
+    """A package by its file, in the place of another one of that name."""
+    for old in [one for one in sys.modules if one == name or one.startswith(f"{name}.")]:
+        del sys.modules[old]
+    spec = importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(file.parent)])
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if not isinstance(error, Exception):
+            raise
+        raise InputError(f"cannot be imported: {error}", file=file, fix="name a generator of cases") from error
+    return module
 
 
 def run_benchmark(
@@ -117,9 +129,12 @@ def run_benchmark(
     orders = load_generator(place).plan(n, seed, only)
     key = _key(place, seed, only, explain)
     done: dict[int, Answer] = {}
-    with _kept(out, key, done) as keep:
+    with _kept(out, key, done) as keep, _scratch() as scratch:
         rest = [order for order in orders if order.number not in done]
-        for answer in _answers(rest, place, explain, jobs):
+        tasks = [(str(place), dataclasses.asdict(order), explain, scratch) for order in rest]
+        if tell is not None and len(rest) < len(orders):
+            tell(len(orders) - len(rest), len(orders), "kept by an earlier run")
+        for answer in _answers(tasks, jobs):
             keep(answer)
             done[answer.number] = answer
             if tell is not None:
@@ -128,16 +143,20 @@ def run_benchmark(
     return Benchmark(seed, only, place, answers, score(answers))
 
 
-def _answers(orders: Sequence[Any], place: Path, explain: str, jobs: int) -> Iterator[Answer]:
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    """One directory for all cases, so that those of workers that are ended go with it."""
+    return tempfile.TemporaryDirectory(prefix="lidarcheck-cases-", ignore_cleanup_errors=True)
+
+
+def _answers(tasks: Sequence[tuple[str, dict[str, Any], str, str]], jobs: int) -> Iterator[Answer]:
     """The answers as they come, in any order."""
-    tasks = [(str(place), dataclasses.asdict(order), explain) for order in orders]
     if jobs == 1 or len(tasks) < 2:
         for task in tasks:
             yield _answer(*task)
         return
     with _one_thread_each():
         pool = ProcessPoolExecutor(
-            min(jobs, len(tasks)), mp_context=multiprocessing.get_context("spawn"), initializer=_leave_interrupts
+            min(jobs, len(tasks)), mp_context=multiprocessing.get_context("spawn"), initializer=_as_worker
         )
         try:
             for future in as_completed([pool.submit(_answer, *task) for task in tasks]):
@@ -152,9 +171,22 @@ def _answers(orders: Sequence[Any], place: Path, explain: str, jobs: int) -> Ite
         pool.shutdown()
 
 
-def _leave_interrupts() -> None:
-    """The process that started the workers ends them; none of them says anything on its own."""
+def _as_worker() -> None:
+    """The process that started the workers ends them and says what there is to say."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
+
+
+@contextlib.contextmanager
+def _hushed() -> Iterator[None]:
+    """Warnings about files that nobody will see help nobody."""
+    logger = logging.getLogger("lidarcheck")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 @contextlib.contextmanager
@@ -172,20 +204,21 @@ def _one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _answer(place: str, order_fields: Mapping[str, Any], explain: str) -> Answer:
+def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: str) -> Answer:
     """Write one case, explain it, and only then open its seal."""
     from lidarcheck.explain.case import load_case
     from lidarcheck.formats.plain import plain
 
     module = load_generator(Path(place))
     order = module.CaseOrder(**order_fields)
-    where, _, function = explain.partition(":")
-    with tempfile.TemporaryDirectory(prefix="lidarcheck-case-") as scratch:
+    name, _, function = explain.partition(":")
+    with _hushed(), tempfile.TemporaryDirectory(dir=where) as scratch:
         sealed = module.write_case(order, Path(scratch) / "case")
         start = time.perf_counter()
-        error, report = "", {"verdict": "unknown", "effects": [], "gap": {}}
+        error = ""
+        report: dict[str, Any] = {"verdict": "unknown", "effects": [], "gap": {}}
         try:
-            run = getattr(importlib.import_module(where), function)
+            run = getattr(importlib.import_module(name), function)
             report = plain(run(load_case(Path(scratch) / "case"), exclude=order.exclude, jobs=1).to_dict())
         except LidarcheckError as problem:
             error = " ".join(problem.lines()).replace(scratch, "").strip()

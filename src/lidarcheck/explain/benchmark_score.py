@@ -59,13 +59,20 @@ class Answer:
     def to_dict(self) -> dict[str, Any]:
         """Plain values; what is not a number is None."""
         row = asdict(self)
-        row["closed"] = None if math.isnan(self.closed) else self.closed
+        row["closed"] = _or_none(self.closed)
         return row
 
     @property
     def names(self) -> tuple[str, ...]:
         """What was named, in order of importance, without "unknown"."""
         return tuple(one["name"] for one in self.found if one["name"] != "unknown")
+
+    @property
+    def right(self) -> bool:
+        """Whether the answer is the one that is wanted, by exact names."""
+        if self.kind in NULLS:
+            return self.verdict == "no_gap"
+        return _recognised(self) if self.kind in OUTSIDE else _exact(self)
 
     @property
     def shows(self) -> bool:
@@ -94,7 +101,7 @@ class Share:
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         low, high = self.interval
-        return {"hits": self.hits, "of": self.of, "share": self.value if self.of else None, "low": low, "high": high}
+        return {"hits": self.hits, "of": self.of, "share": _or_none(self.value), "low": low, "high": high}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +140,16 @@ class Score:
             "cases": self.cases,
             "observable": {name: share.to_dict() for name, share in self.shares.items()},
             "all": {name: share.to_dict() for name, share in self.all_shares.items()},
-            "closed": None if math.isnan(self.closed) else self.closed,
+            "closed": _or_none(self.closed),
             "calibration": bins,
-            "brier": None if math.isnan(self.brier) else self.brier,
-            "seconds": {"median": self.seconds[0], "p90": self.seconds[1]},
+            "brier": _or_none(self.brier),
+            "seconds": {"median": _or_none(self.seconds[0]), "p90": _or_none(self.seconds[1])},
             "errors": {str(number): why for number, why in self.errors.items()},
         }
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def score(answers: Sequence[Answer]) -> Score:
@@ -166,19 +177,21 @@ def _shares(answers: Sequence[Answer]) -> dict[str, Share]:
     for strength in STRENGTHS:
         of = [a for a in singles if a.strength == strength]
         found[f"  {strength}"] = _share(of, _exact)
-    found["singles named within a set of three"] = _share(singles, _within)
+    found["singles within a set of three"] = _share(singles, _within)
     found["pairs complete"] = _share(pairs, _exact)
-    found["pairs complete within sets of three"] = _share(pairs, _within)
+    found["pairs within sets of three"] = _share(pairs, _within)
     found["wrong abstentions"] = _share([*singles, *pairs], lambda a: a.verdict != "explained")
+    found["  said to be unknown"] = _share([*singles, *pairs], lambda a: a.verdict == "unknown")
+    found["  said to be no gap"] = _share([*singles, *pairs], lambda a: a.verdict == "no_gap")
     nulls = [a for a in answers if a.kind in NULLS]
     found["false alarms on nulls"] = _share(nulls, lambda a: a.verdict != "no_gap")
     found["  without nuisances"] = _share([a for a in nulls if a.kind == "null"], lambda a: a.verdict != "no_gap")
     found["  with nuisances"] = _share([a for a in nulls if a.kind == "null_nuisance"], lambda a: a.verdict != "no_gap")
     outside = [a for a in answers if a.kind in OUTSIDE]
     found["unknowns recognised"] = _share(outside, _recognised)
-    for kind, words in (("left_out", "  effect left out of the catalogue"), ("alien", "  effect of no catalogue")):
+    for kind, words in (("left_out", "  left out of the catalogue"), ("alien", "  of no catalogue")):
         found[words] = _share([a for a in outside if a.kind == kind], _recognised)
-    found["confident wrong names on unknowns"] = _share(outside, _misled)
+    found["unknowns confidently misnamed"] = _share(outside, _misled)
     found["90 % intervals cover the truth"] = _coverage(answers)
     return found
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 from lidarcheck.explain.benchmark import Benchmark
-from lidarcheck.explain.benchmark_score import Share
+from lidarcheck.explain.benchmark_score import Answer, Share
 
 __all__ = ["WANTED", "figures", "table_markdown", "table_text"]
 
@@ -53,9 +54,21 @@ def table_text(result: Benchmark) -> str:
     for one in result.score.calibration:
         name = f"{100 * one.low:.0f} to {100 * one.high:.0f} %"
         lines.append(f"{name:{label}}  {_percent(one.confidence):>14}  {_counts(one.right):>12}")
-    lines += ["", *(f"case {number}: no answer: {why}" for number, why in result.score.errors.items())]
+    lines += ["", *(part for answer in result.answers if not answer.right for part in _wrong(answer))]
     kind = f", only {result.only}" if result.only else ""
     return "\n".join([*lines, f"{result.score.cases} cases of seed {result.seed}{kind}"]) + "\n"
+
+
+def _wrong(answer: Answer) -> list[str]:
+    """What was hidden and what was answered instead."""
+    hidden = ", ".join(f"{name} (z {answer.z.get(name, math.nan):.0f})" for name in answer.effects) or "nothing"
+    found = ", ".join(
+        f"{one['name']}{''.join(f' or {other}' for other in one['equivalent_to'])}" for one in answer.found
+    )
+    said = f"no answer: {answer.error}" if answer.error else f"{answer.verdict}{': ' if found else ''}{found}"
+    hides = f"{answer.strength} {hidden}" if answer.effects else hidden
+    text = f"case {answer.number}, {answer.kind}, {answer.variant}, {answer.scene}: hides {hides}; {said}"
+    return textwrap.wrap(text, 80, subsequent_indent="  ")
 
 
 def _brief(result: Benchmark) -> list[tuple[str, str, str, str, str]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -154,11 +154,11 @@ def _hashes(directory: Path, table: _CaseTable, model: Model) -> dict[str, str]:
         names += [str(frame.ideal), str(frame.measured)]
     found = {}
     for name in names:
-        try:
-            with (directory / name).open("rb") as stream:
-                found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
-        except OSError:
-            continue  # whoever reads it says what is wrong with it
+        # What is no file, or cannot be read, is for the reader to say; a pipe would keep us waiting for ever.
+        with contextlib.suppress(OSError, ValueError):
+            if (directory / name).is_file():
+                with (directory / name).open("rb") as stream:
+                    found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
     return found
 
 
@@ -287,13 +287,3 @@ def _reason(error: LidarcheckError) -> str:
 
 def _counted(number: int) -> str:
     return "1 frame" if number == 1 else f"{number or 'no'} frames"
-
-
-def describe(case: Case) -> dict[str, Any]:
-    """What was loaded, for a line to the user: frames, beams, echoes and what is left out."""
-    return {
-        "frames": len(case.frames),
-        "beams": sum(len(frame.ideal) for frame in case.frames),
-        "echoes": sum(len(frame.measured) for frame in case.frames),
-        "left_out": len(case.left_out),
-    }

@@ -98,7 +98,7 @@ def _echoes(count: int, of: int) -> str:
 
 
 def _near_and_behind(surfaces: _Surfaces, keys: IndexArray, range_m: FloatArray) -> tuple[float, float]:
-    """Of the beams that meet a surface and have echoes, the shares with one near it, and behind; 1 and 0 without such."""
+    """Of the beams that meet a surface and have echoes, the shares with one near it, and behind it; 1, 0 without."""
     residual = surfaces.residuals(keys, range_m)
     meets = np.isfinite(residual)
     tolerance = np.maximum(NEAR_M, NEAR_SHARE * range_m)
@@ -147,7 +147,7 @@ def _saturation_fault(scan: Scan, model: Model, measured: Path) -> InputError | 
     what = f"PEAK reaches {float(scan.peak.max()):g} ({above} echoes), above the {top:g} at which the model's "
     what += f"sensor, {model.sensor.variant}, saturates"
     row = int(np.flatnonzero(scan.peak > ABOVE_SATURATION * top)[0])
-    what += f"; first on Layer {scan.layer[row]}, Point {scan.point[row]}"
+    what += f", first on Layer {scan.layer[row]}, Point {scan.point[row]}"
     return InputError(what, file=measured, fix=f"name the model of the variant that measured{_who(scan, top)}")
 
 

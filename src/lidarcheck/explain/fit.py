@@ -11,11 +11,11 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
-from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import LIMIT, Nuisance, at, axes_of
 from lidarcheck.model.spec import Model
 
-__all__ = ["Fit", "fit"]
+__all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
 
 FloatArray = npt.NDArray[np.float64]
 Shows = Callable[..., FloatArray | None]
@@ -53,10 +53,19 @@ class Fit:
 
 
 def fit(
-    lab: Lab, probes: Sequence[Probe], x: Sequence[FloatArray], *, rounds: int = 3, nuisance: Nuisance | None = None
+    lab: Lab,
+    probes: Sequence[Probe],
+    x: Sequence[FloatArray],
+    *,
+    rounds: int = 3,
+    nuisance: Nuisance | None = None,
+    model: Model | None = None,
 ) -> Fit:
-    """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is."""
-    nuisance = nuisance or Nuisance()
+    """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is.
+
+    `model`: what the effects are added to, the lab's own where None.
+    """
+    nuisance, basis = nuisance or Nuisance(), model or lab.model
     ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
 
     def parts(flat: FloatArray) -> tuple[FloatArray, ...]:
@@ -64,13 +73,13 @@ def fit(
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
         try:
-            return lab.shows(with_effects(lab.model, probes, parts(flat)), seeds, nuisance=nuisance)
+            return lab.shows(with_effects(basis, probes, parts(flat)), seeds, nuisance=nuisance)
         except UsageError:
             return None  # no sensor or no effect has such numbers
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
     end, shown, jacobian = _descend(lab, shows, start, rounds)
-    return Fit(tuple(probes), parts(end), lab.distance(shown) + nuisance.penalty, shown, jacobian, nuisance)
+    return Fit(tuple(probes), parts(end), lab.distance(shown), shown, jacobian, nuisance)
 
 
 def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray]) -> Model:
@@ -90,23 +99,22 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
 
     x = np.zeros(len(axes))
     shown = shows(x)
-    best = lab.distance(shown)
+    best = lab.distance(shown, metric=lab.bare)
     seen = _where_seen(lab, axes)
     for _ in range(rounds):
         jacobian = _jacobian(shows, x, shown) * seen
-        curvature, slope = _slopes(lab, jacobian, lab.measured - shown.mean(axis=0))
+        curvature, slope = _slopes(lab.bare, jacobian, lab.measured - shown.mean(axis=0))
         for damping in (1.0, 3.0, 10.0):
             step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
             trial = np.clip(x + step, -LIMIT, LIMIT)
             there = shows(trial)
-            distance = lab.distance(there) + at(axes, trial).penalty
+            distance = lab.distance(there, metric=lab.bare) + at(axes, trial).penalty
             if distance < best:
                 x, shown, best = trial, there, distance
                 break
         else:
             break
-    nuisance = at(axes, x)
-    return replace(now, distance=best, shown=shown, nuisance=nuisance)
+    return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x))
 
 
 def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
@@ -136,7 +144,7 @@ def _descend(
     best, damping, jacobian = lab.distance(shown), 0.1, None
     for _ in range(rounds if len(at) else 0):
         jacobian = _jacobian(shows, at, shown)
-        curvature, slope = _slopes(lab, jacobian, lab.measured - shown.mean(axis=0))
+        curvature, slope = _slopes(lab.metric, jacobian, lab.measured - shown.mean(axis=0))
         before = best
         for _ in range(3):
             step = _step(curvature, slope, damping)
@@ -151,9 +159,9 @@ def _descend(
     return at, shown, jacobian
 
 
-def _slopes(lab: Lab, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _slopes(metric: Metric, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
     """J' C^-1 J and J' C^-1 r, for `jacobian` (n_summaries, p) and `residual` (n_summaries,)."""
-    weighted = lab.metric.times(jacobian)
+    weighted = metric.times(jacobian)
     return jacobian.T @ weighted, weighted.T @ residual
 
 
@@ -183,6 +191,15 @@ def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
     return np.where(np.abs(found) > _FLIPS, found, 0.0)
 
 
-def moved(probe: Probe, **settings: float) -> Probe:
-    """The same probe with other settings."""
-    return replace(probe, settings={**probe.settings, **settings})
+def jacobian_of(lab: Lab, now: Fit) -> FloatArray:
+    """Change of the summaries per step of every free parameter where a fit stands, (n_summaries, n_free)."""
+    ends = np.cumsum([0, *(len(x) for x in now.x)])
+
+    def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
+        x = tuple(flat[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+        try:
+            return lab.shows(with_effects(lab.model, now.probes, x), seeds, nuisance=now.nuisance)
+        except UsageError:
+            return None
+
+    return _jacobian(shows, np.concatenate([*now.x]), now.shown)

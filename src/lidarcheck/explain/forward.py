@@ -1,8 +1,9 @@
-"""The rounds of the search."""
+"""The rounds of the search: accept the best candidate, fit again, leave out what is not needed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -10,99 +11,122 @@ import numpy.typing as npt
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.search import MOST_EFFECTS, Screened, Search, Trial, chance_level, screen
+from lidarcheck.explain.screen import Screened
+from lidarcheck.model.spec import Model
+
+__all__ = ["Bench", "Search", "Trial", "backward", "forward", "start_fit"]
 
 FloatArray = npt.NDArray[np.float64]
+Told = Callable[[str, int, int], object]
 
+MOST_EFFECTS = 4
 REFINED = 4
+"""So many of the best screened effects are fitted in each round."""
+NEARLY = 0.45
+"""Effects that explain less than this part of what the best one does are not fitted."""
 LEAST_PART = 0.05
+"""An effect that explains less of the distance than this is not worth a name."""
+CHANCE = 250.0
+"""What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
+SMALL = 4.0
+"""A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
 
-def empty_fit(lab: Lab) -> Fit:
-    """The model as it is."""
+@dataclass(frozen=True)
+class Bench:
+    """The frames to fit on and the frames to select on, and how large a gain by chance can be."""
+
+    lab: Lab
+    select: Lab
+    level: float
+    start: float
+
+    @property
+    def worth(self) -> float:
+        """The least gain that is worth a name, whatever chance says."""
+        return LEAST_PART * max(self.start - self.lab.floor_distance, 0.0)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames."""
+
+    name: str
+    round: int
+    fit: Fit
+    gain: float
+    needed: float
+    select_before: float
+    select_after: float
+
+    @property
+    def merit(self) -> float:
+        """What it explains on the frames of the fit and on those of the selection."""
+        return self.gain + self.select_before - self.select_after
+
+    @property
+    def passes(self) -> bool:
+        """Whether it explains more than chance, more than 5 %, and holds on frames that it was not fitted to."""
+        return self.gain > self.needed and self.select_before - self.select_after > 0.05 * self.gain
+
+
+@dataclass
+class Search:
+    """What the search found: the accepted effects together, and every candidate that was fitted."""
+
+    fit: Fit
+    trials: list[Trial] = field(default_factory=list)
+
+
+def start_fit(lab: Lab) -> Fit:
+    """The model as it is; with the nuisances fitted, where they may be all that is wrong."""
     shown = np.zeros((1, len(lab.measured)))
-    return Fit((), (), lab.distance(shown), shown)
+    plain = Fit((), (), lab.distance(shown), shown)
+    return fit_nuisance(lab, plain, rounds=4) if plain.distance < SMALL * lab.floor_distance else plain
 
 
-def search(lab: Lab, select: Lab, probes: Sequence[Probe], told: Callable[[str, int, int], object]) -> Search:
+def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
-    screened = screen(lab, probes, lambda i, n: told("candidates", i, n))
-    level = chance_level(lab, screened)
-    found = Search(empty_fit(lab), screened=screened)
-    start = found.fit.distance
-    floor = lab.floor_distance
+    found = Search(first)
     for number in range(1, MOST_EFFECTS + 1):
-        trials = run_round(lab, select, found.fit, screened, level, number, start, told)
+        trials = run_round(bench, found.fit, screened, number, told)
         found.trials += trials
-        accepted = [t for t in trials if passes(t)]
+        accepted = [trial for trial in trials if trial.passes]
         if not accepted:
             break
-        found.fit = fit_nuisance(lab, max(accepted, key=merit).fit, rounds=1)
-        if found.fit.distance - floor < LEAST_PART * (start - floor):
+        found.fit = fit_nuisance(bench.lab, max(accepted, key=lambda t: t.merit).fit)
+        if found.fit.distance - bench.lab.floor_distance < max(0.5 * CHANCE, 0.5 * bench.worth):
             break
-    if found.fit.probes:
-        found.fit = backward(lab, select, found.fit, level, start)
     return found
 
 
-def backward(lab: Lab, select: Lab, now: Fit, level: float, start: float) -> Fit:
-    """Leave out again what gain, reflectances and pose within their usual errors explain as well."""
-    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=1, nuisance=now.nuisance), rounds=1)
-    while now.probes:
-        without = []
-        for i in range(len(now.probes)):
-            rest = [j for j in range(len(now.probes)) if j != i]
-            fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
-            without.append(fit_nuisance(lab, fewer, rounds=1))
-        losses = [one.distance - now.distance for one in without]
-        print("      backward", now.names(), [round(v) for v in losses], now.nuisance.words(), round(now.distance))
-        least = int(np.argmin(losses))
-        if losses[least] > max(3.0 * level, LEAST_PART * (start - lab.floor_distance)):
-            break
-        now = without[least]
-    return now
+def run_round(bench: Bench, now: Fit, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:
+    """Fit the most promising candidates on top of what was accepted."""
+    lab = bench.lab
+    order = _promising(bench, now, screened)
+    before = select_distance(bench.select, now)
+    trials = []
+    for i, (scale, one) in enumerate(order):
+        alone = fit_next(lab, now, one.probe.scaled(scale))
+        after = select_distance(bench.select, alone)
+        needed = max(1.3 * bench.level * one.chance, bench.worth)
+        trials.append(Trial(one.probe.name, number, alone, now.distance - alone.distance, needed, before, after))
+        told(f"round {number}", i + 1, len(order))
+    return trials
 
 
-def merit(trial: Trial) -> float:
-    """How much a trial explains on the frames of the fit and on those of the selection."""
-    return trial.gain + (trial.select_before - trial.select_after)
-
-
-def passes(trial: Trial) -> bool:
-    return trial.gain > trial.needed and trial.select_before - trial.select_after > 0.15 * trial.gain * 0.33
-
-
-def run_round(
-    lab: Lab,
-    select: Lab,
-    now: Fit,
-    screened: Sequence[Screened],
-    level: float,
-    number: int,
-    start: float,
-    told: Callable[[str, int, int], object],
-) -> list[Trial]:
-    residual = lab.measured - now.shown.mean(axis=0)
+def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
+    """The best start of each of the best effects, with the factor on its strength."""
+    residual = bench.lab.measured - now.shown.mean(axis=0)
     best: dict[str, tuple[float, float, Screened]] = {}
     for one in screened:
         if one.probe.name in now.names():
             continue
-        gain, scale = one.gain(lab, residual)
-        if gain / one.chance > level and gain > best.get(one.probe.name, (0.0, 0.0, one))[0]:
+        gain, scale = one.gain(bench.lab, residual)
+        if gain / one.chance > bench.level and gain > best.get(one.probe.name, (0.0,))[0]:
             best[one.probe.name] = (gain, scale, one)
-    order = sorted(best.values(), key=lambda pair: -pair[0])[:REFINED]
-    order = [one for one in order if one[0] > 0.45 * order[0][0]]
-    before = select_distance(select, now)
-    trials = []
-    for i, (gain, scale, one) in enumerate(order):
-        alone = fit_next(lab, now, one.probe.scaled(scale))
-        after = select_distance(select, alone)
-        needed = max(level * one.chance, LEAST_PART * start)
-        trials.append(
-            Trial(one.probe.name, number, alone, now.distance - alone.distance, needed, before, after, gain)
-        )
-        told(f"fit {number}", i + 1, len(order))
-    return trials
+    order = sorted(best.values(), key=lambda found: -found[0])[:REFINED]
+    return [(scale, one) for gain, scale, one in order if gain > NEARLY * order[0][0]]
 
 
 def select_distance(select: Lab, at: Fit) -> float:
@@ -117,17 +141,36 @@ def fit_next(lab: Lab, now: Fit, probe: Probe) -> Fit:
     x = probe.start()
     if not now.probes:
         return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance)
-    held = Held(lab, now)
-    alone = fit(held, [probe], [x], rounds=2, nuisance=now.nuisance)  # type: ignore[arg-type]
+    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model))
     return fit(lab, [*now.probes, probe], [*now.x, alone.x[0]], rounds=1, nuisance=now.nuisance)
 
 
-class Held:
-    """A lab whose model already has some effects."""
+def backward(bench: Bench, now: Fit, told: Told) -> Fit:
+    """Leave out again what the others and the nuisances explain as well; fit the rest together."""
+    lab = bench.lab
+    if not now.probes:
+        return now
+    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=2, nuisance=now.nuisance))
+    while now.probes:
+        without = []
+        for i in range(len(now.probes)):
+            without.append(_without(lab, now, i))
+            told("leave out again", i + 1, len(now.probes))
+        losses = [one.distance - now.distance for one in without]
+        least = int(np.argmin(losses))
+        if losses[least] > max(1.3 * bench.level, bench.worth):
+            break
+        now = without[least]
+    return now
 
-    def __init__(self, lab: Lab, now: Fit) -> None:
-        self.model = now.model(lab.model)
-        self.measured = lab.measured
-        self.metric = lab.metric
-        self.shows = lab.shows
-        self.distance = lab.distance
+
+def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
+    rest = [j for j in range(len(now.probes)) if j != left_out]
+    fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
+    small = fewer.distance < SMALL * lab.floor_distance
+    return fit_nuisance(lab, fewer, rounds=4 if small else 1)
+
+
+def model_with(now: Fit, model: Model) -> Model:
+    """The model with the effects of a fit."""
+    return now.model(model)

@@ -84,11 +84,12 @@ class Lab:
         fresh = [_shuffled(self.beams, drawn, self.seed + k) for k in range(FLOOR_DRAWS)]
         self.summaries = Summaries(self.beams, base, fresh, names)
         self.measured_sights = sights_of(self.beams, [f.measured for f in frames])
-        self.measured = self.summaries.of(self.measured_sights)
+        self.measured_plain = self.summaries.plain(self.measured_sights)
+        self.measured = compressed(self.measured_plain)
         # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
         self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
         self._paired: dict[int, FloatArray] = {}
-        self.metric = _metric(self)
+        self.metric, self.bare = _metrics(self)
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
 
@@ -143,16 +144,20 @@ class Lab:
     def _chance(self, k: int) -> FloatArray:
         return compressed(self.plain_base(k))
 
-    def distance(self, shown: FloatArray, measured: FloatArray | None = None) -> float:
+    def distance(
+        self, shown: FloatArray, measured: FloatArray | None = None, metric: Metric | None = None
+    ) -> float:
         """How far a model's summaries, a row a seed, are from the measured ones, without the noise of the seeds.
 
-        The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out.
+        The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out. `metric`:
+        the one that forgives nuisances by default.
         """
+        metric = metric or self.metric
         r = (self.measured if measured is None else measured) - np.atleast_2d(shown)
         n = len(r)
         if n == 1:
-            return self.metric.square(r[0])
-        total = self.metric.square(r.sum(axis=0)) - sum(self.metric.square(row) for row in r)
+            return metric.square(r[0])
+        total = metric.square(r.sum(axis=0)) - sum(metric.square(row) for row in r)
         return total / (n * (n - 1))
 
 
@@ -167,20 +172,23 @@ def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:
     detected = np.array([s.detected for s in drawn])[pick, rows]
     feature = np.array([s.feature for s in drawn])[pick, rows]
     mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
-    extra = [
-        np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)])
-        for name in ("extra_beam", "extra_m", "extra_area", "extra_side")
-    ]
-    order = np.argsort(extra[0], kind="stable")
+    extra = {
+        name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)])
+        for name in ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
+    }
+    order = np.argsort(extra["extra_beam"], kind="stable")
     strayed = np.array([s.strayed for s in drawn])[pick, rows]
-    return Sights(detected, feature, *(column[order] for column in extra), strayed=strayed)  # type: ignore[misc]
+    return Sights(
+        detected=detected, feature=feature, strayed=strayed, **{name: column[order] for name, column in extra.items()}
+    )
 
 
-def _metric(lab: Lab) -> Metric:
-    """The noise of a measurement against simulations of some seeds, its correlations, and the nuisances."""
-    noise = lab.floor / np.sqrt(len(lab.floor) - 1.0)
-    factors = [noise.T, *(column[:, None] for column in nuisances(lab).values())]
-    return Metric(np.full(lab.floor.shape[1], _MISFIT), np.concatenate(factors, axis=1))
+def _metrics(lab: Lab) -> tuple[Metric, Metric]:
+    """The noise of a measurement and its correlations, with the nuisances as further noise and without."""
+    noise = (lab.floor / np.sqrt(len(lab.floor) - 1.0)).T
+    diagonal = np.full(len(noise), _MISFIT)
+    columns = [column[:, None] for column in nuisances(lab).values()]
+    return Metric(diagonal, np.concatenate([noise, *columns], axis=1)), Metric(diagonal, noise)
 
 
 def nuisances(lab: Lab) -> Mapping[str, FloatArray]:

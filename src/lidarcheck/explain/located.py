@@ -13,7 +13,7 @@ from lidarcheck.effects.base import make
 from lidarcheck.explain.candidates import Free, Probe, free_of
 from lidarcheck.explain.lab import Lab, beside
 
-__all__ = ["located_probes"]
+__all__ = ["Dimming", "dimming_of", "located_probes"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -25,7 +25,7 @@ _PERIODS = (2, 3, 4, 5, 6, 8)
 
 
 @dataclass(frozen=True)
-class _Dimming:
+class Dimming:
     """Per beam the ln gain that its echo asks for, and the weight of that; shape (n,)."""
 
     log_gain: FloatArray
@@ -42,7 +42,8 @@ class _Dimming:
 def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
     """The starts for effects that have a place: layers, a patch, a material, a rhythm."""
     wanted = set(names)
-    dimming = _dimming(lab)
+    expected = lab.summaries.expected
+    dimming = dimming_of(lab, expected.mean[:, 1], expected.known)
     found: list[Probe] = []
     if "material_reflectance" in wanted:
         found += _materials(lab, dimming)
@@ -59,22 +60,24 @@ def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
     return found
 
 
-def _dimming(lab: Lab) -> _Dimming:
-    """From ln AREA, by its slope over ln S at that amplitude, as the model itself shows with more light."""
+def dimming_of(lab: Lab, log_area: FloatArray, known: npt.NDArray[np.bool_]) -> Dimming:
+    """The gain that each beam asks for, against a model's mean ln AREA where that is known, shapes (n,).
+
+    From ln AREA, by its slope over ln S at that amplitude, as the case's model itself shows with more light.
+    """
     expected = lab.summaries.expected
     brighter = lab.sights(beside(lab.model, make("signal_gain", {"gain": 1.25})), 0)
     seen = expected.known & brighter.detected
     change = np.where(seen, brighter.feature[:, 1] - expected.mean[:, 1], 0.0) / np.log(1.25)
     slope = _by_amplitude(lab, change, seen)
     measured = lab.measured_sights
-    valid = measured.detected & expected.known & (slope > 0.1)
-    residual = measured.feature[:, 1] - expected.mean[:, 1]
+    valid = measured.detected & known & expected.known & (slope > 0.1)
     spread = np.maximum(expected.spread[:, 1], 1e-3)
-    gain = np.where(valid, residual / np.maximum(slope, 0.1), 0.0)
+    gain = np.where(valid, (measured.feature[:, 1] - log_area) / np.maximum(slope, 0.1), 0.0)
     weight = np.where(valid, (slope / spread) ** 2, 0.0)
-    lost = ~measured.detected & expected.known & (expected.probability > 0.8)
+    lost = ~measured.detected & known & expected.known & (expected.probability > 0.8)
     typical = float(np.median(weight[valid])) if valid.any() else 1.0
-    return _Dimming(
+    return Dimming(
         np.where(lost, _LOST, np.clip(gain, -2.0, 2.0)), np.where(lost, typical, np.minimum(weight, 4.0 * typical))
     )
 
@@ -89,7 +92,7 @@ def _by_amplitude(lab: Lab, value: FloatArray, seen: npt.NDArray[np.bool_]) -> F
     return (total / np.maximum(count, 1))[place]
 
 
-def _materials(lab: Lab, dimming: _Dimming) -> list[Probe]:
+def _materials(lab: Lab, dimming: Dimming) -> list[Probe]:
     ids, place = np.unique(lab.beams.material_id, return_inverse=True)
     gain, weight = dimming.mean(np.where(lab.beams.material_id >= 0, place, -1), len(ids))
     free = free_of("material_reflectance")
@@ -102,7 +105,7 @@ def _materials(lab: Lab, dimming: _Dimming) -> list[Probe]:
     return found
 
 
-def _layers(lab: Lab, dimming: _Dimming) -> list[Probe]:
+def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
     """A band, every k-th layer of the whole view or of a band, by the largest contrast with the other layers."""
     layers, place = np.unique(lab.beams.layer, return_inverse=True)
     if len(layers) < 4:
@@ -152,7 +155,7 @@ def _comb(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
     return Probe("layer_gain", {"gain": level}, free_of("layer_gain"), settings)
 
 
-def _patches(lab: Lab, dimming: _Dimming) -> list[Probe]:
+def _patches(lab: Lab, dimming: Dimming) -> list[Probe]:
     """The rectangle of the field of view that is dimmed most against the rest, sharp and soft."""
     rows, row = _blocks(lab.beams.layer)
     columns, column = _blocks(lab.beams.point)

@@ -26,8 +26,9 @@ class Sights:
     """What scans of all frames show of each beam of a `Beams` table.
 
     `detected` (n,): an echo within 2 m of a surface of the beam; of several the nearest. `feature` (n, 4): that echo's
-    features in the order of `FEATURES`, 0 where there is none. `extra_beam`, `extra_m`, `extra_area` (m,): the other
-    echoes, each with its beam, its range and ln AREA, in order of the beams. `extra_side` (m,): the side whose
+    features in the order of `FEATURES`, 0 where there is none. `extra_beam`, `extra_m`, `extra_area`, `extra_peak`,
+    `extra_width` (m,): the other echoes, each with its beam, its range, ln AREA, ln PEAK and WIDTH [ns], in order of the
+    beams. `extra_side` (m,): the side whose
     neighbour meets a surface at that range, as `beams.SIDES`, -1 for none. `strayed` (n,): beams that show nothing but
     a neighbour's surface, as an aim off by a fraction of a beam makes them.
     """
@@ -37,6 +38,8 @@ class Sights:
     extra_beam: IndexArray
     extra_m: FloatArray
     extra_area: FloatArray
+    extra_peak: FloatArray
+    extra_width: FloatArray
     extra_side: IndexArray
     strayed: npt.NDArray[np.bool_]
 
@@ -50,7 +53,7 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     )
     beam = np.searchsorted(beams.key, key_of(frame, layer, point))
     surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
-    residual = np.where(surface >= 0, range_m - beams.hit_m[np.maximum(surface, 0)], np.inf)
+    residual = np.where(surface >= 0, range_m - np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], np.inf)
     # The nearest echo of each beam comes first; ties in range cannot be in one beam.
     order = np.lexsort((np.abs(residual), beam))
     first = np.ones(len(order), dtype=bool)
@@ -69,7 +72,17 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     side = _sides(beams, beam[rest], range_m[rest])
     strayed = np.zeros(len(beams), dtype=bool)
     strayed[beam[rest][side >= 0]] = True
-    return Sights(detected, feature, beam[rest], range_m[rest], log_area[rest], side, strayed & ~detected)
+    return Sights(
+        detected=detected,
+        feature=feature,
+        extra_beam=beam[rest],
+        extra_m=range_m[rest],
+        extra_area=log_area[rest],
+        extra_peak=log_peak[rest],
+        extra_width=width[rest],
+        extra_side=side,
+        strayed=strayed & ~detected,
+    )
 
 
 def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:

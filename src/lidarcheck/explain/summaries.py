@@ -18,7 +18,7 @@ from lidarcheck.explain.beams import SIDES, Beams
 from lidarcheck.explain.covariates import RANGE_EDGES_M, Division, binned, divisions, fine_divisions
 from lidarcheck.explain.sights import FEATURES, Sights
 
-__all__ = ["Summaries", "Summary", "compressed"]
+__all__ = ["Expected", "Summaries", "Summary", "compressed", "expectation"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -61,7 +61,7 @@ def compressed(z: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _Expected:
+class Expected:
     """What the model shows: detection probability (n,), mean and spread of each feature (n, 4); known (n,).
 
     `partner`: pairs of neighbours on one surface, along the column and along the layer, whose differences show
@@ -94,7 +94,7 @@ class Summaries:
         """`base`: what the model shows with some seeds, of which each beam's expectation is taken; `fresh`: with
         others, of which the summaries' own means and spreads are taken."""
         self.beams = beams
-        self.expected = _expected(beams, base)
+        self.expected = expectation(beams, base)
         log_area = np.where(self.expected.known, self.expected.mean[:, 1], np.nan)
         coarse = divisions(beams, log_area, materials)
         self._coarse = _sums(coarse, len(beams))
@@ -187,7 +187,7 @@ class Summaries:
         return total.T.ravel(), names
 
 
-def _expected(beams: Beams, base: Sequence[Sights]) -> _Expected:
+def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
     seen = np.array([s.detected for s in base])
     values = np.array([s.feature for s in base])
     count = seen.sum(axis=0)
@@ -201,7 +201,7 @@ def _expected(beams: Beams, base: Sequence[Sights]) -> _Expected:
     partner = (_partners(beams, 0), _partners(beams, 1))
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
     at_sky = (beams.neighbour_m == 0.0).any(axis=1)
-    return _Expected(probability, mean, spread, known, square_mean, square_spread, at_sky, partner)
+    return Expected(probability, mean, spread, known, square_mean, square_spread, at_sky, partner)
 
 
 def _scatter(
@@ -249,7 +249,7 @@ def _smooth_spread(
     return spread
 
 
-def _statistics(sights: Sights, expected: _Expected) -> tuple[FloatArray, FloatArray]:
+def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatArray]:
     """Per beam the statistics that are summed up, and the variance that each has by chance; shapes (n, 9)."""
     valid = sights.detected & expected.known
     u = np.clip((sights.feature - expected.mean) / expected.spread, -_CLIP, _CLIP)
@@ -289,7 +289,7 @@ def _lines(beams: Beams) -> IndexArray:
     return np.asarray(column, dtype=np.int64)
 
 
-def _pose_weights(beams: Beams, expected: _Expected) -> FloatArray:
+def _pose_weights(beams: Beams, expected: Expected) -> FloatArray:
     """Change of the range with the two angles in units of its spread, of order one; shape (n, 2)."""
     weight = beams.slope_m_per_deg / expected.spread[:, :1]
     scale = np.sqrt((weight**2).mean(axis=0)) + 1e-9

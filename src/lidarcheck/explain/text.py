@@ -45,8 +45,8 @@ def verdict_sentence(explanation: Explanation) -> str:
             "explain. Nothing is missing that these scenes can show."
         )
     if explanation.verdict == "explained":
-        what = "one effect is" if len(names) == 1 else f"{len(names)} effects are"
-        return f"EXPLAINED: {what} missing from the model: {_and(names)}. With that it closes {closed}."
+        what, them = ("one effect is", "it") if len(names) == 1 else (f"{len(names)} effects are", "them")
+        return f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}."
     beside = f" Beside it: {_and(names)}." if names else ""
     return (
         "UNKNOWN: something is missing that no effect of the catalogue makes. The model that is written carries an "

@@ -166,12 +166,12 @@ def _waterfall(explanation: Explanation) -> list[_Drop]:
     """The gap as it was, after each effect, and the floor."""
     gap, reach = explanation.gap, gap_reach(explanation.gap)
     excess = gap.before.value - gap.floor.value
-    drops, earlier = [("The model as it was", "", gap.before, gap.before.value)], gap.before.value
+    drops, earlier = [("As it was", "", gap.before, gap.before.value)], gap.before.value
     steps = gap.waterfall or ((("the new model", gap.after),) if explanation.findings else ())
     for name, left in steps:
         drops.append((f"+ {name}", "closes", left, earlier))
         earlier = left.value
-    drops.append(("The floor: the model against itself", "floor", gap.floor, gap.floor.value))
+    drops.append(("Floor", "floor", gap.floor, gap.floor.value))
     return [
         _Drop(
             name,

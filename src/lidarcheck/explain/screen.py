@@ -1,27 +1,21 @@
-"""The search for missing effects: screen every candidate, fit the best, accept or reject, leave out again, refit."""
+"""Screening: what every candidate would change, and how much of the disagreement that is."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
-from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.lab import Lab
 
-__all__ = ["MOST_EFFECTS", "Screened", "Search", "Trial", "chance_level", "screen"]
+__all__ = ["Screened", "chance_level", "screen"]
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_EFFECTS = 4
-_REFINED = 4
-"""So many of the best screened effects are fitted in each round."""
-_LEAST_PART = 0.05
-"""An effect that explains less of the distance than this is not worth a name."""
 _LARGEST_SCALE = 1.5
 
 
@@ -42,29 +36,6 @@ class Screened:
             return 0.0, 0.0
         scale = min(max(float(weighted @ residual) / length, 0.0), _LARGEST_SCALE)
         return float(2.0 * scale * (weighted @ residual) - scale**2 * length), scale
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames."""
-
-    name: str
-    round: int
-    fit: Fit
-    gain: float
-    needed: float
-    select_before: float
-    select_after: float
-    screened: float
-
-
-@dataclass
-class Search:
-    """What the search found; `trials` are all fitted candidates, `best` the accepted effects together."""
-
-    fit: Fit
-    trials: list[Trial] = field(default_factory=list)
-    screened: list[Screened] = field(default_factory=list)
 
 
 def screen(lab: Lab, probes: Sequence[Probe], told: Callable[[int, int], object] | None = None) -> list[Screened]:

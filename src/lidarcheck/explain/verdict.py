@@ -1,0 +1,181 @@
+"""Judging what the search found: is the gap closed, which names could not be told apart, how sure is a name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import find
+from lidarcheck.errors import UsageError
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.explanation import Interval
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance, jacobian_of
+from lidarcheck.explain.forward import CHANCE, Bench, Trial, select_distance
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.screen import Screened
+
+__all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_testable"]
+
+FloatArray = npt.NDArray[np.float64]
+Told = Callable[[str, int, int], object]
+
+OPEN_PART = 0.10
+"""Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's."""
+OPEN_PART_AIM = 0.22
+"""The same where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
+_EQUAL_PART = 0.04
+"""Two names whose distances differ by less than this part of the excess are not told apart."""
+
+
+@dataclass(frozen=True)
+class Closure:
+    """What was open on the select frames before, what is still open, and how much may be."""
+
+    before: float
+    after: float
+    allowed: float
+
+    @property
+    def share(self) -> float:
+        """Share of what was open that is closed."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether what is left is no more than chance and the effects' forms explain."""
+        return self.after <= self.allowed
+
+
+def closure(bench: Bench, now: Fit) -> Closure:
+    """How much of the disagreement on the select frames is left, above the floor."""
+    floor = bench.select.floor_distance
+    zero = np.zeros((1, len(bench.select.measured)))
+    before = bench.select.distance(zero) - floor
+    after = select_distance(bench.select, now) - floor
+    aims = any(find(name).stage == "aim" for name in now.names())
+    part = OPEN_PART_AIM if aims else OPEN_PART
+    return Closure(before, after, max(CHANCE, part * before))
+
+
+def equivalents(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> dict[str, tuple[str, ...]]:
+    """For each accepted effect, the others that explain these data as well in its place, at most two."""
+    found: dict[str, tuple[str, ...]] = {}
+    names = now.names()
+    best = now.distance + select_distance(bench.select, now)
+    excess = bench.start - bench.lab.floor_distance
+    rivals = _rivals(names, trials)
+    for i, name in enumerate(names):
+        equal = []
+        for trial in rivals.get(name, ()):
+            swapped = _swapped(bench.lab, now, i, trial)
+            other = swapped.distance + select_distance(bench.select, swapped)
+            if other - best < max(60.0, _EQUAL_PART * excess):
+                equal.append((other, trial.name))
+        found[name] = tuple(other for _, other in sorted(equal)[:2])
+        told("equivalence", i + 1, len(names))
+    return found
+
+
+def _rivals(names: Sequence[str], trials: Sequence[Trial]) -> dict[str, list[Trial]]:
+    """The trials of the round in which each effect was accepted that came near it."""
+    found = {}
+    for name in names:
+        own = [t for t in trials if t.name == name and t.passes]
+        if not own:
+            continue
+        last = own[-1]
+        near = [
+            t for t in trials
+            if t.round == last.round and t.name not in names and t.merit > 0.85 * last.merit
+        ]  # fmt: skip
+        found[name] = sorted(near, key=lambda t: -t.merit)[:2]
+    return found
+
+
+def _swapped(lab: Lab, now: Fit, place: int, trial: Trial) -> Fit:
+    """The fit with another effect in one's place, all fitted again."""
+    mine = trial.fit.names().index(trial.name)
+    probes, x = list(now.probes), list(now.x)
+    probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
+    return fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+
+
+def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure) -> float:
+    """How often a name that stands out so far from its rivals, in a gap closed so far, is right.
+
+    A logistic function of the lead over the next best name and of what is left open, its coefficients fitted to
+    benchmark cases made with other seeds than the reported ones (docs/explain.md).
+    """
+    own = [t for t in trials if t.name == name and t.passes]
+    if not own:
+        return 0.5
+    rivals = [t.merit for t in trials if t.round == own[-1].round and t.name not in now.names()]
+    lead = 1.0 - max([*rivals, 0.0]) / max(own[-1].merit, 1e-9)
+    open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
+    score = 2.2 + 8.0 * min(max(lead, 0.0), 0.4) - 1.2 * min(open_part, 2.0)
+    return float(1.0 / (1.0 + np.exp(-score)))
+
+
+def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
+    """The fitted parameters of each effect with 90 % intervals, from the curvature of the distance."""
+    jacobian = jacobian_of(lab, now)
+    weighted = lab.metric.times(jacobian)
+    curvature = jacobian.T @ weighted + 1e-6 * np.eye(jacobian.shape[1])
+    half = 1.645 * widen * np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
+    found, start = [], 0
+    for probe, x in zip(now.probes, now.x, strict=True):
+        found.append(_interval(probe, x, half[start : start + len(x)]))
+        start += len(x)
+    return found
+
+
+def _interval(probe: Probe, x: FloatArray, half: FloatArray) -> Mapping[str, Interval]:
+    ranges = {p.name: p for p in find(probe.name).parameters()}
+    settings = probe.effect(x).settings()
+    found = {}
+    for one, at, width in zip(probe.free, x, half, strict=True):
+        p = ranges[one.name]
+        width = min(width, 60.0)
+        low, high = (one.decode(float(at + sign * width), p.low, p.high) for sign in (-1.0, 1.0))
+        found[one.name] = Interval(float(settings[one.name]), min(low, high), max(low, high), p.unit)
+    return found
+
+
+def not_testable(lab: Lab, screened: Sequence[Screened], names: Sequence[str], level: float) -> dict[str, str]:
+    """Effects that these scenes cannot show: not even the strongest start would have been told from chance."""
+    needed = 2.0 * level
+    found = {}
+    for name in names:
+        mine = [one for one in screened if one.probe.name == name]
+        if not mine:
+            found[name] = "the model cannot carry it"
+            continue
+        if any(_shows(lab, one, needed) for one in mine):
+            continue
+        found[name] = _reason(lab, name)
+    return found
+
+
+def _shows(lab: Lab, one: Screened, needed: float) -> bool:
+    """Whether a start changes the summaries by more than chance, judged with two seeds where one says little."""
+    length = lab.metric.square(one.change)
+    if length < needed:
+        return False
+    if length > 4000.0:
+        return True
+    try:
+        both = lab.shows(lab.model.with_(one.probe.effect()), 2)
+    except UsageError:
+        return False
+    return float(both[0] @ lab.metric.times(both[1])) > needed
+
+
+def _reason(lab: Lab, name: str) -> str:
+    if name in ("blooming_vertical", "blooming_horizontal", "retro_ghost") and not lab.beams.retro.any():
+        return "no retro-reflector is in view"
+    if name == "mirror_multipath":
+        return "no surface mirrors another that the sensor sees"
+    return "even clearly present, it would change these frames by no more than chance"

@@ -1,0 +1,236 @@
+"""The gap workflow: find where model and measurement disagree, name the missing effect, add it, show the gap shrink."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import catalogue
+from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.explanation import (
+    Explanation,
+    Finding,
+    Gap,
+    Progress,
+    Standout,
+    Step,
+    Teller,
+)
+from lidarcheck.explain.findings import candidates_table, findings_of
+from lidarcheck.explain.forward import Bench, Search, backward, forward, select_distance, start_fit
+from lidarcheck.explain.gap import Scale, gap_of
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.split import Split, split_frames
+from lidarcheck.explain.unknown import Description, describe
+from lidarcheck.explain.verdict import Closure, closure, equivalents, not_testable
+from lidarcheck.explain.words import depends_on, standouts
+from lidarcheck.model.spec import Model
+
+if TYPE_CHECKING:
+    from lidarcheck.explain.case import Case
+    from lidarcheck.explain.notebook import Notebook
+
+__all__ = ["PROGRESS", "Answer", "Run", "explain"]
+
+FloatArray = npt.NDArray[np.float64]
+
+PROGRESS = Progress(
+    {
+        "residuals and floor": 0.20,
+        "candidates": 0.22,
+        "fit": 0.33,
+        "equivalence and testability": 0.08,
+        "unknown": 0.05,
+        "verification": 0.12,
+    }
+)
+
+
+def explain(
+    case: Case,
+    *,
+    seed: int = 0,
+    exclude: Sequence[str] = (),
+    jobs: int = 1,
+    tell: Teller | None = None,
+    notebook: Notebook | None = None,
+) -> Explanation:
+    """Explain a case; the same case and seed give the same answer, for any number of jobs.
+
+    `exclude`: effects that are not to be named. `tell` hears (step, done, of). `notebook` keeps what was done, so that
+    an interrupted run goes on. `UsageError` where there are fewer than three frames.
+    """
+    run = Run(case.model, seed, tuple(exclude), jobs, tell or _silent, notebook)
+    split = split_frames(case.frames)
+    bench = run.measure_residuals_and_floor(split)
+    where = run.find_where(bench)
+    screened, bench = run.screen_candidates(bench)
+    search = run.fit_and_select(bench, screened)
+    closed = closure(bench, search.fit)
+    equals = run.find_equivalents(bench, search, closed)
+    untestable = run.list_untestable(bench, screened)
+    unknown = run.describe_unknown(bench, search, closed)
+    answer = run.decide(bench, search, closed, equals, unknown)
+    gap = run.verify(split, answer)
+    return run.report(case, split, bench, where, search, answer, untestable, gap)
+
+
+def _silent(_step: str, _done: int, _of: int) -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The verdict with its findings, and the models from the case's own to the explained one, effect by effect."""
+
+    verdict: str
+    findings: tuple[Finding, ...]
+    stages: tuple[tuple[str, Model], ...]
+    words: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: the model, the seed, what is not to be named, and who is told; its methods are the steps."""
+
+    model: Model
+    seed: int
+    exclude: tuple[str, ...]
+    jobs: int
+    tell: Teller
+    notebook: Notebook | None
+
+    def measure_residuals_and_floor(self, split: Split) -> Bench:
+        """Residuals of every beam, their summaries, and how far these vary where nothing is missing."""
+        lab = Lab(split.fit, self.model, 2 * self.seed + 1)
+        self.tell("residuals and floor", 1, 2)
+        select = Lab(split.select, self.model, 2 * self.seed + 2)
+        self.tell("residuals and floor", 2, 2)
+        start = lab.distance(np.zeros((1, len(lab.measured))))
+        return Bench(lab, select, 0.0, start)
+
+    def find_where(self, bench: Bench) -> tuple[Standout, ...]:
+        """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
+        lab = bench.lab
+        largest = np.abs(lab.check).max(axis=1)
+        level = float(np.quantile(largest, 0.95))
+        return standouts(lab.summaries.names, lab.measured_plain, level)
+
+    def screen_candidates(self, bench: Bench) -> tuple[list[Screened], Bench]:
+        """What every effect would change, and how large a gain chance makes of all of them."""
+        names = [name for name in catalogue() if name not in self.exclude]
+        probes = fixed_probes(names) + located_probes(bench.lab, names)
+        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n))
+        return screened, dataclasses.replace(bench, level=chance_level(bench.lab, screened))
+
+    def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
+        """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
+        first = start_fit(bench.lab)
+        found = forward(bench, first, screened, lambda _step, i, n: self.tell("fit", i, 2 * n + 2))
+        found.fit = backward(bench, found.fit, lambda _step, i, n: self.tell("fit", n + i, 2 * n + 2))
+        self.tell("fit", 1, 1)
+        return found
+
+    def find_equivalents(self, bench: Bench, search: Search, closed: Closure) -> Mapping[str, tuple[str, ...]]:
+        """Which other effects these data cannot tell from the accepted ones."""
+        if not closed.holds or not search.fit.probes:
+            return {}
+        return equivalents(
+            bench, search.fit, search.trials, lambda _s, i, n: self.tell("equivalence and testability", i, n + 1)
+        )
+
+    def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
+        """Which effects these scenes could not show."""
+        names = [name for name in catalogue() if name not in self.exclude]
+        found = not_testable(bench.lab, screened, names, bench.level)
+        self.tell("equivalence and testability", 1, 1)
+        return found
+
+    def describe_unknown(self, bench: Bench, search: Search, closed: Closure) -> Description | None:
+        """An empirical term where the named effects leave too much open."""
+        if closed.holds:
+            return None
+        found = describe(bench, lambda _s, i, n: self.tell("unknown", i, n))
+        self.tell("unknown", 1, 1)
+        return found
+
+    def decide(
+        self,
+        bench: Bench,
+        search: Search,
+        closed: Closure,
+        equals: Mapping[str, tuple[str, ...]],
+        unknown: Description | None,
+    ) -> Answer:
+        """No gap, explained by name, or unknown."""
+        if unknown is not None:
+            depends = depends_on(bench.lab.summaries.names, bench.lab.measured - start_fit(bench.lab).shown.mean(axis=0))
+            finding = Finding("unknown", {}, 1.0 - min(closed.share, 1.0), (), depends, "", unknown.effects)
+            described = self.model
+            for effect in unknown.effects:
+                described = described.with_(effect)
+            name = f"empirical: {unknown.words}" if unknown.effects else "empirical: no term helps"
+            return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
+        if not search.fit.probes:
+            return Answer("no_gap", (), (("", self.model),), "")
+        findings = findings_of(bench, search, closed, equals)
+        stages, model = [("", self.model)], self.model
+        for finding in findings:
+            for effect in finding.effects:
+                model = model.with_(effect)
+            stages.append((finding.name, model))
+        return Answer("explained", tuple(findings), tuple(stages), "")
+
+    def verify(self, split: Split, answer: Answer) -> Gap:
+        """The gap before, after each effect, and its floor, on frames that nothing above has seen."""
+        scale = Scale.of(split.verify, self.model, 2 * self.seed + 3)
+        return gap_of(scale, answer.stages, lambda i, n: self.tell("verification", i, n))
+
+    def report(
+        self,
+        case: Case,
+        split: Split,
+        bench: Bench,
+        where: tuple[Standout, ...],
+        search: Search,
+        answer: Answer,
+        untestable: Mapping[str, str],
+        gap: Gap,
+    ) -> Explanation:
+        """Everything together."""
+        nuisance = "; ".join(search.fit.nuisance.words()) or "none"
+        floor, left = bench.lab.floor_distance, search.fit.distance
+        steps = (
+            Step("split", split.words()),
+            Step("residuals", f"{len(bench.lab.beams)} beams in {len(bench.lab.summaries)} summaries"),
+            Step("noise floor", f"distance {bench.start:.0f} before any fit, {floor:.0f} where nothing is missing"),
+            Step("where", f"{len(where)} summaries stand out"),
+            Step("candidates", f"{len(search.trials)} fitted; chance gains up to {bench.level:.1f} times its mean"),
+            Step("fit", f"{', '.join(search.fit.names()) or 'nothing'} accepted; distance {left:.0f}"),
+            Step("nuisances", f"within their usual errors: {nuisance}"),
+            Step("select", f"distance {select_distance(bench.select, search.fit):.0f} on the select frames"),
+            Step("unknown", answer.words or "nothing is left that needs a description"),
+            Step("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after"),
+        )
+        return Explanation(
+            verdict=answer.verdict,
+            findings=answer.findings,
+            not_testable=untestable,
+            gap=gap,
+            model=answer.stages[-1][1],
+            steps=steps,
+            where=where,
+            candidates=candidates_table(bench, search, answer.verdict),
+            split=split.numbers(),
+            seeds={"seed": self.seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * self.seed + 3},
+            hashes=dict(case.hashes),
+            left_out=dict(case.left_out),
+        )
+
