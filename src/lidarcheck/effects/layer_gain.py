@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.base import LightEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.draws import check_interval
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS
@@ -20,8 +20,9 @@ class LayerGain(LightEffect):
 
     S' = gain S on every `every`-th layer of `first_layer` ... `last_layer`, beginning with the first: the photon
     detection efficiency, or the optics' share, of SPAD rows; gain 0 is dead ones. A block with `every` 1; a read-out
-    that alternates between two halves of the chip with 2. Background is light of the scene and scales alike. Identity
-    at gain 1.
+    that alternates between two halves of the chip with 2. Any other pattern with `gains`, a factor for each of those
+    layers, times `gain`; where there are fewer than layers, they begin again. Background is light of the scene and
+    scales alike. Identity at gain 1 without gains.
     """
 
     name = "layer_gain"
@@ -29,6 +30,9 @@ class LayerGain(LightEffect):
     gain: float = parameter("", low=0.0, high=10.0, typical=0.8, meaning="factor on the light of those layers")
     first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=250, whole=True, meaning="first such layer")
     last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=269, whole=True, meaning="last such layer")
+    gains: tuple[float, ...] = list_parameter(
+        "", low=0.0, high=10.0, meaning="a factor for each such layer, from the first on", example=(0.9, 1.1)
+    )
     every: int = parameter("layers", low=1, high=LAYERS, typical=1, whole=True, meaning="1: each layer between, 2: ...")
 
     def __post_init__(self) -> None:
@@ -37,9 +41,10 @@ class LayerGain(LightEffect):
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale the light of those layers."""
-        if self.gain == 1.0:
+        if self.gain == 1.0 and not self.gains:
             return light
         inside = (light.layer >= self.first_layer) & (light.layer <= self.last_layer)
         inside &= (light.layer - self.first_layer) % self.every == 0
-        factor = np.where(inside, self.gain, 1.0)
+        own = np.asarray(self.gains or (1.0,))[(light.layer - self.first_layer) // self.every % max(len(self.gains), 1)]
+        factor = np.where(inside, self.gain * own, 1.0)
         return light.dimmed(factor, background=factor)

@@ -110,7 +110,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Where each beam stands in its frame's lattice of fired layers and points: `cell` (n,), -1 in `grid` where none."""
+    """The lattice of fired layers and points: the beam at each place, -1 for none, and the place of each beam."""
 
     grid: IndexArray
     place: tuple[IndexArray, IndexArray, IndexArray]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -38,12 +38,16 @@ class Free:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """One start of the search for an effect: its settings there, and the parameters that are free."""
+    """One start of the search for an effect: its settings there, and the parameters that are free.
+
+    `variant`: starts of one effect that differ in kind are fitted each, else the best one only.
+    """
 
     name: str
     settings: Mapping[str, Any]
     free: tuple[Free, ...]
     fixed: Mapping[str, Any] = field(default_factory=dict)
+    variant: str = ""
 
     def effect(self, x: FloatArray | None = None) -> Effect:
         """The effect at the start, or at a point of the fit's scale."""
@@ -63,6 +67,8 @@ class Probe:
         settings = dict(self.settings)
         settings |= {name: settings[name] ** factor for name in powers if name in settings}
         settings |= {name: settings[name] * factor for name in parts if name in settings}
+        if "gains" in settings:
+            settings["gains"] = tuple(round(g**factor, 4) for g in settings["gains"])
         if self.name == "fog":
             settings["mor_m"] = min(settings["mor_m"] / max(factor, 0.02), 1e5)
         if self.name == "incidence_falloff":
@@ -106,7 +112,9 @@ _FREE: dict[str, tuple[Free, ...]] = {
     "afterpulsing": (Free("probability", 0.4, log=True), Free("delay_ns", 0.5, log=True)),
     "dead_time": (Free("shift_ns", 1.0), Free("spread_ns", 0.5)),
     "pulse_shape": (
-        Free("stretch", 0.05, log=True), Free("tail_share", 0.3, log=True), Free("tail_ns", 0.25, log=True),
+        Free("stretch", 0.05, log=True),
+        Free("tail_share", 0.3, log=True),
+        Free("tail_ns", 0.25, log=True),
     ),
     "timing_jitter": (Free("sigma_ns", _LOG, log=True), Free("amplitude_power", 0.1)),
     "range_offset": (Free("offset_m", 0.005),),
@@ -119,31 +127,50 @@ _FREE: dict[str, tuple[Free, ...]] = {
     "material_reflectance": (Free("factor", 0.05, log=True),),
     "layer_gain": (Free("gain", 0.05, log=True),),
     "blooming_vertical": (
-        Free("core_up", 0.4, log=True), Free("core_down", 0.4, log=True), Free("core_rows", _LOG, log=True),
-        Free("skirt_up", 0.4, log=True), Free("skirt_down", 0.4, log=True),
-        Free("skirt_up_rows", _LOG, log=True), Free("skirt_down_rows", _LOG, log=True),
+        Free("core_up", 0.4, log=True),
+        Free("core_down", 0.4, log=True),
+        Free("core_rows", _LOG, log=True),
+        Free("skirt_up", 0.4, log=True),
+        Free("skirt_down", 0.4, log=True),
+        Free("skirt_up_rows", _LOG, log=True),
+        Free("skirt_down_rows", _LOG, log=True),
     ),
     "blooming_horizontal": (
-        Free("core_left", 0.4, log=True), Free("core_right", 0.4, log=True), Free("core_columns", _LOG, log=True),
-        Free("skirt_left", 0.4, log=True), Free("skirt_right", 0.4, log=True),
-        Free("skirt_left_columns", _LOG, log=True), Free("skirt_right_columns", _LOG, log=True),
+        Free("core_left", 0.4, log=True),
+        Free("core_right", 0.4, log=True),
+        Free("core_columns", _LOG, log=True),
+        Free("skirt_left", 0.4, log=True),
+        Free("skirt_right", 0.4, log=True),
+        Free("skirt_left_columns", _LOG, log=True),
+        Free("skirt_right_columns", _LOG, log=True),
     ),
     "retro_ghost": (Free("strength", _LOG, log=True), Free("extra_m", 0.1), Free("exponent", 0.3)),
     "mirror_multipath": (Free("reflectivity", _LOG, log=True), Free("grazing", 0.1)),
     "fog": (
-        Free("mor_m", _LOG, log=True), Free("backscatter", 0.3, log=True),
-        Free("overlap_start_m", 0.3), Free("overlap_full_m", 0.3, log=True),
+        Free("mor_m", _LOG, log=True),
+        Free("backscatter", 0.3, log=True),
+        Free("overlap_start_m", 0.3),
+        Free("overlap_full_m", 0.3, log=True),
     ),
     "rain": (
-        Free("rate_mm_h", _LOG, log=True), Free("drop_echo", 0.4, log=True), Free("drop_density", 0.4, log=True),
+        Free("rate_mm_h", _LOG, log=True),
+        Free("drop_echo", 0.4, log=True),
+        Free("drop_density", 0.4, log=True),
         Free("extinction_coefficient", 0.3, log=True),
     ),
     "motion": (
-        Free("forward_m_s", 1.0), Free("left_m_s", 1.0), Free("up_m_s", 0.5), Free("yaw_deg_s", 2.0),
+        Free("forward_m_s", 1.0),
+        Free("left_m_s", 1.0),
+        Free("up_m_s", 0.5),
+        Free("yaw_deg_s", 2.0),
     ),
     "vibration": (Free("pitch_deg", 0.3, log=True), Free("yaw_deg", 0.3, log=True)),
     "blockage": (Free("transmission", 0.05), Free("soft_edge_deg", 0.3, log=True), Free("roundness", 0.3)),
-    "interference": (Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("farthest_m", _LOG, log=True)),
+    "interference": (
+        Free("share", _LOG, log=True),
+        Free("signal", 0.3, log=True),
+        Free("farthest_m", _LOG, log=True),
+    ),
     "dropout": (Free("share", _LOG, log=True),),
 }
 
@@ -154,27 +181,41 @@ _STARTS: dict[str, list[dict[str, float]]] = {
     "crosstalk": [{"sides": 0.02, "corners": 0.01}, {"sides": 0.06, "corners": 0.02}],
     "afterpulsing": [{"probability": 0.05}, {"probability": 0.15}],
     "dead_time": [
-        {"shift_ns": -3.0, "spread_ns": 0.0}, {"shift_ns": 4.0, "spread_ns": 0.0}, {"shift_ns": 0.0, "spread_ns": 3.0},
+        {"shift_ns": -3.0, "spread_ns": 0.0},
+        {"shift_ns": 4.0, "spread_ns": 0.0},
+        {"shift_ns": 0.0, "spread_ns": 3.0},
     ],
     "pulse_shape": [
-        {"stretch": 0.75, "tail_share": 0.001}, {"stretch": 1.3, "tail_share": 0.001},
+        {"stretch": 0.75, "tail_share": 0.001},
+        {"stretch": 1.3, "tail_share": 0.001},
         {"stretch": 1.0, "tail_share": 0.1, "tail_ns": 8.0},
     ],
     "timing_jitter": [{"sigma_ns": 0.3}, {"sigma_ns": 1.0}],
     "range_offset": [{"offset_m": 0.04}, {"offset_m": -0.04}, {"offset_m": 0.3}, {"offset_m": -0.3}],
     "range_scale": [{"fraction": 0.001}, {"fraction": -0.001}, {"fraction": 0.006}, {"fraction": -0.006}],
     "walk_error": [
-        {"per_decade_m": 0.06, "bend_m": 0.0}, {"per_decade_m": -0.06, "bend_m": 0.0},
-        {"per_decade_m": 0.0, "bend_m": 0.06}, {"per_decade_m": 0.0, "bend_m": -0.06},
+        {"per_decade_m": 0.06, "bend_m": 0.0},
+        {"per_decade_m": -0.06, "bend_m": 0.0},
+        {"per_decade_m": 0.0, "bend_m": 0.06},
+        {"per_decade_m": 0.0, "bend_m": -0.06},
     ],
     "threshold": [{"shift": 2.0}, {"shift": -2.0}, {"shift": 6.0}],
     "boresight": [
         {"yaw_deg": y, "pitch_deg": p}
-        for y, p in ((0.12, 0.0), (-0.12, 0.0), (0.0, 0.06), (0.0, -0.06), (0.4, 0.0), (-0.4, 0.0), (0.0, 0.2),
-                     (0.0, -0.2))
+        for y, p in (
+            (0.12, 0.0),
+            (-0.12, 0.0),
+            (0.0, 0.06),
+            (0.0, -0.06),
+            (0.4, 0.0),
+            (-0.4, 0.0),
+            (0.0, 0.2),
+            (0.0, -0.2),
+        )
     ],
     "beam_divergence": [
-        {"vertical_deg": 0.06, "horizontal_deg": 0.12}, {"vertical_deg": 0.15, "horizontal_deg": 0.3},
+        {"vertical_deg": 0.06, "horizontal_deg": 0.12},
+        {"vertical_deg": 0.15, "horizontal_deg": 0.3},
     ],
     "incidence_falloff": [{"exponent": 0.6}, {"exponent": 1.5}, {"exponent": 2.5}],
     "blooming_vertical": [
@@ -182,8 +223,8 @@ _STARTS: dict[str, list[dict[str, float]]] = {
         {"core_up": 0.0003, "core_down": 0.002, "skirt_up": 5e-4, "skirt_down": 1e-4},
     ],
     "blooming_horizontal": [
-        {"core_left": 1e-4, "core_right": 1e-4}, {"core_left": 1e-3, "core_right": 1e-3, "skirt_left": 2e-5,
-                                                  "skirt_right": 2e-5},
+        {"core_left": 1e-4, "core_right": 1e-4},
+        {"core_left": 1e-3, "core_right": 1e-3, "skirt_left": 2e-5, "skirt_right": 2e-5},
     ],
     "retro_ghost": [{"strength": 3e-5}, {"strength": 1.5e-4}],
     "mirror_multipath": [{"reflectivity": 0.15}, {"reflectivity": 0.5}],
@@ -193,20 +234,35 @@ _STARTS: dict[str, list[dict[str, float]]] = {
     ],
     "rain": [{"rate_mm_h": 10.0}, {"rate_mm_h": 40.0}],
     "motion": [
-        {"forward_m_s": 12.0}, {"forward_m_s": -12.0}, {"forward_m_s": 0.0, "left_m_s": 10.0},
-        {"forward_m_s": 0.0, "left_m_s": -10.0}, {"forward_m_s": 0.0, "yaw_deg_s": 25.0},
+        {"forward_m_s": 12.0},
+        {"forward_m_s": -12.0},
+        {"forward_m_s": 0.0, "left_m_s": 10.0},
+        {"forward_m_s": 0.0, "left_m_s": -10.0},
+        {"forward_m_s": 0.0, "yaw_deg_s": 25.0},
         {"forward_m_s": 0.0, "yaw_deg_s": -25.0},
     ],
     "vibration": [
         {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 150.0, "random_deg": 0.0},
         {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 60.0, "random_deg": 0.0},
-        {"pitch_deg": 0.001, "yaw_deg": 0.001, "frequency_hz": 400.0, "random_deg": 0.04},
-        {"pitch_deg": 0.001, "yaw_deg": 0.001, "frequency_hz": 400.0, "random_deg": 0.12},
     ],
-    "interference": [{"share": 0.01, "signal": 1.0}, {"share": 0.06, "signal": 3.0}],
+    "interference": [
+        {"share": 0.01, "signal": 1.0},
+        {"share": 0.06, "signal": 3.0},
+    ],
     "dropout": [{"share": 0.01}, {"share": 0.06}],
 }
 
+_STRIPES = (
+    Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("farthest_m", _LOG, log=True),
+    Free("columns", 0.4, log=True),
+)  # fmt: skip
+_TREMBLE = (Free("random_deg", _LOG, log=True),)
+_VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
+    ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
+    ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
+    ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
+)
+"""Starts of another kind: an effect's name, the kind's, the settings, what is free."""
 _FIXED: dict[str, dict[str, float]] = {"beam_divergence": {"rays": 3}}
 
 
@@ -215,10 +271,12 @@ def free_of(name: str) -> tuple[Free, ...]:
     return _FREE[name]
 
 
-def fixed_probes(names: Iterable[str]) -> list[Probe]:
+def fixed_probes(names: Sequence[str]) -> list[Probe]:
     """The starts that need no look at the data."""
-    return [
-        Probe(name, settings, _FREE[name], _FIXED.get(name, {}))
-        for name in names
-        for settings in _STARTS.get(name, ())
+    found = [
+        Probe(name, settings, _FREE[name], _FIXED.get(name, {})) for name in names for settings in _STARTS.get(name, ())
     ]
+    for name, variant, settings, free in _VARIANTS:
+        if name in names:
+            found.append(Probe(name, settings, free, _FIXED.get(name, {}), variant))
+    return found

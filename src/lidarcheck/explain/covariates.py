@@ -67,7 +67,7 @@ def binned(covariate: str, value: FloatArray, edges: Sequence[float], unit: str)
     """Bins between ascending edges, the last open; NaN takes no part."""
     place = np.searchsorted(np.asarray(edges), value, side="right") - 1
     place = np.where(np.isnan(value), -1, place)
-    ends = [*(f"{a:g}-{b:g} {unit}" for a, b in zip(edges[:-1], edges[1:], strict=True)), f"over {edges[-1]:g} {unit}"]
+    ends = [*(f"{a:g}-{b:g} {unit}" for a, b in itertools.pairwise(edges)), f"over {edges[-1]:g} {unit}"]
     return _used(covariate, place, ends)
 
 
@@ -106,7 +106,7 @@ def _strips(covariate: str, line: IndexArray, count: int) -> Division:
     low, high = int(line.min()), int(line.max()) + 1
     edges = np.unique(np.linspace(low, high, min(count, high - low) + 1).astype(np.int64))
     place = np.searchsorted(edges, line, side="right") - 1
-    return _used(covariate, place, [f"{a}-{b - 1}" for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    return _used(covariate, place, [f"{a}-{b - 1}" for a, b in itertools.pairwise(edges)])
 
 
 def _numbers(covariate: str, number: IndexArray) -> Division:

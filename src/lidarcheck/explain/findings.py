@@ -25,9 +25,7 @@ WIDEN = 1.5
 _DIGITS = 5
 
 
-def findings_of(
-    bench: Bench, search: Search, closed: Closure, equals: Mapping[str, tuple[str, ...]]
-) -> list[Finding]:
+def findings_of(bench: Bench, search: Search, closed: Closure, equals: Mapping[str, tuple[str, ...]]) -> list[Finding]:
     """The accepted effects, the most important first."""
     now, lab = search.fit, bench.lab
     parameters = intervals(lab, now, WIDEN)
@@ -56,7 +54,7 @@ def _change(lab: Lab, now: Fit, i: int) -> FloatArray:
     """What one of the effects changes with the others there."""
     rest = [j for j in range(len(now.probes)) if j != i]
     without = with_effects(lab.model, [now.probes[j] for j in rest], [now.x[j] for j in rest])
-    return now.shown[0] - lab.shows(without, 1, nuisance=now.nuisance)[0]
+    return np.asarray(now.shown[0] - lab.shows(without, 1, nuisance=now.nuisance)[0])
 
 
 def rounded_effects(now: Fit) -> list[Effect]:
@@ -78,7 +76,7 @@ def _rounded(value: float) -> float:
 
 _SEPARATING = {
     frozenset(("signal_gain", "material_reflectance")): "targets of other materials at the same range",
-    frozenset(("signal_gain", "crosstalk")): "repeated frames of a panel of medium signal: crosstalk scatters AREA more",
+    frozenset(("signal_gain", "crosstalk")): "many frames of a panel of medium signal: crosstalk scatters AREA more",
     frozenset(("range_offset", "range_scale")): "one target at two ranges far apart",
     frozenset(("range_offset", "motion")): "a scene at rest, the sensor at rest",
     frozenset(("range_offset", "walk_error")): "panels of 10 % and 80 % at one range",
@@ -86,7 +84,7 @@ _SEPARATING = {
     frozenset(("boresight", "motion")): "a scene at rest, the sensor at rest",
     frozenset(("boresight", "vibration")): "a sensor on a firm stand",
     frozenset(("vibration", "timing_jitter")): "a wall at right angles: jitter stays, vibration vanishes",
-    frozenset(("fog", "rain")): "the echoes' ranges close to the sensor over many frames: drops are single, fog is a veil",
+    frozenset(("fog", "rain")): "many frames of the air close to the sensor: drops are single, fog is a veil",
     frozenset(("blockage", "layer_gain")): "the same wall with the sensor turned by some degrees",
     frozenset(("pulse_shape", "threshold")): "the echo's WIDTH over AREA on a bright panel",
 }
@@ -130,4 +128,3 @@ def _fate(name: str, passes: bool, gains: bool, kept: Sequence[str], search: Sea
             return "helps, but leaves too much open"
         return "another explains more" if name not in kept else "accepted"
     return "does not hold on other frames" if gains else "explains too little"
-

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +29,8 @@ _FLIPS = 0.7
 class Fit:
     """Effects fitted together: their probes, where each stands on its own scale, and how far the model then is.
 
-    `shown` (seeds, n_summaries): what it shows. `jacobian` (n_summaries, n_free): change per step of every free parameter,
-    None before a fit has taken it.
+    `shown` (seeds, n_summaries): what it shows. `jacobian` (n_summaries, n_free): change per step of every free
+    parameter, None before a fit has taken it. `nuisance`: how far gain, reflectances and pose are off besides.
     """
 
     probes: tuple[Probe, ...]
@@ -37,7 +38,7 @@ class Fit:
     distance: float
     shown: FloatArray
     jacobian: FloatArray | None = None
-    nuisance: Nuisance = Nuisance()
+    nuisance: Nuisance = field(default_factory=Nuisance)
 
     def effects(self) -> list[Effect]:
         """The configured effects."""
@@ -69,7 +70,7 @@ def fit(
     ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
 
     def parts(flat: FloatArray) -> tuple[FloatArray, ...]:
-        return tuple(flat[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(flat[a:b] for a, b in itertools.pairwise(ends))
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
         try:
@@ -135,9 +136,7 @@ def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
     return seen
 
 
-def _descend(
-    lab: Lab, shows: Shows, at: FloatArray, rounds: int
-) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+def _descend(lab: Lab, shows: Shows, at: FloatArray, rounds: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     shown = shows(at)
     if shown is None:
         return at, np.full((1, len(lab.measured)), 1e6), None
@@ -171,7 +170,7 @@ def _step(curvature: FloatArray, slope: FloatArray, damping: float) -> FloatArra
     damped = 0.5 * (curvature + curvature.T) + np.diag(damping * diagonal + 0.5)
     values, vectors = np.linalg.eigh(damped)
     values = np.maximum(values, 0.5)
-    return np.clip(vectors @ ((vectors.T @ slope) / values), -7.0, 7.0)
+    return np.asarray(np.clip(vectors @ ((vectors.T @ slope) / values), -7.0, 7.0))
 
 
 def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
@@ -196,7 +195,7 @@ def jacobian_of(lab: Lab, now: Fit) -> FloatArray:
     ends = np.cumsum([0, *(len(x) for x in now.x)])
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
-        x = tuple(flat[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+        x = tuple(flat[a:b] for a, b in itertools.pairwise(ends))
         try:
             return lab.shows(with_effects(lab.model, now.probes, x), seeds, nuisance=now.nuisance)
         except UsageError:

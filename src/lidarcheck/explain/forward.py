@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -9,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.screen import Screened
-from lidarcheck.model.spec import Model
 
 __all__ = ["Bench", "Search", "Trial", "backward", "forward", "start_fit"]
 
@@ -28,7 +30,7 @@ LEAST_PART = 0.05
 """An effect that explains less of the distance than this is not worth a name."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
-SMALL = 4.0
+SMALL = 20.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
 
@@ -40,6 +42,7 @@ class Bench:
     select: Lab
     level: float
     start: float
+    crew: Crew = field(default_factory=Crew)
 
     @property
     def worth(self) -> float:
@@ -66,14 +69,21 @@ class Trial:
 
     @property
     def passes(self) -> bool:
-        """Whether it explains more than chance, more than 5 %, and holds on frames that it was not fitted to."""
-        return self.gain > self.needed and self.select_before - self.select_after > 0.05 * self.gain
+        """Whether it explains more than chance, more than 5 %, holds on frames that it was not fitted to, and is more
+        than a usual error."""
+        holds = self.select_before - self.select_after > 0.05 * self.gain
+        own = next(e for e in self.fit.effects() if e.name == self.name)
+        return self.gain > self.needed and holds and not is_usual_error(own)
 
 
 @dataclass
 class Search:
-    """What the search found: the accepted effects together, and every candidate that was fitted."""
+    """What the search found: the accepted effects together, and every candidate that was fitted.
 
+    `first`: before any effect, with the nuisances fitted where they may be all that is wrong.
+    """
+
+    first: Fit
     fit: Fit
     trials: list[Trial] = field(default_factory=list)
 
@@ -87,7 +97,7 @@ def start_fit(lab: Lab) -> Fit:
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
-    found = Search(first)
+    found = Search(first, first)
     for number in range(1, MOST_EFFECTS + 1):
         trials = run_round(bench, found.fit, screened, number, told)
         found.trials += trials
@@ -105,10 +115,15 @@ def run_round(bench: Bench, now: Fit, screened: Sequence[Screened], number: int,
     lab = bench.lab
     order = _promising(bench, now, screened)
     before = select_distance(bench.select, now)
+
+    def tried(candidate: tuple[float, Screened]) -> tuple[Fit, float]:
+        scale, one = candidate
+        found = fit_next(lab, now, one.probe.scaled(scale))
+        return found, select_distance(bench.select, found)
+
     trials = []
-    for i, (scale, one) in enumerate(order):
-        alone = fit_next(lab, now, one.probe.scaled(scale))
-        after = select_distance(bench.select, alone)
+    for i, (alone, after) in enumerate(bench.crew.map(tried, order)):
+        one = order[i][1]
         needed = max(1.3 * bench.level * one.chance, bench.worth)
         trials.append(Trial(one.probe.name, number, alone, now.distance - alone.distance, needed, before, after))
         told(f"round {number}", i + 1, len(order))
@@ -118,13 +133,14 @@ def run_round(bench: Bench, now: Fit, screened: Sequence[Screened], number: int,
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
     """The best start of each of the best effects, with the factor on its strength."""
     residual = bench.lab.measured - now.shown.mean(axis=0)
-    best: dict[str, tuple[float, float, Screened]] = {}
+    best: dict[tuple[str, str], tuple[float, float, Screened]] = {}
     for one in screened:
         if one.probe.name in now.names():
             continue
         gain, scale = one.gain(bench.lab, residual)
-        if gain / one.chance > bench.level and gain > best.get(one.probe.name, (0.0,))[0]:
-            best[one.probe.name] = (gain, scale, one)
+        key = (one.probe.name, one.probe.variant)
+        if gain / one.chance > bench.level and gain > best.get(key, (0.0,))[0]:
+            best[key] = (gain, scale, one)
     order = sorted(best.values(), key=lambda found: -found[0])[:REFINED]
     return [(scale, one) for gain, scale, one in order if gain > NEARLY * order[0][0]]
 
@@ -150,12 +166,12 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     lab = bench.lab
     if not now.probes:
         return now
-    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=2, nuisance=now.nuisance))
+    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance))
     while now.probes:
         without = []
-        for i in range(len(now.probes)):
-            without.append(_without(lab, now, i))
-            told("leave out again", i + 1, len(now.probes))
+        for fewer in bench.crew.map(functools.partial(_without, lab, now), range(len(now.probes))):
+            without.append(fewer)
+            told("leave out again", len(without), len(now.probes))
         losses = [one.distance - now.distance for one in without]
         least = int(np.argmin(losses))
         if losses[least] > max(1.3 * bench.level, bench.worth):
@@ -169,8 +185,3 @@ def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
     fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
     small = fewer.distance < SMALL * lab.floor_distance
     return fit_nuisance(lab, fewer, rounds=4 if small else 1)
-
-
-def model_with(now: Fit, model: Model) -> Model:
-    """The model with the effects of a fit."""
-    return now.model(model)

@@ -81,11 +81,9 @@ class Scale:
             parts[:4] += self._shifts(stratum, one, others, weight)
             parts[4] += self._losses(stratum, one, others, weight)
             parts[5] += self._strays(stratum, one, others, weight)
-        return parts / max(len(self.strata), 1)
+        return np.asarray(parts / max(len(self.strata), 1))
 
-    def _shifts(
-        self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray
-    ) -> FloatArray:
+    def _shifts(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> FloatArray:
         """Mean over strata of the 1-Wasserstein distances of the four features, in standard deviations."""
         known = self.expected.known & (stratum >= 0)
         mine = known & one.detected
@@ -99,11 +97,11 @@ class Scale:
             place = np.concatenate([stratum[t] for t in theirs])
             heft = np.concatenate([weight[t] for t in theirs])
             found[j] = (share * _wasserstein(a, stratum[mine], weight[mine], b, place, heft, bins)).sum()
-        return found / max(share.sum(), 1e-9)
+        return np.asarray(found / max(share.sum(), 1e-9))
 
     def _standard(self, sights: Sights, rows: npt.NDArray[np.bool_], feature: int) -> FloatArray:
         off = (sights.feature[rows, feature] - self.expected.mean[rows, feature]) / self.expected.spread[rows, feature]
-        return np.clip(off, -_CLIP, _CLIP)
+        return np.asarray(np.clip(off, -_CLIP, _CLIP))
 
     def _losses(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> float:
         """Mean difference of the detection probability, in its own standard deviations of a single beam."""
@@ -126,7 +124,7 @@ class Scale:
             mine = used[sights.extra_beam]
             beam = sights.extra_beam[mine]
             cell = np.searchsorted(np.asarray(RANGE_EDGES_M), sights.extra_m[mine], side="right") - 1
-            return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells)
+            return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells).astype(np.float64)
 
         difference = np.abs(rates(one) - sum(rates(o) for o in others) / len(others)).reshape(bins, cells)
         # A bin in which one echo in five beams is other has a spread of its own.
@@ -142,12 +140,10 @@ def _wasserstein(
     a: FloatArray, a_bin: IndexArray, a_weight: FloatArray, b: FloatArray, b_bin: IndexArray, b_weight: FloatArray,
     bins: int,
 ) -> FloatArray:  # fmt: skip
-    """1-Wasserstein distance of weighted samples in each bin, shape (bins,): the area between distribution functions."""
+    """1-Wasserstein distance of weighted samples in each bin, (bins,): the area between distribution functions."""
     total_a, total_b = np.bincount(a_bin, a_weight, bins), np.bincount(b_bin, b_weight, bins)
     value, place = np.concatenate([a, b]), np.concatenate([a_bin, b_bin])
-    step = np.concatenate(
-        [a_weight / np.maximum(total_a, 1e-9)[a_bin], -b_weight / np.maximum(total_b, 1e-9)[b_bin]]
-    )
+    step = np.concatenate([a_weight / np.maximum(total_a, 1e-9)[a_bin], -b_weight / np.maximum(total_b, 1e-9)[b_bin]])
     order = np.lexsort((value, place))
     value, place, step = value[order], place[order], step[order]
     gap = np.diff(value)
@@ -156,7 +152,7 @@ def _wasserstein(
     both = (total_a > 0.0) & (total_b > 0.0)
     step = np.where(both[place], step, 0.0)
     height = np.abs(np.cumsum(step)[:-1])
-    return np.bincount(place[1:], np.where(same & both[place[1:]], height * gap, 0.0), bins)
+    return np.bincount(place[1:], np.where(same & both[place[1:]], height * gap, 0.0), bins).astype(np.float64)
 
 
 Told = Callable[[int, int], object]

@@ -15,7 +15,7 @@ from lidarcheck.explain.beams import Beams, beams_of
 from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
-from lidarcheck.model.chain import Unread, simulate_unread
+from lidarcheck.model.again import Unread, simulate_unread
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
@@ -25,11 +25,12 @@ FloatArray = npt.NDArray[np.float64]
 
 EXPECTATION_SEEDS = 8
 FLOOR_SEEDS = 20
-FLOOR_DRAWS = 144
-CHECK_DRAWS = 64
+FLOOR_DRAWS = 120
+CHECK_DRAWS = 48
 _KEPT = 6
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -76,6 +77,7 @@ class Lab:
         self.seed = seed
         self.seeds = seeds
         self._unread: dict[object, list[Unread]] = {}
+        self._plain: dict[int, list[Unread]] = {}
         self._posed: dict[tuple[float, float], list[IdealScan]] = {}
         self.beams: Beams = beams_of([f.ideal for f in frames], model)
         names = {i: m.name for i, m in model.materials.items()}
@@ -89,6 +91,7 @@ class Lab:
         # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
         self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
         self._paired: dict[int, FloatArray] = {}
+        self._plain = {k: self._simulated(model, k, Nuisance()) for k in range(seeds)}
         self.metric, self.bare = _metrics(self)
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
@@ -108,11 +111,23 @@ class Lab:
         if key not in self._unread:
             if len(self._unread) >= _KEPT:
                 self._unread.pop(next(iter(self._unread)))
-            self._unread[key] = [
-                simulate_unread(ideal, model, seed=(self.seed << 16) + seed, frame=f.number, threads=1)
-                for f, ideal in zip(self.frames, self._ideals(nuisance), strict=True)
-            ]
+            self._unread[key] = self._simulated(model, seed, nuisance, self._plain.get(seed))
         return self._unread[key]
+
+    def _simulated(
+        self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[Unread] | None = None
+    ) -> list[Unread]:
+        return [
+            simulate_unread(
+                ideal,
+                model,
+                seed=(self.seed << 16) + seed,
+                frame=f.number,
+                threads=1,
+                like=None if like is None else like[i],
+            )
+            for i, (f, ideal) in enumerate(zip(self.frames, self._ideals(nuisance), strict=True))
+        ]
 
     def _ideals(self, nuisance: Nuisance) -> list[IdealScan]:
         pose = (nuisance.yaw, nuisance.pitch)
@@ -132,7 +147,9 @@ class Lab:
         What chance does to the case's own model with a seed is taken off, since it does nearly the same to a model
         that differs a little.
         """
-        rows = [self.summaries.of(self.sights(model, k, nuisance)) - self._chance(k) for k in range(seeds or self.seeds)]
+        rows = [
+            self.summaries.of(self.sights(model, k, nuisance)) - self._chance(k) for k in range(seeds or self.seeds)
+        ]
         return np.array(rows)
 
     def plain_base(self, k: int) -> FloatArray:
@@ -144,9 +161,7 @@ class Lab:
     def _chance(self, k: int) -> FloatArray:
         return compressed(self.plain_base(k))
 
-    def distance(
-        self, shown: FloatArray, measured: FloatArray | None = None, metric: Metric | None = None
-    ) -> float:
+    def distance(self, shown: FloatArray, measured: FloatArray | None = None, metric: Metric | None = None) -> float:
         """How far a model's summaries, a row a seed, are from the measured ones, without the noise of the seeds.
 
         The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out. `metric`:
@@ -209,7 +224,9 @@ def nuisances(lab: Lab) -> Mapping[str, FloatArray]:
 def _shift(lab: Lab, effect: Effect) -> FloatArray:
     """Change of the summaries, not compressed, by an effect on top of the model's; paired seeds."""
     model = beside(lab.model, effect)
-    return np.asarray(np.mean([lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k) for k in range(2)], axis=0))
+    return np.asarray(
+        np.mean([lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k) for k in range(2)], axis=0)
+    )
 
 
 def beside(model: Model, effect: Effect) -> Model:

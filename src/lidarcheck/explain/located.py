@@ -36,7 +36,7 @@ class Dimming:
         used = group >= 0
         weight = np.bincount(group[used], self.weight[used], count)
         total = np.bincount(group[used], (self.weight * self.log_gain)[used], count)
-        return total / np.maximum(weight, 1e-9), weight
+        return total / np.maximum(weight, 1e-9), weight.astype(np.float64)
 
 
 def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
@@ -94,7 +94,7 @@ def _by_amplitude(lab: Lab, value: FloatArray, seen: npt.NDArray[np.bool_]) -> F
 
 def _materials(lab: Lab, dimming: Dimming) -> list[Probe]:
     ids, place = np.unique(lab.beams.material_id, return_inverse=True)
-    gain, weight = dimming.mean(np.where(lab.beams.material_id >= 0, place, -1), len(ids))
+    gain, _ = dimming.mean(np.where(lab.beams.material_id >= 0, place, -1), len(ids))
     free = free_of("material_reflectance")
     found = []
     for material, g in zip(ids, gain, strict=True):
@@ -123,8 +123,19 @@ def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
         level = float(np.exp(np.average(gain[inside], weights=weight[inside] + 1e-9) - rest))
         band = {"first_layer": int(layers[first]), "last_layer": int(layers[last]), "every": 1}
         found.append(Probe("layer_gain", {"gain": level}, free, band))
-    found.append(_comb(layers, gain, weight))
+    found += [_comb(layers, gain, weight), _each_layer(layers, gain, weight)]
     return found
+
+
+def _each_layer(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
+    """A gain of its own for every layer, nearer to 1 where little is known of it."""
+    scatter = max(float(np.average(gain**2, weights=weight + 1e-9)), 1e-6)
+    shrunk = gain * weight / (weight + 1.0 / scatter)
+    span = np.arange(layers[0], layers[-1] + 1)
+    gains = np.round(np.exp(np.clip(np.interp(span, layers, shrunk), -3.0, 2.0)), 3)
+    place = {"first_layer": int(layers[0]), "last_layer": int(layers[-1]), "every": 1}
+    settings = {"gain": 1.0, "gains": tuple(gains.tolist())}
+    return Probe("layer_gain", settings, free_of("layer_gain"), place, "pattern")
 
 
 def _best_run(total: FloatArray, weight: FloatArray) -> tuple[int, int]:
@@ -218,11 +229,11 @@ def _rhythms(lab: Lab) -> list[Probe]:
     time = sweep_time_s(points.astype(np.int32))
     found = []
     weight = lab.beams.slope_m_per_deg / np.maximum(expected.spread[:, :1], 0.02) ** 2
-    for axis, name in ((0, "pitch_deg"), (1, "yaw_deg")):
+    for axis in (0, 1):
         top = np.bincount(column, np.where(valid, np.clip(residual, -1.0, 1.0) * weight[:, axis], 0.0))
         bottom = np.bincount(column, np.where(valid, weight[:, axis] * lab.beams.slope_m_per_deg[:, axis], 0.0))
         angle = top / np.maximum(bottom, 1e-9)
-        peak = _periodogram(time, np.clip(angle, -0.5, 0.5), bottom)
+        peak = _periodogram(time, np.clip(angle, -0.5, 0.5), bottom.astype(np.float64))
         if peak is None:
             continue
         frequency, phase, size = peak

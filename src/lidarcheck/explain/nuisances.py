@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import make
+from lidarcheck.effects.base import Effect, make
 from lidarcheck.model.chain import aimed
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
-__all__ = ["LIMIT", "Nuisance", "axes_of"]
+__all__ = ["LIMIT", "Nuisance", "at", "axes_of", "is_usual_error"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -50,10 +50,22 @@ class Nuisance:
         if not any(self.materials.values()):
             return model
         table = {
-            i: replace(entry, reflectance=entry.reflectance * float(np.exp(REFLECTANCE_ERROR * self.materials.get(i, 0.0))))
+            i: replace(entry, reflectance=_scaled(entry.reflectance, self.materials.get(i, 0.0)))
             for i, entry in model.materials.items()
         }
         return replace(model, materials=table)
+
+    def calibrated(self, model: Model) -> Model:
+        """The model corrected for this nuisance: reflectances of its table, and a small boresight correction."""
+        model = self.model(model)
+        if self.still:
+            return model
+        old = next((e.settings() for e in model.effects if e.name == "boresight"), {})
+        turn = {
+            "yaw_deg": float(old.get("yaw_deg", 0.0)) + round(self.yaw * POSE_ERROR_DEG, 5),
+            "pitch_deg": float(old.get("pitch_deg", 0.0)) + round(self.pitch * POSE_ERROR_DEG, 5),
+        }
+        return model.with_(make("boresight", {**old, **turn}))
 
     def ideals(self, ideals: Sequence[IdealScan], model: Model) -> list[IdealScan]:
         """What the beams meet when they look where this nuisance says."""
@@ -72,6 +84,29 @@ class Nuisance:
             if abs(value) > 0.1:
                 found.append(f"reflectance of material {i} {100.0 * np.expm1(REFLECTANCE_ERROR * value):+.1f} %")
         return found
+
+
+def _scaled(reflectance: float, errors: float) -> float:
+    """A table entry off by so many usual errors, to five digits."""
+    return float(f"{reflectance * np.exp(REFLECTANCE_ERROR * errors):.5g}") if errors else reflectance
+
+
+def is_usual_error(effect: Effect) -> bool:
+    """Whether an effect is no more than what gain, a table entry or the pose may be off without being worth a name."""
+    values = effect.settings()
+
+    def within(name: str, error: float, *, ratio: bool = False) -> bool:
+        value = float(values[name])
+        off = abs(np.log(max(value, 1e-9))) if ratio else abs(value)
+        return bool(off <= LIMIT * error)
+
+    if effect.name == "signal_gain":
+        return within("gain", GAIN_ERROR, ratio=True)
+    if effect.name == "material_reflectance":
+        return within("factor", REFLECTANCE_ERROR, ratio=True)
+    return effect.name == "boresight" and all(
+        within(name, POSE_ERROR_DEG) for name in ("yaw_deg", "pitch_deg", "roll_deg")
+    )
 
 
 def axes_of(materials: Sequence[int]) -> list[str | int]:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.crew import Crew
 from lidarcheck.explain.lab import Lab
 
 __all__ = ["Screened", "chance_level", "screen"]
@@ -38,18 +39,36 @@ class Screened:
         return float(2.0 * scale * (weighted @ residual) - scale**2 * length), scale
 
 
-def screen(lab: Lab, probes: Sequence[Probe], told: Callable[[int, int], object] | None = None) -> list[Screened]:
+def screen(
+    lab: Lab, probes: Sequence[Probe], told: Callable[[int, int], object] | None = None, crew: Crew | None = None
+) -> list[Screened]:
     """What every candidate would change, each with the same random numbers as the model itself."""
-    found = []
-    for i, probe in enumerate(probes):
-        try:
-            change = lab.shows(lab.model.with_(probe.effect()), 1)[0]
-        except UsageError:
-            continue  # such an effect cannot be on top of this model
-        found.append(Screened(probe, change, _chance(lab, change)))
+    crew = crew or Crew()
+    start = [crew.notebook.get(_page(i)) if crew.notebook else None for i in range(len(probes))]
+    open_ = [i for i, change in enumerate(start) if change is None]
+    changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
+    for i, change in zip(open_, crew.map(lambda i: _change(lab, probes[i]), open_), strict=True):
+        changes[i] = change
+        if crew.notebook is not None:
+            crew.notebook.put(_page(i), [] if change is None else change)
         if told is not None:
             told(i + 1, len(probes))
-    return found
+    return [
+        Screened(probe, change, _chance(lab, change))
+        for probe, change in zip(probes, changes, strict=True)
+        if change is not None and len(change)
+    ]
+
+
+def _page(i: int) -> str:
+    return f"change {i}"
+
+
+def _change(lab: Lab, probe: Probe) -> FloatArray | None:
+    try:
+        return np.asarray(lab.shows(lab.model.with_(probe.effect()), 1)[0])
+    except UsageError:
+        return None  # such an effect cannot be on top of this model
 
 
 def _chance(lab: Lab, change: FloatArray) -> float:

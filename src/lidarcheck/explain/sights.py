@@ -26,11 +26,12 @@ class Sights:
     """What scans of all frames show of each beam of a `Beams` table.
 
     `detected` (n,): an echo within 2 m of a surface of the beam; of several the nearest. `feature` (n, 4): that echo's
-    features in the order of `FEATURES`, 0 where there is none. `extra_beam`, `extra_m`, `extra_area`, `extra_peak`,
-    `extra_width` (m,): the other echoes, each with its beam, its range, ln AREA, ln PEAK and WIDTH [ns], in order of the
-    beams. `extra_side` (m,): the side whose
-    neighbour meets a surface at that range, as `beams.SIDES`, -1 for none. `strayed` (n,): beams that show nothing but
-    a neighbour's surface, as an aim off by a fraction of a beam makes them.
+    features in the order of `FEATURES`, 0 where there is none. `strayed` (n,): beams that show nothing but a
+    neighbour's surface, as an aim off by a fraction of a beam makes them.
+
+    The other echoes, in order of the beams, shape (m,): `extra_beam`, `extra_m` (range), `extra_area` (ln AREA),
+    `extra_peak` (ln PEAK), `extra_width` [ns], and `extra_side`, the side whose neighbour meets a surface at that
+    range, as `beams.SIDES`, -1 for none.
     """
 
     detected: npt.NDArray[np.bool_]

@@ -101,14 +101,14 @@ def _residuals(lab: Lab, model: Model) -> Iterator[_Residual]:
     mean = sum(s.feature for s in shown) / np.maximum(count, 1.0)[:, None]
     both = measured.detected & (count > 0)
     rows = np.flatnonzero(both)
-    off = np.where(both[:, None], measured.feature - mean, 0.0)[rows]
+    off = np.where(both[:, None], measured.feature - mean, 0.0)[rows].astype(np.float64)
     weight = 1.0 / expected.spread[rows] ** 2
-    dimming = dimming_of(lab, mean[:, 1], both)
+    dimming = dimming_of(lab, mean[:, 1].astype(np.float64), both)
     yield _Residual("empirical_signal", dimming.log_gain, dimming.weight, np.arange(len(lab.beams)), 2.0)
     yield _Residual("empirical_range", np.clip(off[:, 0], -2.0, 2.0), weight[:, 0], rows, 2.0)
     yield _Residual("empirical_amplitude", np.clip(off[:, 1], -2.0, 2.0), weight[:, 1], rows, 2.0)
-    sure = np.flatnonzero((count == len(shown)) & ~measured.strayed)
-    yield _Residual("empirical_loss", 1.0 - measured.detected[sure], np.ones(len(sure)), sure, 0.98)
+    sure = np.flatnonzero((count == len(shown)) & ~expected.at_edge)
+    yield _Residual("empirical_loss", 1.0 - measured.detected[sure].astype(np.float64), np.ones(len(sure)), sure, 0.98)
     scatter = np.maximum(off[:, 0] ** 2 - expected.spread[rows, 0] ** 2 * (1.0 + 1.0 / len(shown)), -1.0)
     yield _Residual("empirical_spread", np.minimum(scatter, 1.0), np.minimum(weight[:, 0], 1e4) ** 2, rows, 1.0)
 
@@ -150,7 +150,7 @@ def _term(lab: Lab, residual: _Residual, names: tuple[str, ...]) -> tuple[Effect
     for suffix, name, (knots, values) in zip(("", "_2"), names, curves, strict=False):
         if residual.term == "empirical_spread":
             values = np.sqrt(np.maximum(values, 0.0)) * (1.0 if len(names) == 1 else 0.7)
-        values = np.round(np.clip(values, -residual.limit, residual.limit), 5)
+        values = np.round(np.clip(values, -residual.limit, residual.limit), 5).astype(np.float64)
         settings |= {f"covariate{suffix}": name, f"knots{suffix}": np.round(knots, 4), f"values{suffix}": values}
     kind = residual.term.removeprefix("empirical_")
     return make(residual.term, settings), f"{kind} over {' and '.join(_WORDS[n] for n in names)}"
@@ -191,7 +191,11 @@ def _extras(lab: Lab, model: Model) -> Iterator[tuple[Effect, str]]:
         return
     own = lab.beams.distance_m[measured.extra_beam[lone]]
     range_m, area = measured.extra_m[lone], np.exp(measured.extra_area[lone])
-    places = {"sensor": range_m, "surface": (range_m - own)[own > 0.0], "ratio": (range_m / np.maximum(own, 1e-9))[own > 0.0]}
+    places = {
+        "sensor": range_m,
+        "surface": (range_m - own)[own > 0.0],
+        "ratio": (range_m / np.maximum(own, 1e-9))[own > 0.0],
+    }
     tightest = min(
         (p for p in places if len(places[p]) > 0.8 * len(range_m)),
         key=lambda p: np.subtract(*np.quantile(places[p], [0.75, 0.25])) / max(np.ptp(places[p]), 1e-9),
@@ -217,6 +221,5 @@ def _fitted_extra(lab: Lab, residual: _Residual) -> Iterator[tuple[dict[str, obj
     for name in _COVARIATES:
         u = _covariate(lab, name)
         knots, values = _curve(u, residual.value, residual.weight, name)
-        values = np.round(np.clip(values, 0.0, residual.limit), 5)
+        values = np.round(np.clip(values, 0.0, residual.limit), 5).astype(np.float64)
         yield {"covariate": name, "knots": np.round(knots, 4), "values": values}, f"extra echoes over {_WORDS[name]}"
-

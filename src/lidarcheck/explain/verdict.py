@@ -13,7 +13,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import CHANCE, Bench, Trial, select_distance
+from lidarcheck.explain.forward import Bench, Trial, select_distance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened
 
@@ -22,10 +22,14 @@ __all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 
-OPEN_PART = 0.10
+OPEN_PART = 0.055
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's."""
-OPEN_PART_AIM = 0.22
+OPEN_PART_AIM = 0.30
 """The same where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
+OPEN_SMALL = (0.30, 900.0)
+"""Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""
+OPEN_CHANCE = 350.0
+"""So much may be left whatever the excess was."""
 _EQUAL_PART = 0.04
 """Two names whose distances differ by less than this part of the excess are not told apart."""
 
@@ -54,10 +58,22 @@ def closure(bench: Bench, now: Fit) -> Closure:
     floor = bench.select.floor_distance
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - floor
-    after = select_distance(bench.select, now) - floor
+    after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
     aims = any(find(name).stage == "aim" for name in now.names())
     part = OPEN_PART_AIM if aims else OPEN_PART
-    return Closure(before, after, max(CHANCE, part * before))
+    small = min(OPEN_SMALL[0] * before, OPEN_SMALL[1])
+    return Closure(before, after, max(OPEN_CHANCE, part * before, small))
+
+
+def _own_distance(select: Lab, now: Fit) -> float:
+    """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
+    elsewhere each time."""
+    if not now.probes:
+        return 0.0
+    model = now.model(select.model)
+    shown = select.shows(model, nuisance=now.nuisance)
+    others = [select.summaries.of(select.sights(model, 700 + k, now.nuisance)) for k in range(3)]
+    return float(np.mean([select.distance(shown, other) for other in others]))
 
 
 def equivalents(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> dict[str, tuple[str, ...]]:

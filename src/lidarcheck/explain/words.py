@@ -8,37 +8,57 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.explanation import Standout
-from lidarcheck.explain.summaries import Summary
+from lidarcheck.explain.summary import Summary
 
 __all__ = ["depends_on", "place_words", "standouts"]
 
 FloatArray = npt.NDArray[np.float64]
 
+# fmt: off
 _MORE = {
     "range": ("ranges are longer", "ranges are shorter"),
     "area": ("echoes are stronger (AREA)", "echoes are weaker (AREA)"),
     "peak": ("echoes are higher (PEAK)", "echoes are lower (PEAK)"),
     "width": ("echoes are wider (WIDTH)", "echoes are narrower (WIDTH)"),
-    "range scatter along columns": ("range scatters more from layer to layer", "range scatters less from layer to layer"),
-    "range scatter along layers": ("range scatters more from column to column", "range scatters less from column to column"),
+    "range scatter along columns": (
+        "range scatters more from layer to layer", "range scatters less from layer to layer",
+    ),
+    "range scatter along layers": (
+        "range scatters more from column to column", "range scatters less from column to column",
+    ),
     "area scatter": ("AREA scatters more", "AREA scatters less"),
     "width scatter": ("WIDTH scatters more", "WIDTH scatters less"),
     "detected": ("surfaces are detected more often", "surfaces are detected less often"),
-    "range along elevation": ("ranges are longer where the surface recedes upward", "ranges are shorter where the surface recedes upward"),
-    "range along azimuth": ("ranges are longer where the surface recedes to the left", "ranges are shorter where the surface recedes to the left"),
+    "range along elevation": (
+        "ranges are longer where the surface recedes upward", "ranges are shorter where the surface recedes upward",
+    ),
+    "range along azimuth": (
+        "ranges are longer where the surface recedes to the left",
+        "ranges are shorter where the surface recedes to the left",
+    ),
     "echoes in front": ("more echoes in front of the surface", "fewer echoes in front of the surface"),
     "echoes behind": ("more echoes behind the surface", "fewer echoes behind the surface"),
     "echoes without a surface": ("more echoes of beams that meet nothing", "fewer echoes of beams that meet nothing"),
     "other echoes": ("more echoes of no surface of their own beam", "fewer echoes of no surface of their own beam"),
     "strength of other echoes": ("echoes of no surface are stronger", "echoes of no surface are weaker"),
-}  # fmt: skip
+}
+# fmt: on
 _SUBJECT = {
-    "range": "the range", "area": "AREA", "peak": "PEAK", "width": "WIDTH",
-    "range scatter along columns": "the scatter of range", "range scatter along layers": "the scatter of range",
-    "area scatter": "the scatter of AREA", "width scatter": "the scatter of WIDTH", "detected": "detection",
-    "range along elevation": "the range along slopes", "range along azimuth": "the range along slopes",
-    "echoes in front": "echoes in front of surfaces", "echoes behind": "echoes behind surfaces",
-    "echoes without a surface": "echoes without a surface", "other echoes": "echoes of no surface",
+    "range": "the range",
+    "area": "AREA",
+    "peak": "PEAK",
+    "width": "WIDTH",
+    "range scatter along columns": "the scatter of range",
+    "range scatter along layers": "the scatter of range",
+    "area scatter": "the scatter of AREA",
+    "width scatter": "the scatter of WIDTH",
+    "detected": "detection",
+    "range along elevation": "the range along slopes",
+    "range along azimuth": "the range along slopes",
+    "echoes in front": "echoes in front of surfaces",
+    "echoes behind": "echoes behind surfaces",
+    "echoes without a surface": "echoes without a surface",
+    "other echoes": "echoes of no surface",
     "strength of other echoes": "the strength of echoes of no surface",
 }  # fmt: skip
 
@@ -72,7 +92,8 @@ def depends_on(names: Sequence[Summary], r: FloatArray, most: int = 3) -> str:
         sizes = np.array(values)
         # A bin has unit variance by chance; what a covariate explains counts per bin, so that many bins do not win.
         strength[key] = float((sizes**2).sum() - len(sizes)) / np.sqrt(len(sizes))
-    words, seen = [], set()
+    words: list[str] = []
+    seen: set[str] = set()
     for (feature, covariate), value in sorted(strength.items(), key=lambda item: (-item[1], item[0])):
         if value <= 4.0 or len(words) >= most:
             break

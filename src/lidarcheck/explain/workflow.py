@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.crew import Crew
 from lidarcheck.explain.explanation import (
     Explanation,
     Finding,
@@ -67,7 +68,7 @@ def explain(
     `exclude`: effects that are not to be named. `tell` hears (step, done, of). `notebook` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
-    run = Run(case.model, seed, tuple(exclude), jobs, tell or _silent, notebook)
+    run = Run(case.model, seed, tuple(exclude), Crew(jobs, notebook), tell or _silent)
     split = split_frames(case.frames)
     bench = run.measure_residuals_and_floor(split)
     where = run.find_where(bench)
@@ -103,18 +104,19 @@ class Run:
     model: Model
     seed: int
     exclude: tuple[str, ...]
-    jobs: int
+    crew: Crew
     tell: Teller
-    notebook: Notebook | None
 
     def measure_residuals_and_floor(self, split: Split) -> Bench:
         """Residuals of every beam, their summaries, and how far these vary where nothing is missing."""
-        lab = Lab(split.fit, self.model, 2 * self.seed + 1)
-        self.tell("residuals and floor", 1, 2)
-        select = Lab(split.select, self.model, 2 * self.seed + 2)
-        self.tell("residuals and floor", 2, 2)
+        frames = ((split.fit, 2 * self.seed + 1), (split.select, 2 * self.seed + 2))
+        labs = []
+        for lab in self.crew.map(lambda one: Lab(one[0], self.model, one[1]), frames):
+            labs.append(lab)
+            self.tell("residuals and floor", len(labs), len(frames))
+        lab, select = labs
         start = lab.distance(np.zeros((1, len(lab.measured))))
-        return Bench(lab, select, 0.0, start)
+        return Bench(lab, select, 0.0, start, self.crew)
 
     def find_where(self, bench: Bench) -> tuple[Standout, ...]:
         """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
@@ -127,7 +129,7 @@ class Run:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = [name for name in catalogue() if name not in self.exclude]
         probes = fixed_probes(names) + located_probes(bench.lab, names)
-        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n))
+        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n), self.crew)
         return screened, dataclasses.replace(bench, level=chance_level(bench.lab, screened))
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
@@ -171,7 +173,9 @@ class Run:
     ) -> Answer:
         """No gap, explained by name, or unknown."""
         if unknown is not None:
-            depends = depends_on(bench.lab.summaries.names, bench.lab.measured - start_fit(bench.lab).shown.mean(axis=0))
+            depends = depends_on(
+                bench.lab.summaries.names, bench.lab.measured - start_fit(bench.lab).shown.mean(axis=0)
+            )
             finding = Finding("unknown", {}, 1.0 - min(closed.share, 1.0), (), depends, "", unknown.effects)
             described = self.model
             for effect in unknown.effects:
@@ -186,6 +190,8 @@ class Run:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
+        if search.fit.nuisance.words():
+            stages.append(("gain, reflectances and pose", search.fit.nuisance.calibrated(model)))
         return Answer("explained", tuple(findings), tuple(stages), "")
 
     def verify(self, split: Split, answer: Answer) -> Gap:
@@ -233,4 +239,3 @@ class Run:
             hashes=dict(case.hashes),
             left_out=dict(case.left_out),
         )
-

@@ -25,7 +25,17 @@ if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
     from lidarcheck.model.numbers import Numbers
 
-__all__ = ["aimed", "check_seed", "echoes_of", "light_after_effects", "simulate", "simulate_unread", "usable_cores"]
+__all__ = [
+    "aimed",
+    "check_seed",
+    "echoes_of",
+    "light_after_effects",
+    "of_stage",
+    "rounded_ranges",
+    "run_and_light",
+    "simulate",
+    "usable_cores",
+]
 
 Progress = Callable[[int, int], object]
 
@@ -59,63 +69,36 @@ def simulate(
         except ExternalModelError as error:
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
-    run, light = _light_and_sensor(ideal, model, seed, frame, scene)
-    readout = _of_stage("readout", model.effects)
+    run, light = run_and_light(ideal, model, seed, frame, scene)
+    readout = of_stage("readout", model.effects)
     scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress, rounded=not readout)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
-    return _rounded(scan, run.sensor) if readout else scan
-
-
-@dataclass(frozen=True, slots=True)
-class Unread:
-    """Echoes of the SPADs before any readout effect, and what readout effects may know."""
-
-    scan: Scan
-    _run: _Run
-
-    def read_out(self, model: Model) -> Scan:
-        """What `simulate` gives with a model that differs from the one simulated by its readout effects alone."""
-        scan, run = self.scan, replace(self._run, model=model)
-        for effect in _of_stage("readout", model.effects):
-            scan = effect.readout(scan, run.of(effect))
-        return _rounded(scan, run.sensor)
-
-
-def simulate_unread(
-    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, threads: int | None = None
-) -> Unread:
-    """`simulate` up to the readout effects, for many readouts of the same echoes."""
-    check_seed(seed, frame)
-    run, light = _light_and_sensor(ideal, model, seed, frame, None)
-    return Unread(echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False), run)
+    return rounded_ranges(scan, run.sensor) if readout else scan
 
 
 def light_after_effects(
     ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
 ) -> tuple[Light, Sensor]:
     """The light that reaches the SPADs and the sensor that sees it, behind all effects up to the readout."""
-    run, light = _light_and_sensor(ideal, model, seed, frame, scene)
+    run, light = run_and_light(ideal, model, seed, frame, scene)
     return light, run.sensor
 
 
-def aimed(
-    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
-) -> IdealScan:
+def aimed(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None) -> IdealScan:
     """What the beams meet behind the model's aim effects."""
     return _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects).ideal
 
 
-def _run_of(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> _Run:
-    return _Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
+def _run_of(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> Run:
+    return Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
 
 
-def _light_and_sensor(
-    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None
-) -> tuple[_Run, Light]:
+def run_and_light(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> tuple[Run, Light]:
+    """What effects may know behind the detector stage, and the light that reaches the SPADs."""
     run = _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects)
     light = light_of(run.ideal, model)
-    for effect in _of_stage("light", model.effects):
+    for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     return run.after_stage("detector", model.effects), light
 
@@ -134,7 +117,7 @@ class _Surfaces:
 
 
 @dataclass(frozen=True, slots=True)
-class _Run:
+class Run:
     """What effects may know while a frame is simulated; random numbers are keyed by the asking effect's name."""
 
     seed: int
@@ -157,12 +140,12 @@ class _Run:
     def signal(self, ideal: IdealScan) -> npt.NDArray[np.float64]:
         return surface_signal(ideal, self.model)
 
-    def of(self, effect: Effect) -> _Run:
+    def of(self, effect: Effect) -> Run:
         return replace(self, purpose=effect.name)
 
-    def after_stage(self, stage: str, effects: tuple[Effect, ...]) -> _Run:
+    def after_stage(self, stage: str, effects: tuple[Effect, ...]) -> Run:
         run = self
-        for effect in _of_stage(stage, effects):
+        for effect in of_stage(stage, effects):
             if stage == "aim":
                 run = replace(run, ideal=effect.aim(run.ideal, run.of(effect)))
             else:
@@ -175,7 +158,8 @@ class _Run:
         return streams.uniforms(self.seed, self.purpose, self.frame, layer, point, draws)
 
 
-def _of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:
+def of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:
+    """The effects of a stage, in their order."""
     return [effect for effect in effects if effect.stage == stage]
 
 
@@ -259,7 +243,7 @@ def _share(run: Callable[[int], None], starts: range, threads: int | None, told:
             raise
 
 
-def _rounded(scan: Scan, sensor: Sensor) -> Scan:
+def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:
     """The same echoes at ranges as the sensor reports them."""
     xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
     return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])

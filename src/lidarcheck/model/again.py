@@ -1,0 +1,108 @@
+"""Simulating a frame again with a model that differs by little: only what differs is simulated.
+
+Random numbers are keyed by the beam, so that beams whose light is the same give the same echoes, to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.chain import Run, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Light, Scan
+
+__all__ = ["Unread", "simulate_unread"]
+
+_FEW = 0.7
+"""Where more than this share of the beams differ, simulating all is as fast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Echoes of the SPADs before any readout effect, and the light and the run that they come from."""
+
+    scan: Scan
+    light: Light
+    run: Run
+
+    def read_out(self, model: Model) -> Scan:
+        """What `simulate` gives with a model that differs from the one simulated by its readout effects alone."""
+        scan, run = self.scan, replace(self.run, model=model)
+        for effect in of_stage("readout", model.effects):
+            scan = effect.readout(scan, run.of(effect))
+        return rounded_ranges(scan, run.sensor)
+
+
+def simulate_unread(
+    ideal: IdealScan,
+    model: Model,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    threads: int | None = None,
+    like: Unread | None = None,
+) -> Unread:
+    """`simulate` up to the readout effects. `like`: the same frame with the same seed and another model, whose echoes
+    are taken for the beams that get the same light."""
+    check_seed(seed, frame)
+    run, light = run_and_light(ideal, model, seed, frame, None)
+
+    def echoes(part: Light) -> Scan:
+        return echoes_of(part, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False)
+
+    differs = None if like is None or like.run.sensor != run.sensor else _differing_beams(like.light, light)
+    if like is None or differs is None or differs.mean() > _FEW:
+        return Unread(echoes(light), light, run)
+    if not differs.any():
+        return Unread(like.scan, light, run)
+    return Unread(_merged(like.scan, echoes(_beams(light, differs)), light, differs), light, run)
+
+
+def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:
+    """The beams of `new` whose pulses or background are others than in `old`, shape (n,); None where all may be."""
+    same_air = old.haze is None and new.haze is None and old.shape == new.shape
+    if not same_air or len(old) != len(new) or not np.array_equal(old.point, new.point):
+        return None
+    if not np.array_equal(old.layer, new.layer):
+        return None
+    counts = np.diff(new.first_pulse)
+    differs = (old.background_per_ns != new.background_per_ns) | (np.diff(old.first_pulse) != counts)
+    # Compare pulse by pulse in the beams that have equally many.
+    mine = np.flatnonzero(~differs[new.pulse_beam])
+    theirs = np.flatnonzero(~differs[old.pulse_beam])
+    other = (old.pulse_range_m[theirs] != new.pulse_range_m[mine]) | (
+        old.pulse_signal[theirs] != new.pulse_signal[mine]
+    )
+    differs[new.pulse_beam[mine][other]] = True
+    return np.asarray(differs)
+
+
+def _beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
+    """The light of some beams."""
+    pulses = mask[light.pulse_beam]
+    counts = np.diff(light.first_pulse)[mask]
+    return replace(
+        light,
+        layer=light.layer[mask],
+        point=light.point[mask],
+        background_per_ns=light.background_per_ns[mask],
+        first_pulse=np.concatenate([[0], np.cumsum(counts)]),
+        pulse_range_m=light.pulse_range_m[pulses],
+        pulse_signal=light.pulse_signal[pulses],
+        pulse_row=None if light.pulse_row is None else light.pulse_row[pulses],
+    )
+
+
+def _merged(old: Scan, new: Scan, light: Light, differs: npt.NDArray[np.bool_]) -> Scan:
+    """The echoes of the beams that differ from `new`, those of the others from `old`, in order of beam and echo."""
+    keys = light.layer.astype(np.int64) << 32 | light.point
+    changed = keys[differs]
+    kept = old.take(~np.isin(old.layer.astype(np.int64) << 32 | old.point, changed))
+    names = [f.name for f in fields(Scan) if f.name not in ("extra", "defaulted")]
+    columns: dict[str, Any] = {name: np.concatenate([getattr(kept, name), getattr(new, name)]) for name in names}
+    order = np.lexsort((columns["echo_number"], columns["point"], columns["layer"]))
+    return Scan(**{name: column[order] for name, column in columns.items()})
