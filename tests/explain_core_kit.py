@@ -1,4 +1,4 @@
-"""A small street for tests of the gap workflow's parts: a road, a wall, a panel, a sign that retro-reflects, and sky."""
+"""A small street for tests of the gap workflow: a road, a wall, a panel, a sign that retro-reflects, and sky."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -30,21 +30,26 @@ def model(*effects: Effect) -> Model:
 
 
 def street(
-    k: int, *, layers: Iterable[int] = range(230, 290, 3), points: Iterable[int] = range(440, 520, 4), sign: bool = False
+    k: int,
+    *,
+    layers: Iterable[int] = range(230, 290, 3),
+    points: Iterable[int] = range(320, 640, 16),
+    sign: bool = False,
 ) -> IdealScan:
-    """Frame k of a drive: the wall at 18 m, 26 m ..., the panel before it, the road below, sky above layer 280."""
+    """Frame k of a drive: a wall that recedes to the right, a panel before it, the road below, sky above layer 280."""
     layer, point = (a.ravel() for a in np.meshgrid(list(layers), list(points), indexing="ij"))
     direction = beam_directions(layer, point)
-    wall_m = (18.0 + 8.0 * k) / direction[:, 0]
+    normal = np.array([1.0, 1.5, 0.0]) / np.hypot(1.0, 1.5)
+    wall_m = (12.0 + 4.0 * k) / (direction @ normal)
     road_m = np.where(direction[:, 2] < 0.0, 0.4 / np.maximum(-direction[:, 2], 1e-9), np.inf)
     distance, material = np.minimum(wall_m, road_m), np.where(road_m < wall_m, ROAD, WALL)
-    panel = (np.abs(point - (460 + 6 * k)) < 8) & (np.abs(layer - 262) < 10)
-    distance, material = np.where(panel, 9.0 + 4.0 * k, distance), np.where(panel, PANEL, material)
+    panel = (np.abs(point - (420 + 20 * k)) < 36) & (np.abs(layer - 262) < 10)
+    distance, material = np.where(panel, 8.0 + 2.0 * k, distance), np.where(panel, PANEL, material)
     if sign:
-        plate = (np.abs(point - 500) < 8) & (np.abs(layer - 270) < 6)
-        distance, material = np.where(plate, 15.0 + 8.0 * k, distance), np.where(plate, SIGN, material)
+        plate = (np.abs(point - 560) < 34) & (np.abs(layer - 270) < 6)
+        distance, material = np.where(plate, 7.0 + 2.0 * k, distance), np.where(plate, SIGN, material)
     distance = np.where(layer > 280, 0.0, distance)
-    cosine = np.where(material == ROAD, -direction[:, 2], direction[:, 0])
+    cosine = np.select([material == ROAD, material == WALL], [-direction[:, 2], direction @ normal], direction[:, 0])
     incidence = np.rad2deg(np.arccos(cosine.clip(0.0, 1.0)))
     return IdealScan(layer, point, distance, material, incidence, object_id=material)
 
@@ -86,3 +91,11 @@ def together(*scans: Scan) -> Scan:
         np.concatenate([getattr(scan, name) for scan in scans]) for name in names
     )
     return Scan.from_beams(layer, point, range_m, echo_number=number, width_ns=width, area=area, peak=peak)
+
+
+COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
+
+
+def same(one: Scan, other: Scan, columns: Iterable[str] = COLUMNS) -> bool:
+    """Whether two scans have the same echoes, bit by bit."""
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in columns)

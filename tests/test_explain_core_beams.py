@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from explain_core_kit import MATERIALS, PANEL, ROAD, SIGN, WALL, model
 
+from explain_core_kit import MATERIALS, PANEL, ROAD, SIGN, WALL, model
 from lidarcheck.explain.beams import Beams, beams_of
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.scan import IdealScan, Scan

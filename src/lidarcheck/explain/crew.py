@@ -1,11 +1,20 @@
-"""Work on several cores, and work that is kept: independent tasks over processes, results in a notebook."""
+"""Work on several cores: independent tasks over processes that all hold the same things.
+
+Workers are started afresh and not forked, since the caller may have threads (a progress bar, a terminal interface).
+"""
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import pickle
 import signal
+import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Future, ProcessPoolExecutor
+from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -15,47 +24,91 @@ __all__ = ["Crew"]
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
-_task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None
-"""What forked workers do: they inherit it, so that nothing but numbers and results travels."""
+_Shared = TypeVar("_Shared")
+_held: tuple[str, Any] = ("", None)
+"""What this worker holds, and the file that it comes from."""
 
 
-@dataclass(frozen=True)
 class Crew:
-    """`jobs` processes side by side. Results come in the order of the items, the same for any number of jobs."""
+    """`jobs` processes side by side; a context manager. Results come in the order of the items, for any `jobs`."""
 
-    jobs: int = 1
-    notebook: Notebook | None = None
+    def __init__(self, jobs: int = 1, notebook: Notebook | None = None) -> None:
+        self.jobs = jobs
+        self.notebook = notebook
+        self._pool: ProcessPoolExecutor | None = None
+        self._files: tempfile.TemporaryDirectory[str] | None = None
+        self._count = 0
 
-    def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> Iterator[_Result]:
-        """`work` on every item; workers see what this process holds now."""
-        forks = "fork" in multiprocessing.get_all_start_methods()
-        if self.jobs <= 1 or len(items) < 2 or not forks or multiprocessing.current_process().daemon:
-            yield from map(work, items)
+    def __enter__(self) -> Crew:
+        if self.jobs > 1 and not multiprocessing.current_process().daemon:
+            context = multiprocessing.get_context("spawn")
+            self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-explain-", ignore_cleanup_errors=True)
+            self._pool = ProcessPoolExecutor(self.jobs, mp_context=context, initializer=_as_worker)
+            for _ in range(self.jobs):
+                self._pool.submit(_wake)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            processes = list((getattr(self._pool, "_processes", None) or {}).values())
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
+            self._pool = None
+        if self._files is not None:
+            self._files.cleanup()
+
+    def map(
+        self, work: Callable[[_Shared, _Item], _Result], shared: _Shared, items: Sequence[_Item]
+    ) -> Iterator[_Result]:
+        """`work(shared, item)` for every item; `work` is a function of a module, and all can be pickled."""
+        if self._pool is None or len(items) < 2:
+            for item in items:
+                yield work(shared, item)
             return
-        global _task
-        _task = (work, items)
-        pool = multiprocessing.get_context("fork").Pool(min(self.jobs, len(items)), _ignore_interrupts)
+        place = self._put(shared)
+        futures = [self._pool.submit(_call, work, place, item) for item in items]
         try:
-            yield from pool.imap(_call, range(len(items)))
+            for future in futures:
+                yield future.result()
         finally:
-            pool.terminate()
-            pool.join()
-            _task = None
+            for future in futures:
+                future.cancel()
+            with contextlib.suppress(OSError):
+                Path(place).unlink()
 
-    def kept(self, name: str, work: Callable[[], Any]) -> Any:
-        """What the notebook has under a name, else what `work` gives, kept there; plain values and arrays only."""
-        if self.notebook is None:
-            return work()
-        found = self.notebook.get(name)
-        return self.notebook.put(name, work()) if found is None else found
+    def beside(self, work: Callable[..., _Result], *arguments: Any) -> Callable[[], _Result]:
+        """Begin work in another process, or leave it for later; the result when it is called."""
+        if self._pool is None:
+            return lambda: work(*arguments)
+        future: Future[_Result] = self._pool.submit(work, *arguments)
+        return future.result
+
+    def _put(self, shared: Any) -> str:
+        assert self._files is not None
+        self._count += 1
+        place = Path(self._files.name) / f"{self._count}.pickle"
+        place.write_bytes(pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL))
+        return str(place)
 
 
-def _ignore_interrupts() -> None:
-    # The process that forked the workers ends them; their tracebacks would say nothing.
+def _as_worker() -> None:
+    """The process that started the workers ends them and says what there is to say."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
 
 
-def _call(i: int) -> Any:
-    assert _task is not None
-    work, items = _task
-    return work(items[i])
+def _wake() -> None:
+    """Load what every task needs."""
+    import scipy.sparse  # noqa: F401
+
+    from lidarcheck.model import kernel  # noqa: F401
+
+
+def _call(work: Callable[[Any, Any], Any], place: str, item: Any) -> Any:
+    global _held
+    if _held[0] != place:
+        _held = (place, pickle.loads(Path(place).read_bytes()))  # written by the parent just now
+    return work(_held[1], item)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +15,7 @@ from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["Bench", "Search", "Trial", "backward", "forward", "start_fit"]
+__all__ = ["Bench", "Search", "Trial", "backward", "find_effects", "forward", "start_fit"]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
@@ -28,9 +27,11 @@ NEARLY = 0.45
 """Effects that explain less than this part of what the best one does are not fitted."""
 LEAST_PART = 0.05
 """An effect that explains less of the distance than this is not worth a name."""
+_PRICE, _PRICE_PART = 6.0, 0.003
+"""What a free number costs of a merit: so much, and this part of it."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
-SMALL = 20.0
+SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
 
@@ -64,8 +65,11 @@ class Trial:
 
     @property
     def merit(self) -> float:
-        """What it explains on the frames of the fit and on those of the selection."""
-        return self.gain + self.select_before - self.select_after
+        """What it explains on the frames of the fit and on those of the selection, less a little for each number that
+        was free: of two that explain the same the simpler one is the better name."""
+        own = next(probe for probe in self.fit.probes if probe.name == self.name)
+        both = self.gain + self.select_before - self.select_after
+        return both - len(own.free) * (_PRICE + _PRICE_PART * abs(both))
 
     @property
     def passes(self) -> bool:
@@ -88,11 +92,23 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
 
 
-def start_fit(lab: Lab) -> Fit:
-    """The model as it is; with the nuisances fitted, where they may be all that is wrong."""
+def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:
+    """The model as it is; with the nuisances fitted, where they may be all that is wrong (or where that is asked)."""
     shown = np.zeros((1, len(lab.measured)))
     plain = Fit((), (), lab.distance(shown), shown)
-    return fit_nuisance(lab, plain, rounds=4) if plain.distance < SMALL * lab.floor_distance else plain
+    small = plain.distance < SMALL * lab.floor_distance
+    return fit_nuisance(lab, plain, rounds=4) if (small if nuisances is None else nuisances) else plain
+
+
+def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
+    """The whole search: forward, and where nothing is accepted once more with the nuisances first; then backward."""
+    found = forward(bench, start_fit(bench.lab), screened, told)
+    if not found.fit.probes and found.first.nuisance.penalty == 0.0:
+        trials = found.trials
+        found = forward(bench, start_fit(bench.lab, nuisances=True), screened, told)
+        found.trials = trials + found.trials
+    found.fit = backward(bench, found.fit, told)
+    return found
 
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
@@ -116,18 +132,21 @@ def run_round(bench: Bench, now: Fit, screened: Sequence[Screened], number: int,
     order = _promising(bench, now, screened)
     before = select_distance(bench.select, now)
 
-    def tried(candidate: tuple[float, Screened]) -> tuple[Fit, float]:
-        scale, one = candidate
-        found = fit_next(lab, now, one.probe.scaled(scale))
-        return found, select_distance(bench.select, found)
-
+    probes = [one.probe.scaled(scale) for scale, one in order]
     trials = []
-    for i, (alone, after) in enumerate(bench.crew.map(tried, order)):
+    for i, (alone, after) in enumerate(bench.crew.map(_tried, (lab, bench.select, now), probes)):
         one = order[i][1]
         needed = max(1.3 * bench.level * one.chance, bench.worth)
         trials.append(Trial(one.probe.name, number, alone, now.distance - alone.distance, needed, before, after))
         told(f"round {number}", i + 1, len(order))
     return trials
+
+
+def _tried(shared: tuple[Lab, Lab, Fit], probe: Probe) -> tuple[Fit, float]:
+    """The fit with one more effect, and how far it is on the select frames."""
+    lab, select, now = shared
+    found = fit_next(lab, now, probe)
+    return found, select_distance(select, found)
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
@@ -169,7 +188,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance))
     while now.probes:
         without = []
-        for fewer in bench.crew.map(functools.partial(_without, lab, now), range(len(now.probes))):
+        for fewer in bench.crew.map(_without, (lab, now), range(len(now.probes))):
             without.append(fewer)
             told("leave out again", len(without), len(now.probes))
         losses = [one.distance - now.distance for one in without]
@@ -180,7 +199,8 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     return now
 
 
-def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
+def _without(shared: tuple[Lab, Fit], left_out: int) -> Fit:
+    lab, now = shared
     rest = [j for j in range(len(now.probes)) if j != left_out]
     fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
     small = fewer.distance < SMALL * lab.floor_distance

@@ -96,6 +96,10 @@ class Lab:
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
 
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is kept only to save time."""
+        return {**self.__dict__, "_unread": {}, "_posed": {}}
+
     def scans(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> list[Scan]:
         """What the model shows of every frame, with random numbers of its own."""
         nuisance = nuisance or Nuisance()

@@ -47,7 +47,7 @@ def screen(
     start = [crew.notebook.get(_page(i)) if crew.notebook else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
-    for i, change in zip(open_, crew.map(lambda i: _change(lab, probes[i]), open_), strict=True):
+    for i, change in zip(open_, crew.map(_change, lab, [probes[i] for i in open_]), strict=True):
         changes[i] = change
         if crew.notebook is not None:
             crew.notebook.put(_page(i), [] if change is None else change)

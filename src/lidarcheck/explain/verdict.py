@@ -24,7 +24,7 @@ Told = Callable[[str, int, int], object]
 
 OPEN_PART = 0.055
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's."""
-OPEN_PART_AIM = 0.30
+OPEN_PART_AIM = 0.10
 """The same where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
 OPEN_SMALL = (0.30, 900.0)
 """Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""

@@ -23,7 +23,7 @@ from lidarcheck.explain.explanation import (
     Teller,
 )
 from lidarcheck.explain.findings import candidates_table, findings_of
-from lidarcheck.explain.forward import Bench, Search, backward, forward, select_distance, start_fit
+from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
@@ -68,7 +68,12 @@ def explain(
     `exclude`: effects that are not to be named. `tell` hears (step, done, of). `notebook` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
-    run = Run(case.model, seed, tuple(exclude), Crew(jobs, notebook), tell or _silent)
+    with Crew(jobs, notebook) as crew:
+        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent))
+
+
+def _explain(case: Case, run: Run) -> Explanation:
+    """The method, a step a line."""
     split = split_frames(case.frames)
     bench = run.measure_residuals_and_floor(split)
     where = run.find_where(bench)
@@ -85,6 +90,12 @@ def explain(
 
 def _silent(_step: str, _done: int, _of: int) -> None:
     return None
+
+
+def _part(step: str, done: int, of: int) -> tuple[int, int]:
+    """How far the fit is: four rounds and the leaving out again, in hundredths."""
+    place = 4 if step.startswith("leave") else int(step.rsplit(" ", 1)[-1]) - 1
+    return 20 * place + round(20 * done / max(of, 1)), 100
 
 
 @dataclass(frozen=True)
@@ -109,12 +120,11 @@ class Run:
 
     def measure_residuals_and_floor(self, split: Split) -> Bench:
         """Residuals of every beam, their summaries, and how far these vary where nothing is missing."""
-        frames = ((split.fit, 2 * self.seed + 1), (split.select, 2 * self.seed + 2))
-        labs = []
-        for lab in self.crew.map(lambda one: Lab(one[0], self.model, one[1]), frames):
-            labs.append(lab)
-            self.tell("residuals and floor", len(labs), len(frames))
-        lab, select = labs
+        later = self.crew.beside(Lab, split.select, self.model, 2 * self.seed + 2)
+        lab = Lab(split.fit, self.model, 2 * self.seed + 1)
+        self.tell("residuals and floor", 1, 2)
+        select = later()
+        self.tell("residuals and floor", 2, 2)
         start = lab.distance(np.zeros((1, len(lab.measured))))
         return Bench(lab, select, 0.0, start, self.crew)
 
@@ -134,9 +144,7 @@ class Run:
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
-        first = start_fit(bench.lab)
-        found = forward(bench, first, screened, lambda _step, i, n: self.tell("fit", i, 2 * n + 2))
-        found.fit = backward(bench, found.fit, lambda _step, i, n: self.tell("fit", n + i, 2 * n + 2))
+        found = find_effects(bench, screened, lambda step, i, n: self.tell("fit", *_part(step, i, n)))
         self.tell("fit", 1, 1)
         return found
 
@@ -173,9 +181,7 @@ class Run:
     ) -> Answer:
         """No gap, explained by name, or unknown."""
         if unknown is not None:
-            depends = depends_on(
-                bench.lab.summaries.names, bench.lab.measured - start_fit(bench.lab).shown.mean(axis=0)
-            )
+            depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
             finding = Finding("unknown", {}, 1.0 - min(closed.share, 1.0), (), depends, "", unknown.effects)
             described = self.model
             for effect in unknown.effects:
