@@ -115,7 +115,8 @@ class Gap:
     def closed(self) -> float:
         """Share of the gap above the floor that is closed."""
         excess = self.before.value - self.floor.value
-        return (self.before.value - self.after.value) / excess if excess > 0.0 else 0.0
+        # Below the floor there is nothing to close, and what falls below it is chance.
+        return min((self.before.value - self.after.value) / excess, 1.0) if excess > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)

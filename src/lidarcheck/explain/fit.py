@@ -21,6 +21,7 @@ __all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
 FloatArray = npt.NDArray[np.float64]
 Shows = Callable[..., FloatArray | None]
 
+_CLEAR = 3.0
 _FLIPS = 0.7
 """So much a summary changes when single beams' echoes come out otherwise."""
 
@@ -176,18 +177,22 @@ def _step(curvature: FloatArray, slope: FloatArray, damping: float) -> FloatArra
 def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
     """Change of the summaries per step with the first seed, shape (n_summaries, p).
 
-    One beam that flips makes smaller steps useless; what is no larger than such flips is taken for chance.
+    One beam that flips makes small steps useless: where a step changes little, a longer one is taken, and what is no
+    larger than such flips is taken for chance.
     """
     found = np.zeros((shown.shape[1], len(at)))
     for j in range(len(at)):
-        for sign in (1.0, -1.0):
+        for length in (1.0, -1.0, 4.0):
             there = at.copy()
-            there[j] += sign
+            there[j] += length
             other = shows(there, 1)
-            if other is not None and np.any(other[0] != shown[0]):
-                found[:, j] = sign * (other[0] - shown[0])
+            if other is None:
+                continue
+            change = other[0] - shown[0]
+            found[:, j] = np.where(np.abs(change) > _FLIPS, change, 0.0) / length
+            if np.abs(change).max(initial=0.0) > _CLEAR:
                 break
-    return np.where(np.abs(found) > _FLIPS, found, 0.0)
+    return found
 
 
 def jacobian_of(lab: Lab, now: Fit) -> FloatArray:

@@ -123,6 +123,9 @@ def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
         level = float(np.exp(np.average(gain[inside], weights=weight[inside] + 1e-9) - rest))
         band = {"first_layer": int(layers[first]), "last_layer": int(layers[last]), "every": 1}
         found.append(Probe("layer_gain", {"gain": level}, free, band))
+    third = max(len(layers) // 3, 1)
+    middle = {"first_layer": int(layers[third]), "last_layer": int(layers[-third]), "every": 1}
+    found.append(Probe("layer_gain", {"gain": 0.85}, free, middle))
     found += [_comb(layers, gain, weight), _each_layer(layers, gain, weight)]
     return found
 
@@ -189,10 +192,21 @@ def _patches(lab: Lab, dimming: Dimming) -> list[Probe]:
         *free_of("blockage"),
         *(Free(name, step, whole=True) for name, step in zip(place, (4.0, 4.0, 4.0, 4.0), strict=True)),
     )
+    starts = [(transmission, place, soft, r) for soft, r in ((0.2, 0.2), (1.0, 0.8))]
+    # The middle of the view as well: whether dirt would show there tells whether it is testable at all.
+    starts.append((0.6, _middle_patch(rows, columns), 1.0, 0.8))
     return [
-        Probe("blockage", {"transmission": transmission, "soft_edge_deg": soft, "roundness": r, **place}, free)
-        for soft, r in ((0.2, 0.2), (1.0, 0.8))
+        Probe("blockage", {"transmission": t, "soft_edge_deg": soft, "roundness": r, **where}, free)
+        for t, where, soft, r in starts
     ]
+
+
+def _middle_patch(rows: IndexArray, columns: IndexArray) -> dict[str, int]:
+    """The middle third of the field of view either way."""
+    (low, high), (left, right) = (
+        (int(edges[len(edges) // 3]), int(edges[-1 - len(edges) // 3])) for edges in (rows, columns)
+    )
+    return {"first_layer": low, "last_layer": max(high, low), "first_point": left, "last_point": max(right, left)}
 
 
 def _blocks(line: IndexArray) -> tuple[IndexArray, IndexArray]:

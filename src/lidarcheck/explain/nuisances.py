@@ -116,5 +116,11 @@ def axes_of(materials: Sequence[int]) -> list[str | int]:
 
 def at(axes: Sequence[str | int], x: FloatArray) -> Nuisance:
     """The nuisance at a point of those axes, kept within the limits."""
-    values = dict(zip(axes, np.clip(x, -LIMIT, LIMIT).tolist(), strict=True))
+    x = np.clip(x, -LIMIT, LIMIT)
+    tables = x[2:]
+    if len(tables):
+        # What all materials have in common is the gain's error and the mean of theirs.
+        most = LIMIT * np.sqrt((GAIN_ERROR / REFLECTANCE_ERROR) ** 2 + 1.0 / len(tables))
+        x = np.concatenate([x[:2], tables - tables.mean() + np.clip(tables.mean(), -most, most)])
+    values = dict(zip(axes, x.tolist(), strict=True))
     return Nuisance(values.pop("yaw"), values.pop("pitch"), {int(k): v for k, v in values.items()})

@@ -115,7 +115,7 @@ def _features(gap: Gap) -> list[str]:
 
 def _places(explanation: Explanation, width: int) -> list[str]:
     shown = explanation.where[:SHOWN_PLACES]
-    lines = [part for w in shown for part in _paragraph(f"- {w.words} (z = {w.z:.1f})", width, "", "  ").split("\n")]
+    lines = [part for w in shown for part in _paragraph(f"- {w.words}", width, "", "  ").split("\n")]
     more = len(explanation.where) - len(shown)
     return [*lines, f"and {more} more in report.json"] if more > 0 else lines
 

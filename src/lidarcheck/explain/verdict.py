@@ -22,10 +22,12 @@ __all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 
-OPEN_PART = 0.055
-"""Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's."""
-OPEN_PART_AIM = 0.10
-"""The same where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
+OPEN_PART, OPEN_PART_AIM = 0.06, 0.10
+"""Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
+where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
+OPEN_PER_LEAD, OPEN_MOST = 0.4, 0.22
+"""The further a name leads over the next best one, the more may be left open: where two names explain nearly the same,
+a third that is in no catalogue may do so too."""
 OPEN_SMALL = (0.30, 900.0)
 """Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""
 OPEN_CHANCE = 350.0
@@ -53,14 +55,16 @@ class Closure:
         return self.after <= self.allowed
 
 
-def closure(bench: Bench, now: Fit) -> Closure:
+def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     """How much of the disagreement on the select frames is left, above the floor."""
     floor = bench.select.floor_distance
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - floor
     after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
     aims = any(find(name).stage == "aim" for name in now.names())
-    part = OPEN_PART_AIM if aims else OPEN_PART
+    leads = [lead(name, now, trials) for name in now.names()]
+    part = (OPEN_PART_AIM if aims else OPEN_PART) + OPEN_PER_LEAD * min(leads, default=0.0)
+    part = min(part, OPEN_MOST)
     small = min(OPEN_SMALL[0] * before, OPEN_SMALL[1])
     return Closure(before, after, max(OPEN_CHANCE, part * before, small))
 
@@ -125,14 +129,18 @@ def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], close
     A logistic function of the lead over the next best name and of what is left open, its coefficients fitted to
     benchmark cases made with other seeds than the reported ones (docs/explain.md).
     """
+    open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
+    score = 2.2 + 8.0 * min(lead(name, now, trials), 0.4) - 1.2 * min(open_part, 2.0)
+    return float(1.0 / (1.0 + np.exp(-score)))
+
+
+def lead(name: str, now: Fit, trials: Sequence[Trial]) -> float:
+    """By what part of its merit a name leads over the next best other one of its round, 0 ... 1."""
     own = [t for t in trials if t.name == name and t.passes]
     if not own:
-        return 0.5
+        return 0.0
     rivals = [t.merit for t in trials if t.round == own[-1].round and t.name not in now.names()]
-    lead = 1.0 - max([*rivals, 0.0]) / max(own[-1].merit, 1e-9)
-    open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
-    score = 2.2 + 8.0 * min(max(lead, 0.0), 0.4) - 1.2 * min(open_part, 2.0)
-    return float(1.0 / (1.0 + np.exp(-score)))
+    return min(max(1.0 - max([*rivals, 0.0]) / max(own[-1].merit, 1e-9), 0.0), 1.0)
 
 
 def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:

@@ -78,6 +78,8 @@ def place_words(one: Summary, z: float) -> str:
     """One summary as half a sentence: `echoes are weaker (AREA) at range 20-30 m (-12.3 sd)`."""
     text = _MORE[one.feature][0 if z > 0.0 else 1]
     where = "" if one.covariate == "all" else f" at {one.covariate} {one.bin}"
+    if one.covariate == "from column to column":
+        text, where = f"{_SUBJECT[one.feature]} changes from column to column", ""
     return f"{text}{where} ({z:+.1f} sd)"
 
 

@@ -23,10 +23,12 @@ from lidarcheck.explain.explanation import (
     Teller,
 )
 from lidarcheck.explain.findings import candidates_table, findings_of
+from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.unknown import Description, describe
@@ -79,7 +81,7 @@ def _explain(case: Case, run: Run) -> Explanation:
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
     search = run.fit_and_select(bench, screened)
-    closed = closure(bench, search.fit)
+    closed = closure(bench, search.fit, search.trials)
     equals = run.find_equivalents(bench, search, closed)
     untestable = run.list_untestable(bench, screened)
     unknown = run.describe_unknown(bench, search, closed)
@@ -90,6 +92,12 @@ def _explain(case: Case, run: Run) -> Explanation:
 
 def _silent(_step: str, _done: int, _of: int) -> None:
     return None
+
+
+def _calibration_helps(bench: Bench, now: Fit) -> bool:
+    """Whether the fitted nuisances bring the select frames nearer too, by more than chance."""
+    plain = dataclasses.replace(now, nuisance=Nuisance())
+    return select_distance(bench.select, plain) - select_distance(bench.select, now) > 2.0 * bench.level
 
 
 def _part(step: str, done: int, of: int) -> tuple[int, int]:
@@ -196,7 +204,7 @@ class Run:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
-        if search.fit.nuisance.words():
+        if search.fit.nuisance.words() and _calibration_helps(bench, search.fit):
             stages.append(("gain, reflectances and pose", search.fit.nuisance.calibrated(model)))
         return Answer("explained", tuple(findings), tuple(stages), "")
 
