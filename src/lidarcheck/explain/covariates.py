@@ -98,7 +98,7 @@ def _amplitudes(log_area: FloatArray, hit: npt.NDArray[np.bool_]) -> Division:
     used = np.unique(place[place >= 0])
     number = np.searchsorted(used, place)
     bins = np.where(known, number, np.where(hit, len(used), -1))
-    texts = [f"AREA from {np.exp(edges[i]):.0f}" for i in used] + ["seldom seen"]
+    texts = [f"AREA from {np.exp(edges[i]):.1f}" for i in used] + ["seldom seen"]
     return _used("amplitude", bins, texts)
 
 

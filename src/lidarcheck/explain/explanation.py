@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -193,7 +194,7 @@ class Explanation:
                     "gain": c.gain,
                     "needed": c.needed,
                     "pull": c.pull,
-                    "closed": c.closed,
+                    "closed": None if math.isnan(c.closed) else c.closed,
                     "verdict": c.verdict,
                     "equivalent_to": list(c.equivalent_to),
                 }

@@ -25,11 +25,13 @@ WIDEN = 1.5
 _DIGITS = 5
 
 
-def findings_of(bench: Bench, search: Search, closed: Closure, equals: Mapping[str, tuple[str, ...]]) -> list[Finding]:
-    """The accepted effects, the most important first."""
+def findings_of(
+    bench: Bench, search: Search, closed: Closure, equals: Mapping[str, tuple[str, ...]], last: tuple[Lab, Fit]
+) -> list[Finding]:
+    """The accepted effects, the most important first, with the parameters of the last fit."""
     now, lab = search.fit, bench.lab
-    parameters = intervals(lab, now, WIDEN)
-    effects = rounded_effects(now)
+    parameters = intervals(*last, WIDEN)
+    effects = rounded_effects(last[1])
     changes = [_change(lab, now, i) for i in range(len(now.probes))]
     found = []
     for i in np.argsort([-lab.metric.square(change) for change in changes], kind="stable"):

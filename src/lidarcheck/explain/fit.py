@@ -93,30 +93,36 @@ def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray])
 
 def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
     """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
-    axes = axes_of([int(i) for i in np.unique(lab.beams.material_id) if i >= 0])
+    effects = now.effects()
+    axes = axes_of([int(i) for i in np.unique(lab.beams.material_id) if i >= 0], effects)
+    gain = all(effect.name != "signal_gain" for effect in effects)
     model = now.model(lab.model)
 
     def shows(x: FloatArray, seeds: int | None = None) -> FloatArray:
-        return lab.shows(model, seeds, nuisance=at(axes, x))
+        return lab.shows(model, seeds, nuisance=at(axes, x, gain=gain))
 
     x = np.zeros(len(axes))
     shown = shows(x)
     best = lab.distance(shown, metric=lab.bare)
     seen = _where_seen(lab, axes)
+    # What is not looked at is left out of the covariance too: given all the rest, these alone would say little.
+    rows = np.flatnonzero(seen.any(axis=1))
+    metric = Metric(lab.bare.diagonal[rows], lab.bare.factors[rows])
     for _ in range(rounds):
-        jacobian = _jacobian(shows, x, shown) * seen
-        curvature, slope = _slopes(lab.bare, jacobian, lab.measured - shown.mean(axis=0))
+        # No longer steps: the limits would cut them.
+        jacobian = (_jacobian(shows, x, shown, (1.0, -1.0)) * seen)[rows]
+        curvature, slope = _slopes(metric, jacobian, (lab.measured - shown.mean(axis=0))[rows])
         for damping in (1.0, 3.0, 10.0):
             step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
             trial = np.clip(x + step, -LIMIT, LIMIT)
             there = shows(trial)
-            distance = lab.distance(there, metric=lab.bare) + at(axes, trial).penalty
+            distance = lab.distance(there, metric=lab.bare) + at(axes, trial, gain=gain).penalty
             if distance < best:
                 x, shown, best = trial, there, distance
                 break
         else:
             break
-    return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x))
+    return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
 
 
 def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
@@ -174,7 +180,9 @@ def _step(curvature: FloatArray, slope: FloatArray, damping: float) -> FloatArra
     return np.asarray(np.clip(vectors @ ((vectors.T @ slope) / values), -7.0, 7.0))
 
 
-def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
+def _jacobian(
+    shows: Shows, at: FloatArray, shown: FloatArray, lengths: Sequence[float] = (1.0, -1.0, 4.0, 16.0)
+) -> FloatArray:
     """Change of the summaries per step with the first seed, shape (n_summaries, p).
 
     One beam that flips makes small steps useless: where a step changes little, a longer one is taken, and what is no
@@ -182,7 +190,7 @@ def _jacobian(shows: Shows, at: FloatArray, shown: FloatArray) -> FloatArray:
     """
     found = np.zeros((shown.shape[1], len(at)))
     for j in range(len(at)):
-        for length in (1.0, -1.0, 4.0):
+        for length in lengths:
             there = at.copy()
             there[j] += length
             other = shows(there, 1)

@@ -87,8 +87,8 @@ class Nuisance:
 
 
 def _scaled(reflectance: float, errors: float) -> float:
-    """A table entry off by so many usual errors, to five digits."""
-    return float(f"{reflectance * np.exp(REFLECTANCE_ERROR * errors):.5g}") if errors else reflectance
+    """A table entry off by so many usual errors, to five digits; nothing is more than white."""
+    return min(float(f"{reflectance * np.exp(REFLECTANCE_ERROR * errors):.5g}"), 1.0) if errors else reflectance
 
 
 def is_usual_error(effect: Effect) -> bool:
@@ -109,18 +109,28 @@ def is_usual_error(effect: Effect) -> bool:
     )
 
 
-def axes_of(materials: Sequence[int]) -> list[str | int]:
-    """The axes along which a nuisance is fitted, in order: yaw, pitch, and the materials by number."""
-    return ["yaw", "pitch", *materials]
+def axes_of(materials: Sequence[int], effects: Sequence[Effect] = ()) -> list[str | int]:
+    """The axes along which a nuisance is fitted beside some effects: yaw, pitch, and the materials by number.
+
+    What an effect says of itself is no nuisance: the pose beside a boresight error, a material beside its own.
+    """
+    posed = any(effect.name == "boresight" for effect in effects)
+    named = {e.settings()["material_id"] for e in effects if e.name == "material_reflectance"}
+    return [*([] if posed else ["yaw", "pitch"]), *(i for i in materials if i not in named)]
 
 
-def at(axes: Sequence[str | int], x: FloatArray) -> Nuisance:
-    """The nuisance at a point of those axes, kept within the limits."""
+def at(axes: Sequence[str | int], x: FloatArray, *, gain: bool = True) -> Nuisance:
+    """The nuisance at a point of those axes, kept within the limits.
+
+    `gain`: whether all materials may be off together, as the gain would make them.
+    """
     x = np.clip(x, -LIMIT, LIMIT)
-    tables = x[2:]
+    tables = x[[isinstance(axis, int) for axis in axes]]
     if len(tables):
         # What all materials have in common is the gain's error and the mean of theirs.
-        most = LIMIT * np.sqrt((GAIN_ERROR / REFLECTANCE_ERROR) ** 2 + 1.0 / len(tables))
-        x = np.concatenate([x[:2], tables - tables.mean() + np.clip(tables.mean(), -most, most)])
+        most = LIMIT * np.sqrt((GAIN_ERROR / REFLECTANCE_ERROR) ** 2 + 1.0 / len(tables)) if gain else 0.0
+        tables = tables - tables.mean() + np.clip(tables.mean(), -most, most)
+        x = np.concatenate([x[: len(x) - len(tables)], tables])
     values = dict(zip(axes, x.tolist(), strict=True))
-    return Nuisance(values.pop("yaw"), values.pop("pitch"), {int(k): v for k, v in values.items()})
+    yaw, pitch = values.pop("yaw", 0.0), values.pop("pitch", 0.0)
+    return Nuisance(yaw, pitch, {int(k): v for k, v in values.items()})

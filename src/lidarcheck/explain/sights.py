@@ -88,6 +88,8 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
 
 def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:
     """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
-    beside = beams.neighbour_m[beam]
-    near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < 1.0 + 0.03 * range_m[:, None])
+    beside, own = beams.neighbour_m[beam], beams.distance_m[beam]
+    reach = (1.0 + 0.03 * range_m)[:, None]
+    near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < reach)
+    near &= (own[:, None] == 0.0) | (np.abs(own[:, None] - beside) > reach)
     return np.where(near.any(axis=1), near.argmax(axis=1), -1)

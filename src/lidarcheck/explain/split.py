@@ -13,7 +13,7 @@ from lidarcheck.explain.lab import Frame
 __all__ = ["Split", "split_frames"]
 
 FEWEST = 3
-_ROLES = ("fit", "select", "fit", "verify", "fit", "verify")
+_ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
 """The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
 
 

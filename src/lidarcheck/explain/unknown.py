@@ -26,7 +26,7 @@ BoolArray = npt.NDArray[np.bool_]
 Told = Callable[[str, int, int], object]
 
 _MOST_TERMS = 3
-_KNOTS = 12
+_KNOTS, _FINE_KNOTS = 12, 60
 _COVARIATES = ("range_m", "layer", "point", "incidence_deg", "material_id", "signal_log10")
 _WORDS = {
     "range_m": "range", "layer": "layer", "point": "point", "incidence_deg": "incidence", "material_id": "material",
@@ -71,7 +71,7 @@ def describe(bench: Bench, told: Told) -> Description:
             except UsageError:
                 continue  # a term out of its range cannot be carried
             told("unknown", number * len(tried) + i + 1, _MOST_TERMS * len(tried))
-        if not found or min(found, key=lambda f: f[0])[0] > best - max(2.0 * bench.level, 0.01 * best):
+        if not found or min(found, key=lambda f: f[0])[0] > best - max(3.0 * bench.level, 0.02 * best):
             break
         best, effect, text = min(found, key=lambda f: f[0])
         model, other = _with(model, effect), _with(other, effect)
@@ -133,10 +133,12 @@ def _fitted(lab: Lab, residual: _Residual) -> Iterator[tuple[Effect, str]]:
     ranked.sort(reverse=True)
     for first in [name for _, name in ranked[:2]]:
         yield _term(lab, residual, (first,))
+        if first != "material_id":
+            yield _term(lab, residual, (first,), _FINE_KNOTS)
     yield _term(lab, residual, (ranked[0][1], ranked[1][1]))
 
 
-def _term(lab: Lab, residual: _Residual, names: tuple[str, ...]) -> tuple[Effect, str]:
+def _term(lab: Lab, residual: _Residual, names: tuple[str, ...], most: int = _KNOTS) -> tuple[Effect, str]:
     """The additive term of one or two covariates, by backfitting."""
     columns = [_covariate(lab, name)[residual.rows] for name in names]
     parts = [np.zeros(len(residual.rows)) for _ in names]
@@ -144,7 +146,7 @@ def _term(lab: Lab, residual: _Residual, names: tuple[str, ...]) -> tuple[Effect
     for _ in range(3 if len(names) > 1 else 1):
         for i, (name, u) in enumerate(zip(names, columns, strict=True)):
             rest = residual.value - sum(part for j, part in enumerate(parts) if j != i)
-            curves[i] = _curve(u, rest, residual.weight, name)
+            curves[i] = _curve(u, rest, residual.weight, name, most)
             parts[i] = _at(*curves[i], u, name)
     settings: dict[str, object] = {}
     for suffix, name, (knots, values) in zip(("", "_2"), names, curves, strict=False):
@@ -156,13 +158,15 @@ def _term(lab: Lab, residual: _Residual, names: tuple[str, ...]) -> tuple[Effect
     return make(residual.term, settings), f"{kind} over {' and '.join(_WORDS[n] for n in names)}"
 
 
-def _curve(u: FloatArray, value: FloatArray, weight: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
+def _curve(
+    u: FloatArray, value: FloatArray, weight: FloatArray, name: str, most: int = _KNOTS
+) -> tuple[FloatArray, FloatArray]:
     """Knots and values: weighted means, shrunk where little is known of them."""
     if name == "material_id":
         knots = np.unique(u)
         place = np.searchsorted(knots, u)
     else:
-        edges = np.unique(np.quantile(u, np.linspace(0.0, 1.0, _KNOTS + 1)))
+        edges = np.unique(np.quantile(u, np.linspace(0.0, 1.0, most + 1)))
         place = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, max(len(edges) - 2, 0))
         count = np.bincount(place, minlength=max(len(edges) - 1, 1))
         knots = np.bincount(place, u, len(count)) / np.maximum(count, 1)

@@ -15,6 +15,7 @@ from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance, jacobian_of
 from lidarcheck.explain.forward import Bench, Trial, select_distance
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 
 __all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_testable"]
@@ -32,8 +33,10 @@ OPEN_SMALL = (0.30, 900.0)
 """Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""
 OPEN_CHANCE = 350.0
 """So much may be left whatever the excess was."""
-_EQUAL_PART = 0.04
-"""Two names whose distances differ by less than this part of the excess are not told apart."""
+_FORM_ERROR = 0.03
+"""Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
+_EQUAL, _EQUAL_PART = 60.0, 0.012
+"""Two names whose distances differ by less than this, or this part of what they explain, are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -85,14 +88,13 @@ def equivalents(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> 
     found: dict[str, tuple[str, ...]] = {}
     names = now.names()
     best = now.distance + select_distance(bench.select, now)
-    excess = bench.start - bench.lab.floor_distance
     rivals = _rivals(names, trials)
     for i, name in enumerate(names):
         equal = []
         for trial in rivals.get(name, ()):
             swapped = _swapped(bench.lab, now, i, trial)
             other = swapped.distance + select_distance(bench.select, swapped)
-            if other - best < max(60.0, _EQUAL_PART * excess):
+            if other - best < max(_EQUAL, _EQUAL_PART * trial.merit):
                 equal.append((other, trial.name))
         found[name] = tuple(other for _, other in sorted(equal)[:2])
         told("equivalence", i + 1, len(names))
@@ -148,12 +150,24 @@ def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
     jacobian = jacobian_of(lab, now)
     weighted = lab.metric.times(jacobian)
     curvature = jacobian.T @ weighted + 1e-6 * np.eye(jacobian.shape[1])
-    half = 1.645 * widen * np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
+    variance = np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
+    own = np.concatenate([_form_error(probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
+    half = 1.645 * np.sqrt(widen**2 * variance + own**2)
     found, start = [], 0
     for probe, x in zip(now.probes, now.x, strict=True):
         found.append(_interval(probe, x, half[start : start + len(x)]))
         start += len(x)
     return found
+
+
+def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
+    """By how much, in steps, a form that is not quite the sensor's moves each parameter, shape (n_free,)."""
+    angle = POSE_ERROR_DEG if probe.name == "boresight" else 0.0
+    found = [
+        _FORM_ERROR / one.step if one.log else np.hypot(_FORM_ERROR * at, angle / one.step)
+        for one, at in zip(probe.free, x, strict=True)
+    ]
+    return np.array(found)
 
 
 def _interval(probe: Probe, x: FloatArray, half: FloatArray) -> Mapping[str, Interval]:

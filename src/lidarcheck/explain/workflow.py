@@ -29,6 +29,7 @@ from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
+from lidarcheck.explain.polish import polished
 from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.unknown import Description, describe
@@ -83,9 +84,10 @@ def _explain(case: Case, run: Run) -> Explanation:
     search = run.fit_and_select(bench, screened)
     closed = closure(bench, search.fit, search.trials)
     equals = run.find_equivalents(bench, search, closed)
+    last = run.polish(split, search, closed)
     untestable = run.list_untestable(bench, screened)
     unknown = run.describe_unknown(bench, search, closed)
-    answer = run.decide(bench, search, closed, equals, unknown)
+    answer = run.decide(bench, search, closed, equals, last, unknown)
     gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
 
@@ -164,6 +166,12 @@ class Run:
             bench, search.fit, search.trials, lambda _s, i, n: self.tell("equivalence and testability", i, n + 1)
         )
 
+    def polish(self, split: Split, search: Search, closed: Closure) -> tuple[Lab, Fit] | None:
+        """The accepted effects once more on all frames but those of the verification; None where there are none."""
+        if not closed.holds or not search.fit.probes:
+            return None
+        return polished((*split.fit, *split.select), self.model, search.fit, 2 * self.seed + 4)
+
     def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects these scenes could not show."""
         names = [name for name in catalogue() if name not in self.exclude]
@@ -185,27 +193,28 @@ class Run:
         search: Search,
         closed: Closure,
         equals: Mapping[str, tuple[str, ...]],
+        last: tuple[Lab, Fit] | None,
         unknown: Description | None,
     ) -> Answer:
         """No gap, explained by name, or unknown."""
         if unknown is not None:
             depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
-            finding = Finding("unknown", {}, 1.0 - min(closed.share, 1.0), (), depends, "", unknown.effects)
+            finding = Finding("unknown", {}, min(max(1.0 - closed.share, 0.0), 1.0), (), depends, "", unknown.effects)
             described = self.model
             for effect in unknown.effects:
                 described = described.with_(effect)
             name = f"empirical: {unknown.words}" if unknown.effects else "empirical: no term helps"
             return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
-        if not search.fit.probes:
+        if last is None:
             return Answer("no_gap", (), (("", self.model),), "")
-        findings = findings_of(bench, search, closed, equals)
+        findings = findings_of(bench, search, closed, equals, last)
         stages, model = [("", self.model)], self.model
         for finding in findings:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
-        if search.fit.nuisance.words() and _calibration_helps(bench, search.fit):
-            stages.append(("gain, reflectances and pose", search.fit.nuisance.calibrated(model)))
+        if last[1].nuisance.words() and _calibration_helps(bench, last[1]):
+            stages.append(("gain, reflectances and pose", last[1].nuisance.calibrated(model)))
         return Answer("explained", tuple(findings), tuple(stages), "")
 
     def verify(self, split: Split, answer: Answer) -> Gap:

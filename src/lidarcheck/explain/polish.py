@@ -1,0 +1,28 @@
+"""The last fit: the accepted effects on all frames but those of the verification, around the model that has them.
+
+Summaries are compressed far from the model that they are relative to, and there a fit is blunt. Around the explained
+model the residuals are small, so that parameters and their intervals come out sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.lab import Frame, Lab
+from lidarcheck.model.spec import Model
+
+__all__ = ["polished"]
+
+
+def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tuple[Lab, Fit]:
+    """A lab around the explained model, and the same effects and nuisances fitted again there.
+
+    Of the new fit and the old one the nearer is taken: far from the sensor's form there may be no better point.
+    """
+    lab = Lab(frames, now.model(model), seed)
+    there = fit(lab, now.probes, now.x, rounds=0, nuisance=now.nuisance)
+    best = fit(lab, now.probes, now.x, rounds=3, nuisance=now.nuisance)
+    best = fit_nuisance(lab, best, rounds=2)
+    again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance)
+    return lab, min((there, best, again), key=lambda one: one.distance)
