@@ -171,19 +171,16 @@ def _explained(
     loaded: Case, out: Path, seed: int, exclude: tuple[str, ...], jobs: int | None, quiet: bool, no_html: bool
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
-    from lidarcheck.explain import workflow
-    from lidarcheck.explain.explanation import Progress
     from lidarcheck.explain.notebook import Notebook, notebook_key
+    from lidarcheck.explain.workflow import PROGRESS
+    from lidarcheck.explain.workflow import explain as run
 
-    steps: Progress | None = getattr(workflow, "PROGRESS", None)
     key = notebook_key(loaded.hashes, loaded.model, seed, exclude)
     with Notebook(out / KEPT, key) as notebook:
         if len(notebook):
             note(f"going on with what an interrupted run left in {out / KEPT}")
-        with watched(steps.shares if steps else {}, quiet=quiet) as tell:
-            found = workflow.explain(
-                loaded, seed=seed, exclude=exclude, jobs=jobs or _cores(), tell=tell, notebook=notebook
-            )
+        with watched(PROGRESS.shares, quiet=quiet) as tell:
+            found = run(loaded, seed=seed, exclude=exclude, jobs=jobs or _cores(), tell=tell, notebook=notebook)
         with stage("writing"):
             _write(found, loaded, out, no_html)
         notebook.discard()

@@ -58,9 +58,8 @@ def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
     partner = (_partners(beams, 0), _partners(beams, 1))
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
     own, beside = beams.distance_m[:, None], beams.neighbour_m
-    at_edge: npt.NDArray[np.bool_] = (
-        (beside >= 0.0) & (np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside))
-    ).any(axis=1)
+    apart = np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside)
+    at_edge = np.asarray(np.any((beside >= 0.0) & apart, axis=1))
     return Expected(probability, mean, spread, known, square_mean, square_spread, at_edge, partner)
 
 

@@ -6,6 +6,7 @@ together on the select frames too.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -26,7 +27,7 @@ BoolArray = npt.NDArray[np.bool_]
 Told = Callable[[str, int, int], object]
 
 _MOST_TERMS = 3
-_KNOTS, _FINE_KNOTS = 12, 60
+_KNOTS, _FINE_KNOTS = 12, 80
 _COVARIATES = ("range_m", "layer", "point", "incidence_deg", "material_id", "signal_log10")
 _WORDS = {
     "range_m": "range", "layer": "layer", "point": "point", "incidence_deg": "incidence", "material_id": "material",
@@ -36,11 +37,25 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Description:
-    """The empirical terms that help, in words, and the distance on the select frames with them."""
+    """The empirical terms that help, and what they are in words."""
 
     effects: tuple[Effect, ...]
     words: str
-    distance: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Spec:
+    """A kind of term, the covariates that it is of, and how many knots it has at most."""
+
+    term: str
+    covariates: tuple[str, ...]
+    knots: int = 12
+
+    @property
+    def words(self) -> str:
+        """As `range over range and point`."""
+        kind = "extra echoes" if self.term == "empirical_extra" else self.term.removeprefix("empirical_")
+        return f"{kind} over {' and '.join(_WORDS[name] for name in self.covariates)}"
 
 
 @dataclass(frozen=True)
@@ -54,37 +69,51 @@ class _Residual:
     limit: float
 
 
-def describe(bench: Bench, told: Told) -> Description:
-    """Add the term that helps most while one helps on the select frames, at most three of different kinds."""
+def describe(bench: Bench, seed: int, told: Told) -> Description:
+    """Add the term that helps most while one helps on the select frames, at most three of different kinds.
+
+    The chosen kinds are then fitted again on the fit and select frames together, which cover more.
+    """
+    specs = _chosen(bench, told)
+    if not specs:
+        return Description((), "")
+    lab = Lab((*bench.lab.frames, *bench.select.frames), bench.lab.model, seed)
+    model = lab.model
+    effects: list[Effect] = []
+    for spec in specs:
+        effect = next((e for one, e in _terms(lab, model, {e.name for e in effects}) if one == spec), None)
+        if effect is not None:
+            model = _with(model, effect)
+            effects.append(effect)
+    return Description(tuple(effects), "; ".join(spec.words for spec in specs))
+
+
+def _chosen(bench: Bench, told: Told) -> list[_Spec]:
+    """The kinds of terms that bring the select frames nearer, fitted on the fit frames."""
     lab, select = bench.lab, bench.select
     model, other = lab.model, select.model
-    chosen: list[Effect] = []
-    words: list[str] = []
+    specs: list[_Spec] = []
     best = select.distance(np.zeros((1, len(select.measured))))
     for number in range(_MOST_TERMS):
-        tried = list(_terms(lab, model, {one.name for one in chosen}))
-        found = []
-        for i, (effect, text) in enumerate(tried):
-            try:
-                there = select.distance(select.shows(_with(other, effect)))
-                found.append((there, effect, text))
-            except UsageError:
-                continue  # a term out of its range cannot be carried
+        tried = list(_terms(lab, model, {spec.term for spec in specs}))
+        found: list[tuple[float, _Spec, Effect]] = []
+        for i, (spec, effect) in enumerate(tried):
+            with contextlib.suppress(UsageError):  # a term out of its range cannot be carried
+                found.append((select.distance(select.shows(_with(other, effect))), spec, effect))
             told("unknown", number * len(tried) + i + 1, _MOST_TERMS * len(tried))
-        if not found or min(found, key=lambda f: f[0])[0] > best - max(3.0 * bench.level, 0.02 * best):
+        if not found or min(there for there, _, _ in found) > best - max(3.0 * bench.level, 0.02 * best):
             break
-        best, effect, text = min(found, key=lambda f: f[0])
+        best, spec, effect = min(found, key=lambda one: one[0])
         model, other = _with(model, effect), _with(other, effect)
-        chosen.append(effect)
-        words.append(text)
-    return Description(tuple(chosen), "; ".join(words), best)
+        specs.append(spec)
+    return specs
 
 
 def _with(model: Model, effect: Effect) -> Model:
     return beside(model.without(effect.name), effect)
 
 
-def _terms(lab: Lab, model: Model, taken: set[str]) -> Iterator[tuple[Effect, str]]:
+def _terms(lab: Lab, model: Model, taken: set[str]) -> Iterator[tuple[_Spec, Effect]]:
     """Each kind of term over its one or two best covariates, fitted to what the model leaves over."""
     for residual in _residuals(lab, model):
         if residual.term not in taken and residual.weight.sum() > 0.0:
@@ -122,31 +151,32 @@ def _covariate(lab: Lab, name: str) -> FloatArray:
     return np.asarray(columns[name], dtype=np.float64)
 
 
-def _fitted(lab: Lab, residual: _Residual) -> Iterator[tuple[Effect, str]]:
-    """The term over the best covariate alone, and over it and the best second one."""
+def _fitted(lab: Lab, residual: _Residual) -> Iterator[tuple[_Spec, Effect]]:
+    """The term over each covariate, roughly and finely, and over the best two together."""
     ranked = []
     for name in _COVARIATES:
         u = _covariate(lab, name)[residual.rows]
-        knots, values = _curve(u, residual.value, residual.weight, name)
-        part = _at(knots, values, u, name)
+        part = _at(*_curve(u, residual.value, residual.weight, name, _KNOTS), u, name)
         ranked.append((float((residual.weight * (residual.value**2 - (residual.value - part) ** 2)).sum()), name))
     ranked.sort(reverse=True)
-    for first in [name for _, name in ranked[:2]]:
-        yield _term(lab, residual, (first,))
-        if first != "material_id":
-            yield _term(lab, residual, (first,), _FINE_KNOTS)
-    yield _term(lab, residual, (ranked[0][1], ranked[1][1]))
+    names = [name for _, name in ranked]
+    for name in names[:3]:
+        yield _term(lab, residual, _Spec(residual.term, (name,)))
+        if name != "material_id":
+            yield _term(lab, residual, _Spec(residual.term, (name,), _FINE_KNOTS))
+    yield _term(lab, residual, _Spec(residual.term, (names[0], names[1])))
 
 
-def _term(lab: Lab, residual: _Residual, names: tuple[str, ...], most: int = _KNOTS) -> tuple[Effect, str]:
+def _term(lab: Lab, residual: _Residual, spec: _Spec) -> tuple[_Spec, Effect]:
     """The additive term of one or two covariates, by backfitting."""
+    names = spec.covariates
     columns = [_covariate(lab, name)[residual.rows] for name in names]
     parts = [np.zeros(len(residual.rows)) for _ in names]
     curves: list[tuple[FloatArray, FloatArray]] = [(np.zeros(1), np.zeros(1)) for _ in names]
     for _ in range(3 if len(names) > 1 else 1):
         for i, (name, u) in enumerate(zip(names, columns, strict=True)):
             rest = residual.value - sum(part for j, part in enumerate(parts) if j != i)
-            curves[i] = _curve(u, rest, residual.weight, name, most)
+            curves[i] = _curve(u, rest, residual.weight, name, spec.knots)
             parts[i] = _at(*curves[i], u, name)
     settings: dict[str, object] = {}
     for suffix, name, (knots, values) in zip(("", "_2"), names, curves, strict=False):
@@ -154,17 +184,20 @@ def _term(lab: Lab, residual: _Residual, names: tuple[str, ...], most: int = _KN
             values = np.sqrt(np.maximum(values, 0.0)) * (1.0 if len(names) == 1 else 0.7)
         values = np.round(np.clip(values, -residual.limit, residual.limit), 5).astype(np.float64)
         settings |= {f"covariate{suffix}": name, f"knots{suffix}": np.round(knots, 4), f"values{suffix}": values}
-    kind = residual.term.removeprefix("empirical_")
-    return make(residual.term, settings), f"{kind} over {' and '.join(_WORDS[n] for n in names)}"
+    return spec, make(residual.term, settings)
 
 
-def _curve(
-    u: FloatArray, value: FloatArray, weight: FloatArray, name: str, most: int = _KNOTS
-) -> tuple[FloatArray, FloatArray]:
-    """Knots and values: weighted means, shrunk where little is known of them."""
+def _curve(u: FloatArray, value: FloatArray, weight: FloatArray, name: str, most: int) -> tuple[FloatArray, FloatArray]:
+    """Knots and values: weighted means, shrunk where little is known of them and 0 where nothing is."""
     if name == "material_id":
         knots = np.unique(u)
         place = np.searchsorted(knots, u)
+    elif most > _KNOTS:
+        # Evenly and with an empty bin at either end: what no beam has met is left as it is, not extrapolated.
+        width = max(float(np.ptp(u)), 1e-3) / (most - 2)
+        edges = u.min() - width + width * np.arange(most + 1)
+        place = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, most - 1)
+        knots = 0.5 * (edges[1:] + edges[:-1])
     else:
         edges = np.unique(np.quantile(u, np.linspace(0.0, 1.0, most + 1)))
         place = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, max(len(edges) - 2, 0))
@@ -183,7 +216,7 @@ def _at(knots: FloatArray, values: FloatArray, u: FloatArray, name: str) -> Floa
     return np.asarray(np.interp(u, knots, values))
 
 
-def _extras(lab: Lab, model: Model) -> Iterator[tuple[Effect, str]]:
+def _extras(lab: Lab, model: Model) -> Iterator[tuple[_Spec, Effect]]:
     """Echoes of no surface: how often, over the covariate that tells most, where along the beam, and how strong."""
     measured = lab.measured_sights
     shown = [lab.sights(model, 300 + k) for k in range(2)]
@@ -216,14 +249,14 @@ def _extras(lab: Lab, model: Model) -> Iterator[tuple[Effect, str]]:
     }
     rows = np.arange(len(lab.beams))
     residual = _Residual("empirical_extra", np.clip(excess, -1.0, 1.0), np.ones(len(rows)), rows, 0.98)
-    for effect, text in _fitted_extra(lab, residual):
+    for spec, settings in _fitted_extra(lab, residual):
         shape = {"range_from": tightest, "range_knots": knots, "range_density": np.round(density / density.max(), 4)}
-        yield make("empirical_extra", {**effect, **shape, **amplitude}), text
+        yield spec, make("empirical_extra", {**settings, **shape, **amplitude})
 
 
-def _fitted_extra(lab: Lab, residual: _Residual) -> Iterator[tuple[dict[str, object], str]]:
+def _fitted_extra(lab: Lab, residual: _Residual) -> Iterator[tuple[_Spec, dict[str, object]]]:
     for name in _COVARIATES:
-        u = _covariate(lab, name)
-        knots, values = _curve(u, residual.value, residual.weight, name)
+        knots, values = _curve(_covariate(lab, name), residual.value, residual.weight, name, _KNOTS)
         values = np.round(np.clip(values, 0.0, residual.limit), 5).astype(np.float64)
-        yield {"covariate": name, "knots": np.round(knots, 4), "values": values}, f"extra echoes over {_WORDS[name]}"
+        spec = _Spec("empirical_extra", (name,))
+        yield spec, {"covariate": name, "knots": np.round(knots, 4), "values": values}

@@ -47,6 +47,8 @@ _NO_MEASURING = (
     "golden_file.py",
     "junit.py",
     "layout.py",
+    "propose.py",
+    "propose_files.py",
     "provenance.py",
     "pytest_plugin.py",
     "results.py",
