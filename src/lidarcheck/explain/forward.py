@@ -31,6 +31,7 @@ _PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
+_DOUBTFUL = 10.0
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -101,7 +102,12 @@ def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:
 
 
 def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
-    """The whole search: forward, and where nothing is accepted once more with the nuisances first; then backward."""
+    """The whole search: none where nuisances explain all; else forward, where nothing is accepted once more with the
+    nuisances first; then backward."""
+    if bench.start < _DOUBTFUL * bench.lab.floor_distance:
+        off = start_fit(bench.lab, nuisances=True)
+        if _all_nuisance(bench, off):
+            return Search(off, off)
     found = forward(bench, start_fit(bench.lab), screened, told)
     if not found.fit.probes and found.first.nuisance.penalty == 0.0:
         trials = found.trials
@@ -109,6 +115,13 @@ def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Sear
         found.trials = trials + found.trials
     found.fit = backward(bench, found.fit, told)
     return found
+
+
+def _all_nuisance(bench: Bench, off: Fit) -> bool:
+    """Whether the fitted nuisances leave no more than chance does, on all frames, and none of them is extreme."""
+    left = off.distance - bench.lab.floor_distance
+    there = select_distance(bench.select, off) - bench.select.floor_distance
+    return max(left, there) < CHANCE and off.nuisance.usual
 
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:

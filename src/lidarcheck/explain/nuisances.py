@@ -41,6 +41,13 @@ class Nuisance:
         return float(self.yaw**2 + self.pitch**2 + sum(v**2 for v in self.materials.values()))
 
     @property
+    def usual(self) -> bool:
+        """Whether none is at its limit, and all reflectances together are off by no more than a gain may be."""
+        values = [self.yaw, self.pitch, *self.materials.values()]
+        common = float(np.mean([*self.materials.values()])) if self.materials else 0.0
+        return max(map(abs, values)) < 0.95 * LIMIT and abs(common) * REFLECTANCE_ERROR < LIMIT * GAIN_ERROR
+
+    @property
     def still(self) -> bool:
         """Whether the beams look where they should."""
         return self.yaw == 0.0 and self.pitch == 0.0
