@@ -284,7 +284,7 @@ def test_the_report_says_everything(made):
         "where: AREA falls with range",
         "cannot be told apart from: rain",
         "what would separate them: a frame in clear air beside one in fog",
-        "AREA is 20 % lower than modelled at 60 to 80 m (z = -12.3)",
+        "AREA is 20 % lower than modelled at 60 to 80 m",
         "accepted (like rain)",
         "frames of fit: 0, 2; select: 1; verify: 3",
         "seeds: fit 0, verify 99",

@@ -196,8 +196,10 @@ def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
         others = sorted(e for n, e in enumerate(of_beam.get(i, [])) if not (seen and n == best))
         sides = []
         for echo in others:
-            matches = [s for s in range(4) if beams.neighbour_m[i, s] > 0.0
-                       and abs(echo[0] - beams.neighbour_m[i, s]) < 1.0 + 0.03 * echo[0]]  # fmt: skip
+            reach, here = 1.0 + 0.03 * echo[0], beams.distance_m[i]
+            apart = [here == 0.0 or abs(here - there) > reach for there in beams.neighbour_m[i]]
+            near = [there > 0.0 and abs(echo[0] - there) < reach for there in beams.neighbour_m[i]]
+            matches = [side for side in range(4) if near[side] and apart[side]]
             sides.append(matches[0] if matches else -1)
             extras.append((i, *echo, sides[-1]))
         assert sights.strayed[i] == (not seen and any(side >= 0 for side in sides))

@@ -31,7 +31,7 @@ class LayerGain(LightEffect):
     first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=250, whole=True, meaning="first such layer")
     last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=269, whole=True, meaning="last such layer")
     gains: tuple[float, ...] = list_parameter(
-        "", low=0.0, high=10.0, meaning="a factor for each such layer, from the first on", example=(0.9, 1.1)
+        "", low=0.0, high=10.0, meaning="a factor for each such layer, from the first on"
     )
     every: int = parameter("layers", low=1, high=LAYERS, typical=1, whole=True, meaning="1: each layer between, 2: ...")
 
