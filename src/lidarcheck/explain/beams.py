@@ -23,6 +23,7 @@ SIDES = ("above", "below", "left", "right")
 BRIGHT_SIGNAL = 30.0
 """S from which a surface saturates all SPADs and may bloom or show ghosts, avalanches per SPAD and shot."""
 
+_CREASE_DEG = 3.0
 _SMOOTH = 0.06
 """Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
 _LAYER_DEG, _POINT_DEG = 0.05, 0.125
@@ -35,9 +36,10 @@ class Beams:
     `key`: ascending, one number a beam. `distance_m`: the nearest surface, 0 where the beam meets nothing.
     `signal`: S of that surface without effects. `neighbour_m` (n, 4): what the fired beams beside it meet, in the
     order of `SIDES`, 0 for nothing and -1 where none was fired. `slope_m_per_deg` (n, 2): change of the range with
-    elevation and azimuth on the beam's own surface, 0 at edges. `bright` (n, 4): beams to the next bright surface
-    on each side, 0 where there is none, and `bright_m` (n, 4) its range. `hit_beam`, `hit_m`, `hit_row` (m,): all
-    surfaces, ascending in (beam, range), a beam's several rows each.
+    elevation and azimuth on the beam's own surface, 0 at edges. `crease`: a neighbour at nearly the same range meets
+    another material or a surface of another slope, so that a pose a little off changes which one the beam meets.
+    `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
+    range. `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
     """
 
     key: IndexArray
@@ -52,6 +54,7 @@ class Beams:
     retro: npt.NDArray[np.bool_]
     neighbour_m: FloatArray
     slope_m_per_deg: FloatArray
+    crease: npt.NDArray[np.bool_]
     bright: IndexArray
     bright_m: FloatArray
     hit_beam: IndexArray
@@ -86,7 +89,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
     hit = distance[order] > 0.0
     retros = [i for i, entry in model.materials.items() if entry.kind == "retro"]
     shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), distance[row])
-    neighbour, slope = _neighbours(shape, distance[row])
+    neighbour, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
     bright, bright_m = bright_offsets(shape, signal[row], distance[row])
     return Beams(
         key=key,
@@ -101,6 +104,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
         retro=np.isin(material[row], retros) & (distance[row] > 0.0),
         neighbour_m=neighbour,
         slope_m_per_deg=slope,
+        crease=crease,
         bright=bright,
         bright_m=bright_m,
         hit_beam=beam[hit],
@@ -126,15 +130,21 @@ def _shape(frame: IndexArray, layer: IndexArray, point: IndexArray, distance: Fl
     return _Shape(grid, (frame, row, column), layers, points)
 
 
-def _neighbours(shape: _Shape, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The ranges beside each beam (n, 4) and the slope of its surface (n, 2)."""
+def _neighbours(
+    shape: _Shape, distance: FloatArray, incidence: FloatArray, material: IndexArray
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """The ranges beside each beam (n, 4), the slope of its surface (n, 2), and whether it is at a crease (n,)."""
     n = len(distance)
     ranges = np.full((n, 4), -1.0)
+    crease = np.zeros(n, dtype=bool)
     padded = np.pad(shape.grid, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
     f, r, c = shape.place
     for side, (dr, dc) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
         index = padded[f, r + 1 + dr, c + 1 + dc]
         ranges[:, side] = np.where(index >= 0, distance[index], -1.0)
+        near = (ranges[:, side] > 0.0) & (np.abs(ranges[:, side] - distance) < _SMOOTH * distance)
+        other = (np.abs(incidence[index] - incidence) > _CREASE_DEG) | (material[index] != material)
+        crease |= near & other
     slope = np.zeros((n, 2))
     steps = (
         _step(shape.layers)[r] * _LAYER_DEG,
@@ -142,9 +152,9 @@ def _neighbours(shape: _Shape, distance: FloatArray) -> tuple[FloatArray, FloatA
     )
     for axis, (plus, minus) in enumerate(((0, 1), (2, 3))):
         near = (np.abs(ranges[:, [plus, minus]] - distance[:, None]) < _SMOOTH * distance[:, None]).all(axis=1)
-        smooth = near & (distance > 0.0)
+        smooth = near & (distance > 0.0) & ~crease
         slope[smooth, axis] = (ranges[smooth, plus] - ranges[smooth, minus]) / (2.0 * steps[axis][smooth])
-    return ranges, slope
+    return ranges, slope, crease
 
 
 def _step(lines: IndexArray) -> FloatArray:

@@ -48,7 +48,7 @@ def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
     seen = np.array([s.detected for s in base])
     values = np.array([s.feature for s in base])
     count = seen.sum(axis=0)
-    known = count >= 2
+    known = (count >= 2) & ~beams.crease
     mean = np.where(known[:, None], values.sum(axis=0) / np.maximum(count, 1)[:, None], 0.0)
     off = np.where(seen[..., None] & known[None, :, None], values - mean, 0.0)
     free = np.maximum(count - 1, 1)[:, None]
@@ -59,7 +59,7 @@ def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
     own, beside = beams.distance_m[:, None], beams.neighbour_m
     apart = np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside)
-    at_edge = np.asarray(np.any((beside >= 0.0) & apart, axis=1))
+    at_edge = np.asarray(np.any((beside >= 0.0) & apart, axis=1)) | beams.crease
     return Expected(probability, mean, spread, known, square_mean, square_spread, at_edge, partner)
 
 

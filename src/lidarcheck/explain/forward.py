@@ -121,7 +121,7 @@ def _all_nuisance(bench: Bench, off: Fit) -> bool:
     """Whether the fitted nuisances leave no more than chance does, on all frames, and none of them is extreme."""
     left = off.distance - bench.lab.floor_distance
     there = select_distance(bench.select, off) - bench.select.floor_distance
-    return max(left, there) < CHANCE and off.nuisance.usual
+    return left < CHANCE and there < 1.4 * CHANCE and off.nuisance.usual
 
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
@@ -206,7 +206,8 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
             told("leave out again", len(without), len(now.probes))
         losses = [one.distance - now.distance for one in without]
         least = int(np.argmin(losses))
-        if losses[least] > max(1.3 * bench.level, bench.worth):
+        price = _PRICE * len(now.probes[least].free)
+        if losses[least] > max(1.3 * bench.level, bench.worth) + price:
             break
         now = without[least]
     return now
