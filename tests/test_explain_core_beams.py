@@ -111,7 +111,25 @@ def beside(key: Key, layers: list[int], points: list[int]) -> list[Key | None]:
     return [up, down, left, right]
 
 
-def test_neighbours_and_slopes_are_those_of_the_lattice(ideals, beams) -> None:
+def even(ideals) -> list[IdealScan]:
+    """The same ranges, all of one material met at right angles: no creases."""
+    return [dataclasses.replace(i, incidence_deg=np.zeros(len(i)), material_id=np.full(len(i), WALL)) for i in ideals]
+
+
+def test_a_crease_lies_where_another_material_or_slope_begins_at_nearly_the_same_range() -> None:
+    layer, point = (a.ravel() for a in np.meshgrid(range(230, 236), range(400, 406), indexing="ij"))
+    angle = np.where(point >= 403, 40.0, 5.0)
+    corner = IdealScan(layer, point, np.full(36, 20.0), np.full(36, WALL), angle)
+    assert np.array_equal(beams_of([corner], model()).crease, (point == 402) | (point == 403))
+    floor = IdealScan(layer, point, np.full(36, 20.0), np.where(layer < 232, ROAD, WALL), np.full(36, 5.0))
+    assert np.array_equal(beams_of([floor], model()).crease, (layer == 231) | (layer == 232))
+    edge = IdealScan(layer, point, np.where(point >= 403, 40.0, 20.0), np.full(36, WALL), angle)
+    assert not beams_of([edge], model()).crease.any()
+
+
+def test_neighbours_and_slopes_are_those_of_the_lattice(ideals) -> None:
+    ideals = even(ideals)
+    beams = beams_of(ideals, model())
     met = nearest(ideals)
     layers, points = sorted({k[1] for k in met}), sorted({k[2] for k in met})
     sloped = 0

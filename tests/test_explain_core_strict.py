@@ -19,7 +19,7 @@ from lidarcheck.sensor import Material
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
 TRUTHS = [
     ("range_offset", {"offset_m": 0.06}, "offset_m", 0.008, 0.02),
-    ("range_offset", {"offset_m": 0.25}, "offset_m", 0.03, 0.03),
+    ("range_offset", {"offset_m": 0.25}, "offset_m", 0.03, 0.08),
     ("range_scale", {"fraction": 0.004}, "fraction", 0.0004, 0.0015),
     ("walk_error", {"per_decade_m": 0.2, "bend_m": 0.0}, "per_decade_m", 0.07, 0.25),
 ]

@@ -136,15 +136,16 @@ def _neighbours(
     """The ranges beside each beam (n, 4), the slope of its surface (n, 2), and whether it is at a crease (n,)."""
     n = len(distance)
     ranges = np.full((n, 4), -1.0)
-    crease = np.zeros(n, dtype=bool)
+    creases = np.zeros((n, 4), dtype=bool)
     padded = np.pad(shape.grid, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
     f, r, c = shape.place
     for side, (dr, dc) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
         index = padded[f, r + 1 + dr, c + 1 + dc]
         ranges[:, side] = np.where(index >= 0, distance[index], -1.0)
-        near = (ranges[:, side] > 0.0) & (np.abs(ranges[:, side] - distance) < _SMOOTH * distance)
+        close = (ranges[:, side] > 0.0) & (np.abs(ranges[:, side] - distance) < _SMOOTH * distance)
         other = (np.abs(incidence[index] - incidence) > _CREASE_DEG) | (material[index] != material)
-        crease |= near & other
+        creases[:, side] = close & other
+    crease = np.asarray(creases.any(axis=1))
     slope = np.zeros((n, 2))
     steps = (
         _step(shape.layers)[r] * _LAYER_DEG,

@@ -18,12 +18,16 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """A parameter that a fit may move: on a logarithmic scale, or in steps of `step` in its own unit."""
+    """A parameter that a fit may move: on a logarithmic scale, or in steps of `step` in its own unit.
+
+    `least`: below it the effect would be no more what its name says.
+    """
 
     name: str
     step: float
     log: bool = False
     whole: bool = False
+    least: float = -float("inf")
 
     def encode(self, value: float) -> float:
         """The value on the fit's own scale, where one step has length 1."""
@@ -32,7 +36,7 @@ class Free:
     def decode(self, x: float, low: float, high: float) -> float:
         """The parameter's value, kept within its range."""
         value = float(np.exp(np.clip(x * self.step, -60.0, 60.0)) if self.log else x * self.step)
-        value = min(max(value, low), high)
+        value = min(max(value, low, self.least), high)
         return float(round(value)) if self.whole else value
 
 
@@ -155,8 +159,7 @@ _FREE: dict[str, tuple[Free, ...]] = {
     "rain": (
         Free("rate_mm_h", _LOG, log=True),
         Free("drop_echo", 0.4, log=True),
-        Free("drop_density", 0.4, log=True),
-        Free("extinction_coefficient", 0.3, log=True),
+        Free("drop_density", 0.4, log=True, least=0.002),
     ),
     "motion": (
         Free("forward_m_s", 1.0),
@@ -231,6 +234,7 @@ _STARTS: dict[str, list[dict[str, float]]] = {
     "fog": [
         {"mor_m": 60.0, "overlap_start_m": 1.0, "overlap_full_m": 3.0},
         {"mor_m": 250.0, "overlap_start_m": 1.0, "overlap_full_m": 3.0},
+        {"mor_m": 500.0, "backscatter": 0.025, "overlap_start_m": 5.0, "overlap_full_m": 15.0},
     ],
     "rain": [{"rate_mm_h": 10.0}, {"rate_mm_h": 40.0}],
     "motion": [

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import lidarcheck
-from lidarcheck.effects.base import Curve
+from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.errors import InputError
 from lidarcheck.harness.scenario import Scenario
 from lidarcheck.model.spec import External, Model
@@ -219,4 +219,6 @@ def _is_left_out(value: object, name: str) -> bool:
     """Where something lies is no parameter; nor is what detector effects set, as long as none has."""
     if isinstance(value, Sensor) and name == "nonideal":
         return value.nonideal == NonIdeal()
+    if isinstance(value, Effect) and getattr(value, name) == ():
+        return True  # a list that a model does not give
     return isinstance(value, Model | Curve) and name == "file"
