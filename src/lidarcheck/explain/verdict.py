@@ -23,9 +23,11 @@ __all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 
-OPEN_PART, OPEN_PART_AIM = 0.06, 0.10
+OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.25
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
-where a beam looks elsewhere: without the scene, edges are known to half a beam only."""
+where a beam looks elsewhere, and most where all that shows is at edges: without the scene, these are known to half a
+beam only."""
+_AT_EDGES = ("beam_divergence", "boresight", "vibration")
 OPEN_PER_LEAD, OPEN_MOST = 0.4, 0.22
 """The further a name leads over the next best one, the more may be left open: where two names explain nearly the same,
 a third that is in no catalogue may do so too."""
@@ -64,12 +66,18 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - floor
     after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
-    aims = any(find(name).stage == "aim" for name in now.names())
+    part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
     leads = [lead(name, now, trials) for name in now.names()]
-    part = (OPEN_PART_AIM if aims else OPEN_PART) + OPEN_PER_LEAD * min(leads, default=0.0)
-    part = min(part, OPEN_MOST)
+    part = max(part, min(part + OPEN_PER_LEAD * min(leads, default=0.0), OPEN_MOST))
     small = min(OPEN_SMALL[0] * before, OPEN_SMALL[1])
     return Closure(before, after, max(OPEN_CHANCE, part * before, small))
+
+
+def _open_part(name: str) -> float:
+    """The part of the excess that one effect may leave open."""
+    if name in _AT_EDGES:
+        return OPEN_PART_EDGES
+    return OPEN_PART_AIM if find(name).stage == "aim" else OPEN_PART
 
 
 def _own_distance(select: Lab, now: Fit) -> float:
