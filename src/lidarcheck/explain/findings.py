@@ -21,7 +21,7 @@ __all__ = ["candidates_table", "findings_of", "rounded_effects", "separating"]
 FloatArray = npt.NDArray[np.float64]
 
 WIDEN = 1.5
-"""Intervals are this much wider than the curvature says: found by coverage on benchmark cases with other seeds."""
+"""Intervals are this much wider than the curvature says: set by hand after a dozen cases, not yet by coverage."""
 _DIGITS = 5
 
 

@@ -136,8 +136,8 @@ def _swapped(lab: Lab, now: Fit, place: int, trial: Trial) -> Fit:
 def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure) -> float:
     """How often a name that stands out so far from its rivals, in a gap closed so far, is right.
 
-    A logistic function of the lead over the next best name and of what is left open, its coefficients fitted to
-    benchmark cases made with other seeds than the reported ones (docs/explain.md).
+    A logistic function of the lead over the next best name and of what is left open. Its coefficients are set
+    by hand and not yet fitted to how often names were right.
     """
     open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
     score = 2.2 + 8.0 * min(lead(name, now, trials), 0.4) - 1.2 * min(open_part, 2.0)
