@@ -167,7 +167,7 @@ def test_a_lut_is_found_from_the_new_place(source: Path) -> None:
     ("text", "why"),
     [
         ('variant = "SMART"\neffects = [{name = "dropout", share = 0.5}]\n', "its effects are not [[effects]] tables"),
-        ('variant = "SMART"\n[sensor]\nthreshold = 12\n', "the sensor or the materials differ, too"),
+        ('variant = "SMART"\nsensor = {threshold = 12}\n', "'sensor = {threshold = 12}' is no plain key with a number"),
     ],
 )
 def test_what_cannot_be_edited_is_written_anew_and_that_is_said(

@@ -133,10 +133,21 @@ def test_neighbours_and_slopes_are_those_of_the_lattice(ideals) -> None:
     met = nearest(ideals)
     layers, points = sorted({k[1] for k in met}), sorted({k[2] for k in met})
     sloped = 0
+
+    def step_m(key: Key | None) -> float:
+        """The largest difference to a neighbour less than 15 % farther or nearer."""
+        if key not in met:
+            return 0.0
+        there = [met[k][0] for k in beside(key, layers, points) if k in met and met[k][0] > 0.0]
+        apart = [abs(r - met[key][0]) for r in there]
+        return max([a for a in apart if a < 0.15 * met[key][0]], default=0.0)
+
     for i, key in enumerate(keys(beams)):
         around = beside(key, layers, points)
         ranges = [met[k][0] if k in met else -1.0 for k in around]
         assert beams.neighbour_m[i].tolist() == ranges
+        assert beams.step_m[i] == step_m(key)
+        assert beams.neighbour_step_m[i].tolist() == [step_m(k) for k in around]
         own = met[key][0]
         for axis, (plus, minus) in enumerate(((UP, DOWN), (LEFT, RIGHT))):
             one_surface = own > 0.0 and all(abs(ranges[s] - own) < 0.06 * own for s in (plus, minus))
@@ -190,8 +201,9 @@ def echoes_near(ideals, beams, rng) -> list[Scan]:
 
 def clear_of_limits(beams: Beams, i: int, range_m: float) -> bool:
     """Not where "at a neighbour's range" is a matter of the last centimetre."""
-    off = np.abs(range_m - beams.neighbour_m[i][beams.neighbour_m[i] > 0.0])
-    return bool(np.all(np.abs(off - (1.0 + 0.03 * range_m)) > 1e-6))
+    there = beams.neighbour_m[i] > 0.0
+    off = np.abs(range_m - beams.neighbour_m[i][there])
+    return bool(np.all(np.abs(off - (1.0 + 0.03 * range_m + beams.neighbour_step_m[i][there])) > 1e-6))
 
 
 def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
@@ -207,16 +219,17 @@ def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
         off = [min((abs(e[0] - s), e[0] - s) for s in surfaces) if len(surfaces) else (np.inf, 0.0)
                for e in of_beam.get(i, [])]  # fmt: skip
         best = min(range(len(off)), key=lambda n: off[n][0]) if off else -1
-        seen = best >= 0 and off[best][0] <= 2.0
+        seen = best >= 0 and off[best][0] <= 2.0 + beams.step_m[i]
         assert sights.detected[i] == seen
         own = (off[best][1], *of_beam[i][best][1:]) if seen else (0.0, 0.0, 0.0, 0.0)
         assert sights.feature[i] == pytest.approx(own, abs=1e-9)
         others = sorted(e for n, e in enumerate(of_beam.get(i, [])) if not (seen and n == best))
         sides = []
         for echo in others:
-            reach, here = 1.0 + 0.03 * echo[0], beams.distance_m[i]
-            apart = [here == 0.0 or abs(here - there) > reach for there in beams.neighbour_m[i]]
-            near = [there > 0.0 and abs(echo[0] - there) < reach for there in beams.neighbour_m[i]]
+            reach, here = 1.0 + 0.03 * echo[0] + beams.neighbour_step_m[i], beams.distance_m[i]
+            beyond = list(zip(beams.neighbour_m[i], reach, strict=True))
+            apart = [here == 0.0 or abs(here - there) > most for there, most in beyond]
+            near = [there > 0.0 and abs(echo[0] - there) < most for there, most in beyond]
             matches = [side for side in range(4) if near[side] and apart[side]]
             sides.append(matches[0] if matches else -1)
             extras.append((i, *echo, sides[-1]))
@@ -226,7 +239,7 @@ def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
     assert found == pytest.approx(np.array(extras).reshape(-1, 6), abs=1e-9)
 
 
-def test_echoes_are_paired_with_the_nearest_surface_within_2_m(ideals, beams) -> None:
+def test_echoes_are_paired_with_the_nearest_surface_within_2_m_and_a_step(ideals, beams) -> None:
     scans = echoes_near(ideals, beams, np.random.default_rng(8))
     sights = sights_of(beams, scans)
     check_pairing(beams, scans, sights)

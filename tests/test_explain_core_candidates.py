@@ -19,6 +19,7 @@ from lidarcheck.explain.nuisances import (
     is_usual_error,
 )
 from lidarcheck.model import simulate
+from lidarcheck.model.chain import Surfaces
 
 
 @pytest.fixture(scope="module")
@@ -71,11 +72,25 @@ def test_a_correction_adds_up_with_a_boresight_that_is_there() -> None:
 
 def test_a_turned_sensor_looks_elsewhere_as_with_a_boresight() -> None:
     ideal = street(0)
-    turned = Nuisance(yaw=2.0, pitch=1.0).ideals([ideal], model())[0]
+    at_rest = [Surfaces(ideal)]
+    pose = Nuisance(yaw=2.0, pitch=1.0)
+    same_model, turned_surfaces = pose.posed(model(), at_rest)
+    turned = turned_surfaces[0].ideal
+    assert same_model == model()
     assert not np.array_equal(turned.distance_m, ideal.distance_m)
     boresight = make("boresight", {"yaw_deg": 2.0 * POSE_ERROR_DEG, "pitch_deg": POSE_ERROR_DEG})
     assert same(simulate(turned, model(), seed=1), simulate(ideal, model(boresight), seed=1))
-    assert Nuisance(materials={WALL: 1.0}).ideals([ideal], model()) == [ideal]
+    assert Nuisance(materials={WALL: 1.0}).posed(model(), at_rest) == (model(), at_rest)
+
+
+def test_before_another_effect_of_aim_the_pose_is_an_effect_too() -> None:
+    """Aimed twice, each with a scan of its own, edges would be moved twice."""
+    at_rest = [Surfaces(street(0))]
+    shaken = model(make("vibration", {"pitch_deg": 0.1}))
+    posed, surfaces = Nuisance(yaw=-1.0).posed(shaken, at_rest)
+    assert surfaces == at_rest
+    assert [effect.name for effect in posed.effects] == ["boresight", "vibration"]
+    assert posed.effects[0].settings()["yaw_deg"] == pytest.approx(-POSE_ERROR_DEG)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

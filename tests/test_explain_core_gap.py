@@ -28,7 +28,9 @@ def test_wasserstein_distances_are_those_of_scipy_in_every_bin() -> None:
     a, a_bin = a[a_bin != 2], a_bin[a_bin != 2]
     b, b_bin = b[b_bin != 4], b_bin[b_bin != 4]
     a_weight, b_weight = rng.integers(0, 4, len(a)).astype(float), rng.uniform(0.0, 2.0, len(b))
-    found = _wasserstein(a, a_bin, a_weight, b, b_bin, b_weight, 7)
+    value, place = np.concatenate([a, b]), np.concatenate([a_bin, b_bin])
+    order = np.lexsort((value, place))
+    found = _wasserstein(value[order], place[order], np.concatenate([a_weight, -b_weight])[order], 7)
     assert found.shape == (7,)
     for i in range(7):
         mine, theirs = a_bin == i, b_bin == i

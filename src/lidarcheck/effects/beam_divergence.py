@@ -33,10 +33,10 @@ class BeamDivergence(AimEffect):
     middles of equally probable parts of the profile along either axis: the trace is the sum of the pulses that those
     meet. The outermost of 3, 5, 7 and 15 rays stand at 0.97, 1.28, 1.47 and 1.83 standard deviations: many rays see
     what the profile's faint flanks meet. Beams all of whose rays meet one material of one object at ranges that spread
-    by at most `least_m` keep their one row. Without a scene, what lies between the beams is taken from the nearest, so
-    that an edge is known to half a beam spacing, and where a surface goes on evenly along one axis, rays are spread
-    along the other only; with a scene all rays are cast. Pulsed edge emitters diverge by 0.05 to 0.5 deg. Identity at
-    both widths 0.
+    by at most `least_m` keep their one row. Without a scene, what lies between two beams is
+    taken from these: an edge is anywhere between them, at a place of its own for each pair. Where a surface goes on
+    evenly along one axis, rays are then spread along the other only; with a scene all rays are cast. Pulsed edge
+    emitters diverge by 0.05 to 0.5 deg. Identity at both widths 0.
     """
 
     name = "beam_divergence"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +23,30 @@ _LAYER_RAD, _POINT_RAD = np.deg2rad(0.05), np.deg2rad(0.125)
 
 def cells_of(position: FloatArray) -> IndexArray:
     """The grid cell (layer times 960 + point) in whose direction each position (n, 3) lies; the border's beyond it."""
-    x, y, z = position[:, 0], position[:, 1], position[:, 2]
-    layer = np.rint(np.arctan2(z, np.sqrt(x * x + y * y)) * (1.0 / _LAYER_RAD) + 259.5).astype(np.int64)
-    point = np.rint(np.arctan2(y, x) * (1.0 / _POINT_RAD) + 479.5).astype(np.int64)
+    layer, point = (np.rint(line).astype(np.int64) for line in _lines(position))
     return np.asarray(np.clip(layer, 0, LAYERS - 1) * POINTS + np.clip(point, 0, POINTS - 1))
+
+
+def _lines(position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Layer and point in whose direction each position (n, 3) lies, with fractions."""
+    x, y, z = position[:, 0], position[:, 1], position[:, 2]
+    layer = np.arctan2(z, np.sqrt(x * x + y * y)) * (1.0 / _LAYER_RAD) + 259.5
+    return layer, np.arctan2(y, x) * (1.0 / _POINT_RAD) + 479.5
+
+
+def _uniforms(salt: int) -> npt.NDArray[np.float32]:
+    """A number between 0 and 1 for each cell, always the same, as if drawn at random; shape (cells,)."""
+    word = np.arange(_CELLS, dtype=np.uint64) + np.uint64(salt * _CELLS)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        word = (word ^ (word >> np.uint64(shift))) * np.uint64(factor)
+    word ^= word >> np.uint64(31)
+    return np.asarray(((word >> np.uint64(41)).astype(np.float32) + 0.5) / 2.0**23, dtype=np.float32)
+
+
+@functools.cache
+def _borders() -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Where, between each cell's middle and that of the next one up and to the left, the border is taken to be."""
+    return _uniforms(1), _uniforms(2)
 
 
 def nearest_marked(mark: BoolArray) -> IndexArray:
@@ -52,6 +73,7 @@ class BeamGrid:
     slot: npt.NDArray[np.int32]
     near: IndexArray | None
     stride: tuple[int, int]
+    offset: tuple[int, int]
 
     @classmethod
     def of(cls, ideal: IdealScan, slot: npt.NDArray[np.int32]) -> BeamGrid:
@@ -74,13 +96,29 @@ class BeamGrid:
             order=rows,
             slot=slot,
             near=near,
-            stride=(_stride(layer[rows]), _stride(point[rows])),
+            stride=(stride := (_stride(layer[rows]), _stride(point[rows]))),
+            offset=(_first(layer[rows], stride[0]), _first(point[rows], stride[1])),
         )
 
     @property
     def single(self) -> bool:
         """Whether every cell has exactly one row."""
         return len(self.order) == _CELLS and self.near is None
+
+    def cells(self, position: FloatArray) -> IndexArray:
+        """The cell whose surface reaches to the direction of each position (n, 3); a fired beam's own on its axis.
+
+        Where between two beams a surface ends is not known. It is taken to end anywhere between them, elsewhere for
+        each pair and always there for the same one: a view turned by a third of a beam spacing then moves a third of
+        all edges by one beam, as it does on average in a scene, instead of none.
+        """
+        layer, point = _lines(position)
+        up, aside = _borders()
+        (s, t), (a, b) = self.stride, self.offset
+        i, over = _split((layer - a) / s, (LAYERS - 1 - a) // s)
+        j, beyond = _split((point - b) / t, (POINTS - 1 - b) // t)
+        cell = (i * s + a) * POINTS + j * t + b
+        return np.asarray(cell + (over > up[cell]) * (s * POINTS) + (beyond > aside[cell]) * t)
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
         """The row of that rank in each cell, or the last there; in a cell that was not fired, the nearest one's.
@@ -106,6 +144,17 @@ class BeamGrid:
         there = inside & (self.slot < self.count[cell])
         place = np.where(there, self.first[cell] + self.slot, 0)
         return np.where(there, self.order[place], -1) if len(self.order) else np.full(len(layer), -1)
+
+
+def _split(line: FloatArray, last: int) -> tuple[IndexArray, FloatArray]:
+    """The line at or below each number and how far beyond it that is, 0 ... 1; within 0 ... last."""
+    line = np.clip(line + 1e-7, 0.0, last)
+    below = np.minimum(line.astype(np.int64), last)
+    return below, line - below
+
+
+def _first(index: IndexArray, stride: int) -> int:
+    return int(index[0]) % stride if len(index) else 0
 
 
 def _stride(index: IndexArray) -> int:

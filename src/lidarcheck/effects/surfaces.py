@@ -14,6 +14,7 @@ from lidarcheck.effects.own_rays import rays_of
 from lidarcheck.effects.planes import planes_of
 from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import beam_directions
 
 __all__ = ["LocalSurfaces"]
 
@@ -34,14 +35,16 @@ _STRETCH = 2.0
 class LocalSurfaces:
     """What an ideal scan alone tells of its surroundings: a small plane for each row; a `lidarcheck.rays.Caster`.
 
-    A ray meets the plane of the beam in whose direction, seen from the sensor, its hit lies: exact where surfaces are
-    flat, to half a beam spacing at their edges. Meant for rays that begin within a metre or two of the sensor. Between
-    and beyond the beams that were fired the nearest one's plane goes on. A plane seen at a grazing angle is met at
-    most 2 times as far, and at least half as far, as its beam met it. A ray whose nearest beam met nothing meets
-    nothing. The ideal scan's own rays get its own numbers back, to the last bit.
+    A ray meets the plane of a beam beside which, seen from the sensor, its hit lies: exact where surfaces are flat.
+    Where between two beams an edge is, nobody knows: each pair of beams has its own place for it, see
+    `BeamGrid.cells`. Meant for rays that begin within a metre or two of the sensor. Between and beyond the beams that
+    were fired a near one's plane goes on. A plane seen at a grazing angle is met at most 2 times as far, and at least
+    half as far, as its beam met it. A ray whose beam met nothing meets nothing. The ideal scan's own rays get its own
+    numbers back, to the last bit.
 
     `m`, (n, 3), and `offset`, (n,): the rows' planes m . x = offset; `known`: whether neighbours told the slope;
-    `own_deg`: the incidence by the plane, from which changes count.
+    `own_deg`: the incidence by the plane, from which changes count. `on_axis`: whether the scan's rays are the beams'
+    axes; others keep the cells around them, half a beam to either side, whose edges then lie halfway.
     """
 
     ideal: IdealScan
@@ -52,6 +55,7 @@ class LocalSurfaces:
     offset: FloatArray
     own_deg: FloatArray
     known: npt.NDArray[np.bool_]
+    on_axis: bool = True
 
     @classmethod
     def of(cls, ideal: IdealScan) -> LocalSurfaces:
@@ -69,6 +73,7 @@ class LocalSurfaces:
             offset=1.0 + np.einsum("ij,ij->i", planes.m, rays.origin_m),
             own_deg=_angle_deg(along, planes.m),
             known=planes.known,
+            on_axis=ideal.rays is None or _are_axes(ideal, rays),
         )
 
     @property
@@ -143,7 +148,8 @@ class LocalSurfaces:
 
     def pick(self, position: FloatArray, slot: Slots) -> IndexArray:
         """The row of that rank in whose direction a position lies."""
-        return self.grid.rows(cells_of(position), slot)
+        cell = self.grid.cells(position) if self.on_axis else cells_of(position)
+        return self.grid.rows(cell, slot)
 
     def _at_rest(self, rays: Rays, part: slice, behind: IndexArray | None) -> tuple[IndexArray, FloatArray]:
         """Row and distance of a block of rays among all that does not move."""
@@ -210,6 +216,12 @@ class LocalSurfaces:
             incidence_deg=np.where(met, self.incidence_deg(row, rays.direction), 0.0),
             normal=self.m[row] * np.where(met, inverse, 0.0)[:, None],
         )
+
+
+def _are_axes(ideal: IdealScan, rays: Rays) -> bool:
+    """Whether rays are those of the beams themselves, as seen from the sensor."""
+    axes = beam_directions(ideal.layer, ideal.point)
+    return not rays.origin_m.any() and bool(np.abs(rays.direction - axes).max(initial=0.0) < 1e-9)
 
 
 def _angle_deg(along: FloatArray, m: FloatArray) -> FloatArray:

@@ -2,56 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
-import logging
-import os
-import tomllib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from lidarcheck.effects import Effect
-from lidarcheck.errors import LidarcheckError
-from lidarcheck.explain.model_text import edited, effect_lines, shown_value, steps
-from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.toml_lines import locate
-from lidarcheck.model.file import load_model, model_of, save_model
+from lidarcheck.model.rewrite import WrittenModel, placeless, write_model
 from lidarcheck.model.spec import Model
+from lidarcheck.model.text import effect_lines, shown_value, steps
 from lidarcheck.sensor import Material
 
 __all__ = ["WrittenModel", "model_diff", "write_model"]
-
-_log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class WrittenModel:
-    """A model file that was written. `rewritten`: why the text of the source could not be kept; empty if it was."""
-
-    path: Path
-    rewritten: str = ""
-
-
-def write_model(source: Path | str, model: Model, out: Path | str) -> WrittenModel:
-    """Write `model` as the text of the model file `source` with its effects put in, changed or taken out.
-
-    All else of the text stays byte for byte: comments, order, line ends; files are named anew from `out`'s directory.
-    Reading it gives `model` again. Where the text cannot be edited so, or where the model differs from the source in
-    more than effects, the file is written anew as `save_model` does, and the result and a warning say why. Whole or
-    not at all. Raises as `load_model` does for the source and `save_model` for `out`.
-    """
-    source, out = Path(source), Path(out)
-    before = load_model(source)
-    try:
-        text = _text(source, before, model, out)
-    except ValueError as error:
-        _log.warning("%s: comments and layout of %s are not kept: %s", out, source, error)
-        save_model(model, out)
-        return WrittenModel(out, str(error))
-    write_text(out, text)
-    return WrittenModel(out)
 
 
 def model_diff(before: Model, after: Model) -> list[str]:
@@ -65,47 +24,12 @@ def model_diff(before: Model, after: Model) -> list[str]:
     for number in sorted({*before.materials, *after.materials}):
         lines += _difference(*(_material_lines(number, model.materials.get(number)) for model in (before, after)))
     for step in steps(before.effects, after.effects):
-        if step.old is None or step.new is None or _placeless(step.old) != _placeless(step.new):
+        if step.old is None or step.new is None or placeless(step.old) != placeless(step.new):
             old, new = ([] if effect is None else effect_lines(effect, directory) for effect in (step.old, step.new))
             lines += _difference(old, new)
     if before.external != after.external:
         lines += _difference(*([] if model.external is None else ["[external]"] for model in (before, after)))
     return lines
-
-
-def _text(source: Path, before: Model, model: Model, out: Path) -> str:
-    """The edited text; `ValueError`, with the reason in words, where it would not be the model's."""
-    if model.external is not None or before.external is not None:
-        raise ValueError("an external model has no effects")
-    if _placeless_model(dataclasses.replace(before, effects=())) != _placeless_model(
-        dataclasses.replace(model, effects=())
-    ):
-        raise ValueError("the sensor or the materials differ, too")
-    directories = source.absolute().parent, out.absolute().parent
-    text = edited(source.read_bytes().decode("utf-8"), before.effects, model.effects, *directories)
-    plain = text.removeprefix("\ufeff")
-    try:
-        again = model_of(tomllib.loads(plain), LineIndex(out, locate(plain)))
-    except (LidarcheckError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"its text cannot be edited piece by piece ({str(error).splitlines()[0]})") from error
-    if _placeless_model(again) != _placeless_model(model):
-        raise ValueError("its text cannot be edited piece by piece")
-    return text
-
-
-def _placeless_model(model: Model) -> Model:
-    """The model without its file's name, and with one spelling for the files that its effects name."""
-    return dataclasses.replace(model, file=None, effects=tuple(_placeless(effect) for effect in model.effects))
-
-
-def _placeless(effect: Effect) -> Effect:
-    curves = {file.name: getattr(effect, file.name) for file in effect.files()}
-    real: dict[str, Any] = {
-        name: dataclasses.replace(curve, file=os.path.realpath(curve.file))
-        for name, curve in curves.items()
-        if curve is not None
-    }
-    return dataclasses.replace(effect, **real) if real else effect
 
 
 def _sensor_lines(model: Model) -> list[str]:

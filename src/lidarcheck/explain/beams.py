@@ -26,6 +26,8 @@ BRIGHT_SIGNAL = 30.0
 _CREASE_DEG = 3.0
 _SMOOTH = 0.06
 """Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
+_STEEP = 0.15
+"""A surface seen at a grazing angle may lie farther by such a part of its range one beam on."""
 _LAYER_DEG, _POINT_DEG = 0.05, 0.125
 
 
@@ -35,9 +37,11 @@ class Beams:
 
     `key`: ascending, one number a beam. `distance_m`: the nearest surface, 0 where the beam meets nothing.
     `signal`: S of that surface without effects. `neighbour_m` (n, 4): what the fired beams beside it meet, in the
-    order of `SIDES`, 0 for nothing and -1 where none was fired. `slope_m_per_deg` (n, 2): change of the range with
-    elevation and azimuth on the beam's own surface, 0 at edges. `crease`: a neighbour at nearly the same range meets
-    another material or a surface of another slope, so that a pose a little off changes which one the beam meets.
+    order of `SIDES`, 0 for nothing and -1 where none was fired. `step_m` (n,): the largest difference to a neighbour's
+    range on what may be one surface, and `neighbour_step_m` (n, 4) that of each neighbour. `slope_m_per_deg` (n, 2):
+    change of the range with elevation and azimuth on the beam's own surface, 0 at edges. `crease`: a neighbour at
+    nearly the same range meets another material or a surface of another slope, so that a pose a little off changes
+    which one the beam meets.
     `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
     range. `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
     """
@@ -53,6 +57,8 @@ class Beams:
     signal: FloatArray
     retro: npt.NDArray[np.bool_]
     neighbour_m: FloatArray
+    step_m: FloatArray
+    neighbour_step_m: FloatArray
     slope_m_per_deg: FloatArray
     crease: npt.NDArray[np.bool_]
     bright: IndexArray
@@ -89,7 +95,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
     hit = distance[order] > 0.0
     retros = [i for i, entry in model.materials.items() if entry.kind == "retro"]
     shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), distance[row])
-    neighbour, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
+    neighbour, step, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
     bright, bright_m = bright_offsets(shape, signal[row], distance[row])
     return Beams(
         key=key,
@@ -103,6 +109,8 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
         signal=signal[row],
         retro=np.isin(material[row], retros) & (distance[row] > 0.0),
         neighbour_m=neighbour,
+        step_m=step[0],
+        neighbour_step_m=step[1],
         slope_m_per_deg=slope,
         crease=crease,
         bright=bright,
@@ -132,20 +140,25 @@ def _shape(frame: IndexArray, layer: IndexArray, point: IndexArray, distance: Fl
 
 def _neighbours(
     shape: _Shape, distance: FloatArray, incidence: FloatArray, material: IndexArray
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """The ranges beside each beam (n, 4), the slope of its surface (n, 2), and whether it is at a crease (n,)."""
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray], FloatArray, npt.NDArray[np.bool_]]:
+    """The ranges beside each beam (n, 4), the steps of range on its own surface (n,) and on those beside it (n, 4), the
+    slope of its surface (n, 2), and whether it is at a crease (n,)."""
     n = len(distance)
     ranges = np.full((n, 4), -1.0)
+    beside = np.full((n, 4), -1, dtype=np.int64)
     creases = np.zeros((n, 4), dtype=bool)
     padded = np.pad(shape.grid, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
     f, r, c = shape.place
     for side, (dr, dc) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
         index = padded[f, r + 1 + dr, c + 1 + dc]
+        beside[:, side] = index
         ranges[:, side] = np.where(index >= 0, distance[index], -1.0)
         close = (ranges[:, side] > 0.0) & (np.abs(ranges[:, side] - distance) < _SMOOTH * distance)
         other = (np.abs(incidence[index] - incidence) > _CREASE_DEG) | (material[index] != material)
         creases[:, side] = close & other
     crease = np.asarray(creases.any(axis=1))
+    apart = np.abs(ranges - distance[:, None])
+    own_step = np.where((ranges > 0.0) & (apart < _STEEP * distance[:, None]), apart, 0.0).max(axis=1, initial=0.0)
     slope = np.zeros((n, 2))
     steps = (
         _step(shape.layers)[r] * _LAYER_DEG,
@@ -155,7 +168,7 @@ def _neighbours(
         near = (np.abs(ranges[:, [plus, minus]] - distance[:, None]) < _SMOOTH * distance[:, None]).all(axis=1)
         smooth = near & (distance > 0.0) & ~crease
         slope[smooth, axis] = (ranges[smooth, plus] - ranges[smooth, minus]) / (2.0 * steps[axis][smooth])
-    return ranges, slope, crease
+    return ranges, (own_step, np.where(beside >= 0, own_step[beside], 0.0)), slope, crease
 
 
 def _step(lines: IndexArray) -> FloatArray:

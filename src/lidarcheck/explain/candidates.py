@@ -264,6 +264,12 @@ _TREMBLE = (Free("random_deg", _LOG, log=True),)
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
+    (
+        "fog",
+        "far overlap",
+        {"mor_m": 150.0, "backscatter": 0.046, "overlap_start_m": 5.0, "overlap_full_m": 15.0},
+        _FREE["fog"],
+    ),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
 )
 """Starts of another kind: an effect's name, the kind's, the settings, what is free."""

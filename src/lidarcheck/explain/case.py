@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
-from lidarcheck.explain.case_checks import frame_fault, other_variant, swapped
+from lidarcheck.explain.case_checks import frame_fault, swapped
 from lidarcheck.explain.lab import Frame
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
@@ -23,6 +23,7 @@ from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
 from lidarcheck.kpi.pairing import beam_keys
+from lidarcheck.kpi.variant import other_variant
 from lidarcheck.model.file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
@@ -72,23 +73,23 @@ class Case:
         return tuple(self.directory / name for name in self.hashes)
 
 
-def load_case(directory: str | os.PathLike[str]) -> Case:
+def load_case(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES) -> Case:
     """Read a case: a directory with `case.toml`, or that file; everything that can be checked without a fit is.
 
-    A damaged frame is left out with a warning, as long as no more than a third are and three remain. `InputError` or
+    A damaged frame is left out with a warning, as long as no more than a third are and `fewest` remain. `InputError` or
     `ConfigError` for all else: other beams than the ideal scan's, swapped or doubled files, the other variant's
     measurement, materials without an entry, too few frames, an external model, columns that are missing.
     """
     file = _case_file(Path(directory))
     data, lines = parse_toml(file)
     table = validate(data, lines, _CaseTable)
-    _check_places(table, lines)
+    _check_places(table, lines, fewest)
     model_file = file.parent / table.model
     model = _built_in(model_file)
     hashes = _hashes(file.parent, table, model)
     _check_doubles(table, lines, hashes)
     frames, faults = _frames(file.parent, table, lines, model)
-    _check_enough(file, len(table.frames), frames, faults)
+    _check_enough(file, len(table.frames), frames, faults, fewest)
     _check_together(table, lines, frames, model)
     left_out = {f"frame {number}": _reason(fault) for number, fault in sorted(faults.items())}
     for name, why in left_out.items():
@@ -108,7 +109,7 @@ def _case_file(place: Path) -> Path:
     return place
 
 
-def _check_places(table: _CaseTable, lines: LineIndex) -> None:
+def _check_places(table: _CaseTable, lines: LineIndex, fewest: int) -> None:
     """Paths lead into the directory; there are frames enough; none stands twice."""
     faults = [] if (fault := _outside(table.model, ("model",), lines)) is None else [fault]
     first: dict[str, int] = {}
@@ -123,9 +124,10 @@ def _check_places(table: _CaseTable, lines: LineIndex) -> None:
             what = f"frame {i} names {measured} as measured, as frame {first[measured]} does"
             faults.append(lines.fault(("frames", i, "measured"), what, fix="every frame is a measurement of its own"))
         first.setdefault(measured, i)
-    if len(table.frames) < FEWEST_FRAMES:
-        what = f"the case has {_counted(len(table.frames))}, too few frames to split"
-        faults.append(lines.fault(("frames",), what, fix=f"measure {FEWEST_FRAMES} or more: to fit, select and verify"))
+    if len(table.frames) < fewest:
+        what = f"the case has {_counted(len(table.frames))}, too few {'frames to split' if fewest > 1 else 'to fit'}"
+        why = ": to fit, select and verify" if fewest > 2 else ""
+        faults.append(lines.fault(("frames",), what, fix=f"measure {fewest} or more{why}"))
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
 
@@ -249,15 +251,15 @@ def _with_features(scan: Scan, file: Path) -> Scan:
     return scan
 
 
-def _check_enough(file: Path, of: int, frames: list[Frame], faults: Mapping[int, InputError]) -> None:
-    """No more than a third of the frames is damaged, and three remain."""
+def _check_enough(file: Path, of: int, frames: list[Frame], faults: Mapping[int, InputError], fewest: int) -> None:
+    """No more than a third of the frames is damaged, and enough remain."""
     if not faults:
         return
     fault = faults[min(faults)]
     if len(faults) > MOST_DAMAGED * of:
         left = f"{len(faults)} of {of} frames cannot be used" if len(faults) < of else f"and so all {of} frames"
-    elif len(frames) < FEWEST_FRAMES:
-        left = f"without it {_counted(len(frames))} are left, too few frames to split, which takes {FEWEST_FRAMES}"
+    elif len(frames) < fewest:
+        left = f"without it {_counted(len(frames))} are left, too few frames to split, which takes {fewest}"
     else:
         return
     raise InputError(f"{fault.what} ({left})", file=fault.file or file, line=fault.line, fix=fault.fix)
@@ -273,7 +275,7 @@ def _check_together(table: _CaseTable, lines: LineIndex, frames: list[Frame], mo
             f"{table.frames[i].ideal} of its own frame {i}"
         )
         raise lines.fault(("frames", i, "measured"), what, fix="were files swapped? pair each scan with its ideal scan")
-    what = other_variant([frame.measured for frame in frames], model)
+    what = other_variant([frame.measured for frame in frames], model.sensor)
     if what:
         _, model_lines = parse_toml(lines.file.parent / table.model)
         raise model_lines.fault(("variant",), what, fix="name the model of the sensor that measured")

@@ -12,12 +12,12 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError
 from lidarcheck.explain.lab import Frame
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
+from lidarcheck.kpi.variant import above_saturation
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import VARIANTS, Sensor
 
-__all__ = ["frame_fault", "other_variant", "swapped"]
+__all__ = ["frame_fault", "swapped"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -32,8 +32,6 @@ SAME_M, OTHER_M, OFFSET_M = 0.15, 0.5, 5.0
 FEWEST_VOTES, VOTES_SHARE, VOTES_RATIO = 20, 0.4, 2.5
 COMPARED_ECHOES = 2_000_000
 CUT_SHARE, CUT_ELSEWHERE = 0.15, 0.05
-ABOVE_SATURATION, FEWEST_ABOVE = 1.05, 3
-PILE_PEAKS, FEWEST_PILED, PILE_RATIO = 5, 20, 3
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ def frame_fault(frame: Frame, frames: Sequence[Frame], model: Model, ideal: Path
     if near < FEWEST_NEAR and behind > MOST_BEHIND:
         what = f"only {100.0 * near:.0f} % of the beams with echoes have one from the surface that {ideal.name} has"
         return InputError(what, file=measured, fix="name the ideal scan of the same frame and scene")
-    return _cut_fault(frame, frames, measured) or _saturation_fault(scan, model, measured)
+    return _cut_fault(frame, frames, measured) or above_saturation(scan, model.sensor, measured)
 
 
 def _echoes(count: int, of: int) -> str:
@@ -136,46 +134,6 @@ def _beyond(frame: Frame, last: int | None, order: tuple[str, str]) -> float:
         return 0.0
     key = getattr(ideal, order[0]).astype(np.int64) * 2**20 + getattr(ideal, order[1])
     return float(np.mean(key[hit] > last))
-
-
-def _saturation_fault(scan: Scan, model: Model, measured: Path) -> InputError | None:
-    """More detectors ON than there are: no effect does that, another sensor does."""
-    top = model.sensor.peak_saturation
-    above = int(np.count_nonzero(scan.peak > ABOVE_SATURATION * top))
-    if above < FEWEST_ABOVE:
-        return None
-    what = f"PEAK reaches {float(scan.peak.max()):g} ({above} echoes), above the {top:g} at which the model's "
-    what += f"sensor, {model.sensor.variant}, saturates"
-    row = int(np.flatnonzero(scan.peak > ABOVE_SATURATION * top)[0])
-    what += f", first on Layer {scan.layer[row]}, Point {scan.point[row]}"
-    return InputError(what, file=measured, fix=f"name the model of the variant that measured{_who(scan, top)}")
-
-
-def _who(scan: Scan, top: float) -> str:
-    """A variant that does saturate that high."""
-    fits = [name for name in VARIANTS if Sensor.of(name).peak_saturation >= scan.peak.max() > top]
-    return f", {fits[0]}?" if fits else ""
-
-
-def other_variant(scans: Sequence[Scan], model: Model) -> str:
-    """What shows that a variant measured that saturates lower than the model's; empty where nothing does.
-
-    Strong echoes then end exactly at that variant's saturation and pile up there.
-    """
-    peak = np.concatenate([scan.peak for scan in scans]) if scans else np.zeros(0)
-    top = model.sensor.peak_saturation
-    for name in VARIANTS:
-        other = Sensor.of(name).peak_saturation
-        if name == model.sensor.variant or other >= top or not len(peak) or peak.max() != other:
-            continue
-        piled = int(np.count_nonzero(peak > other - PILE_PEAKS))
-        below = int(np.count_nonzero((peak <= other - PILE_PEAKS) & (peak > other - 2 * PILE_PEAKS)))
-        if piled >= FEWEST_PILED and piled > PILE_RATIO * below:
-            return (
-                f"no PEAK is above {other:g}, where {piled} echoes pile up: that is how {name} saturates, "
-                f"not {model.sensor.variant} at {top:g}"
-            )
-    return ""
 
 
 def swapped(frames: Sequence[Frame], model: Model) -> tuple[int, int] | None:

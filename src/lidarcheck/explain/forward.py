@@ -27,8 +27,24 @@ NEARLY = 0.45
 """Effects that explain less than this part of what the best one does are not fitted."""
 LEAST_PART = 0.05
 """An effect that explains less of the distance than this is not worth a name."""
+KIN = (
+    {"range_offset", "range_scale", "walk_error", "motion"},
+    {"signal_gain", "material_reflectance", "incidence_falloff", "layer_gain", "blockage"},
+    {"ambient_light", "dark_counts", "threshold", "afterpulsing"},
+    {"boresight", "vibration", "motion", "beam_divergence"},
+    {"crosstalk", "afterpulsing", "dead_time", "pulse_shape", "signal_gain"},
+)
+"""Effects that change the same features in the same way, more or less."""
+KIN_PART = 0.12
+"""An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
+an effect must explain this part of what that one does."""
 _PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
+_UNSEEN, _HARMLESS = 0.05, 0.02
+"""An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
+by that part."""
+_LISTED = 0.1
+"""A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
 _DOUBTFUL = 10.0
@@ -54,7 +70,10 @@ class Bench:
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames."""
+    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames.
+
+    `select_change`: how far it moves what is shown of the select frames, as a distance.
+    """
 
     name: str
     round: int
@@ -63,6 +82,7 @@ class Trial:
     needed: float
     select_before: float
     select_after: float
+    select_change: float = float("inf")
 
     @property
     def merit(self) -> float:
@@ -70,13 +90,17 @@ class Trial:
         was free: of two that explain the same the simpler one is the better name."""
         own = next(probe for probe in self.fit.probes if probe.name == self.name)
         both = self.gain + self.select_before - self.select_after
-        return both - len(own.free) * (_PRICE + _PRICE_PART * abs(both))
+        numbers = len(own.free) + _LISTED * len(own.settings.get("gains", ()))
+        return both - numbers * (_PRICE + _PRICE_PART * abs(both))
 
     @property
     def passes(self) -> bool:
         """Whether it explains more than chance, more than 5 %, holds on frames that it was not fitted to, and is more
         than a usual error."""
-        holds = self.select_before - self.select_after > 0.05 * self.gain
+        better = self.select_before - self.select_after
+        # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
+        unseen = self.select_change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
+        holds = better > 0.05 * self.gain or unseen
         own = next(e for e in self.fit.effects() if e.name == self.name)
         return self.gain > self.needed and holds and not is_usual_error(own)
 
@@ -128,7 +152,7 @@ def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) 
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
     found = Search(first, first)
     for number in range(1, MOST_EFFECTS + 1):
-        trials = run_round(bench, found.fit, screened, number, told)
+        trials = run_round(bench, found, screened, number, told)
         found.trials += trials
         accepted = [trial for trial in trials if trial.passes]
         if not accepted:
@@ -139,27 +163,42 @@ def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) 
     return found
 
 
-def run_round(bench: Bench, now: Fit, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:
+def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:
     """Fit the most promising candidates on top of what was accepted."""
-    lab = bench.lab
+    lab, now = bench.lab, found.fit
     order = _promising(bench, now, screened)
-    before = select_distance(bench.select, now)
+    shown = select_shown(bench.select, now)
+    before = bench.select.distance(shown)
 
     probes = [one.probe.scaled(scale) for scale, one in order]
     trials = []
-    for i, (alone, after) in enumerate(bench.crew.map(_tried, (lab, bench.select, now), probes)):
+    tried = bench.crew.map(_tried, (lab, bench.select, now, shown), probes)
+    for i, (alone, after, change) in enumerate(tried):
         one = order[i][1]
-        needed = max(1.3 * bench.level * one.chance, bench.worth)
-        trials.append(Trial(one.probe.name, number, alone, now.distance - alone.distance, needed, before, after))
+        needed = max(1.3 * bench.level * one.chance, bench.worth, _beside_kin(one.probe.name, found))
+        gain = now.distance - alone.distance
+        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change))
         told(f"round {number}", i + 1, len(order))
     return trials
 
 
-def _tried(shared: tuple[Lab, Lab, Fit], probe: Probe) -> tuple[Fit, float]:
-    """The fit with one more effect, and how far it is on the select frames."""
-    lab, select, now = shared
+def _beside_kin(name: str, found: Search) -> float:
+    """What an effect must explain beside its kin among those that were accepted."""
+    gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(name, t.name)]
+    return KIN_PART * max(gains, default=0.0)
+
+
+def are_kin(one: str, other: str) -> bool:
+    """Whether two effects change the same features in the same way."""
+    return one != other and any(one in kin and other in kin for kin in KIN)
+
+
+def _tried(shared: tuple[Lab, Lab, Fit, FloatArray], probe: Probe) -> tuple[Fit, float, float]:
+    """The fit with one more effect, how far it is on the select frames, and how far it moves them."""
+    lab, select, now, before = shared
     found = fit_next(lab, now, probe)
-    return found, select_distance(select, found)
+    shown = select_shown(select, found)
+    return found, select.distance(shown), select.metric.square(shown.mean(axis=0) - before.mean(axis=0))
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
@@ -179,9 +218,14 @@ def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tup
 
 def select_distance(select: Lab, at: Fit) -> float:
     """Distance on the select frames of the same effects and nuisances."""
+    return select.distance(select_shown(select, at))
+
+
+def select_shown(select: Lab, at: Fit) -> FloatArray:
+    """What the same effects and nuisances show of the select frames, (seeds, n_summaries)."""
     if not at.probes and at.nuisance.penalty == 0.0:
-        return select.distance(np.zeros((1, len(select.measured))))
-    return select.distance(select.shows(at.model(select.model), nuisance=at.nuisance))
+        return np.zeros((1, len(select.measured)))
+    return select.shows(at.model(select.model), nuisance=at.nuisance)
 
 
 def fit_next(lab: Lab, now: Fit, probe: Probe) -> Fit:
@@ -207,7 +251,10 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
         losses = [one.distance - now.distance for one in without]
         least = int(np.argmin(losses))
         price = _PRICE * len(now.probes[least].free)
-        if losses[least] > max(1.3 * bench.level, bench.worth) + price:
+        kin = [
+            loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
+        ]
+        if losses[least] > max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price:
             break
         now = without[least]
     return now

@@ -21,7 +21,7 @@ from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import FEATURES, Sights, sights_of
 from lidarcheck.explain.summaries import Expected, expectation
-from lidarcheck.model.chain import simulate
+from lidarcheck.model.chain import Surfaces, simulate
 from lidarcheck.model.spec import Model
 
 __all__ = ["Scale", "gap_of"]
@@ -66,40 +66,49 @@ class Scale:
 
     def simulated(self, model: Model, first: int, count: int, nuisance: Nuisance | None = None) -> list[Sights]:
         """What a model shows, with seeds of its own."""
-        run = model if nuisance is None else nuisance.model(model)
-        frames = self.frames
-        if nuisance is not None and not nuisance.still:
-            ideals = nuisance.ideals([f.ideal for f in frames], model)
-            frames = tuple(Frame(f.number, i, f.measured, f.time_s) for f, i in zip(frames, ideals, strict=True))
+        nuisance = nuisance or Nuisance()
+        run, posed = nuisance.posed(nuisance.model(model), [Surfaces(f.ideal) for f in self.frames])
+        frames = [Frame(f.number, one.ideal, f.measured, f.time_s) for f, one in zip(self.frames, posed, strict=True)]
         return [_sights(frames, self.beams, run, self.seed, first + k) for k in range(count)]
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
-        weight = np.ones(len(self.beams)) if weight is None else weight
-        parts = np.zeros(len(PARTS))
+        return np.asarray(self.distances(one, others, [np.ones(len(self.beams)) if weight is None else weight])[0])
+
+    def distances(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+        """The same for several weights of the beams, shape (n_weights, n_parts)."""
+        parts = np.zeros((len(weights), len(PARTS)))
         for stratum in self.strata:
-            parts[:4] += self._shifts(stratum, one, others, weight)
-            parts[4] += self._losses(stratum, one, others, weight)
-            parts[5] += self._strays(stratum, one, others, weight)
+            parts[:, :4] += self._shifts(stratum, one, others, weights)
+            for i, weight in enumerate(weights):
+                parts[i, 4] += self._losses(stratum, one, others, weight)
+                parts[i, 5] += self._strays(stratum, one, others, weight)
         return np.asarray(parts / max(len(self.strata), 1))
 
-    def _shifts(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> FloatArray:
-        """Mean over strata of the 1-Wasserstein distances of the four features, in standard deviations."""
+    def _shifts(
+        self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]
+    ) -> FloatArray:
+        """Mean over strata of the 1-Wasserstein distances of the four features, in standard deviations; (n, 4)."""
         known = self.expected.known & (stratum >= 0)
-        mine = known & one.detected
-        theirs = [known & other.detected for other in others]
+        mine = np.flatnonzero(known & one.detected)
+        theirs = [np.flatnonzero(known & other.detected) for other in others]
+        row = np.concatenate([mine, *theirs])
+        sign = np.where(np.arange(len(row)) < len(mine), 1.0, -1.0)
         bins = int(stratum.max()) + 1
-        share = np.bincount(stratum[mine], weight[mine], bins)
-        found = np.zeros(4)
+        shares = [np.bincount(stratum[mine], weight[mine], bins) for weight in weights]
+        found = np.zeros((len(weights), 4))
         for j in range(4):
-            a = self._standard(one, mine, j)
-            b = np.concatenate([self._standard(o, t, j) for o, t in zip(others, theirs, strict=True)])
-            place = np.concatenate([stratum[t] for t in theirs])
-            heft = np.concatenate([weight[t] for t in theirs])
-            found[j] = (share * _wasserstein(a, stratum[mine], weight[mine], b, place, heft, bins)).sum()
-        return np.asarray(found / max(share.sum(), 1e-9))
+            own = self._standard(one, mine, j)
+            value = np.concatenate([own, *(self._standard(o, t, j) for o, t in zip(others, theirs, strict=True))])
+            # The order is the same for all weights.
+            order = np.lexsort((value, stratum[row]))
+            value, place, beam, side = value[order], stratum[row][order], row[order], sign[order]
+            for i, (weight, share) in enumerate(zip(weights, shares, strict=True)):
+                apart = _wasserstein(value, place, side * weight[beam], bins)
+                found[i, j] = (share * apart).sum() / max(share.sum(), 1e-9)
+        return found
 
-    def _standard(self, sights: Sights, rows: npt.NDArray[np.bool_], feature: int) -> FloatArray:
+    def _standard(self, sights: Sights, rows: IndexArray, feature: int) -> FloatArray:
         off = (sights.feature[rows, feature] - self.expected.mean[rows, feature]) / self.expected.spread[rows, feature]
         return np.asarray(np.clip(off, -_CLIP, _CLIP))
 
@@ -136,23 +145,20 @@ def _sights(frames: Sequence[Frame], beams: Beams, model: Model, seed: int, k: i
     return sights_of(beams, scans)
 
 
-def _wasserstein(
-    a: FloatArray, a_bin: IndexArray, a_weight: FloatArray, b: FloatArray, b_bin: IndexArray, b_weight: FloatArray,
-    bins: int,
-) -> FloatArray:  # fmt: skip
-    """1-Wasserstein distance of weighted samples in each bin, (bins,): the area between distribution functions."""
-    total_a, total_b = np.bincount(a_bin, a_weight, bins), np.bincount(b_bin, b_weight, bins)
-    value, place = np.concatenate([a, b]), np.concatenate([a_bin, b_bin])
-    step = np.concatenate([a_weight / np.maximum(total_a, 1e-9)[a_bin], -b_weight / np.maximum(total_b, 1e-9)[b_bin]])
-    order = np.lexsort((value, place))
-    value, place, step = value[order], place[order], step[order]
-    gap = np.diff(value)
-    same = place[1:] == place[:-1]
+def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins: int) -> FloatArray:
+    """1-Wasserstein distance of weighted samples in each bin, (bins,): the area between distribution functions.
+
+    `value` (n,) ascends within each bin of `place`; `weight` is below 0 for the second sample.
+    """
+    first = weight > 0.0
+    total_a = np.bincount(place, np.where(first, weight, 0.0), bins)
+    total_b = np.bincount(place, np.where(first, 0.0, -weight), bins)
     # Within a bin the steps of both samples sum to 0, so one running sum serves all bins whose samples are both there.
     both = (total_a > 0.0) & (total_b > 0.0)
-    step = np.where(both[place], step, 0.0)
+    step = np.where(both[place], weight / np.maximum(np.where(first, total_a[place], total_b[place]), 1e-9), 0.0)
+    same = (place[1:] == place[:-1]) & both[place[1:]]
     height = np.abs(np.cumsum(step)[:-1])
-    return np.bincount(place[1:], np.where(same & both[place[1:]], height * gap, 0.0), bins).astype(np.float64)
+    return np.bincount(place[1:], np.where(same, height * np.diff(value), 0.0), bins).astype(np.float64)
 
 
 Told = Callable[[int, int], object]
@@ -175,8 +181,8 @@ def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None 
     totals, parts = [], []
     for i, (_, model) in enumerate(stages):
         shown = scale.simulated(model, 9100, _SEEDS)
-        found = scale.distance(measured, shown)
-        totals.append(_interval(found.mean(), [scale.distance(measured, shown, w).mean() for w in weights]))
+        found, *drawn = scale.distances(measured, shown, [np.ones(len(scale.beams)), *weights])
+        totals.append(_interval(found.mean(), [one.mean() for one in drawn]))
         parts.append(found)
         if told is not None:
             told(i + 1, len(stages) + 1)

@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.beams import Beams, beams_of
-from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance
+from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance, beside
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
 from lidarcheck.model.again import Unread, simulate_unread
+from lidarcheck.model.chain import Surfaces
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
@@ -78,7 +79,8 @@ class Lab:
         self.seeds = seeds
         self._unread: dict[object, list[Unread]] = {}
         self._plain: dict[int, list[Unread]] = {}
-        self._posed: dict[tuple[float, float], list[IdealScan]] = {}
+        self._surfaces = [Surfaces(f.ideal) for f in self.frames]
+        self._posed: dict[tuple[float, float], list[Surfaces]] = {}
         self.beams: Beams = beams_of([f.ideal for f in frames], model)
         names = {i: m.name for i, m in model.materials.items()}
         base = [self.sights(model, 1000 + k) for k in range(EXPECTATION_SEEDS)]
@@ -121,25 +123,29 @@ class Lab:
     def _simulated(
         self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[Unread] | None = None
     ) -> list[Unread]:
+        model, surfaces = self._posed_of(model, nuisance)
         return [
             simulate_unread(
-                ideal,
+                one.ideal,
                 model,
                 seed=(self.seed << 16) + seed,
                 frame=f.number,
                 threads=1,
                 like=None if like is None else like[i],
+                surfaces=one,
             )
-            for i, (f, ideal) in enumerate(zip(self.frames, self._ideals(nuisance), strict=True))
+            for i, (f, one) in enumerate(zip(self.frames, surfaces, strict=True))
         ]
 
-    def _ideals(self, nuisance: Nuisance) -> list[IdealScan]:
+    def _posed_of(self, model: Model, nuisance: Nuisance) -> tuple[Model, list[Surfaces]]:
+        """The model and the surfaces with the pose's error; the latter kept for the next model."""
         pose = (nuisance.yaw, nuisance.pitch)
-        if pose not in self._posed:
-            plain = [f.ideal for f in self.frames]
-            self._posed = {(0.0, 0.0): plain, **dict(list(self._posed.items())[-3:])}
-            self._posed[pose] = nuisance.ideals(plain, self.model)
-        return self._posed[pose]
+        if pose in self._posed and all(effect.stage != "aim" for effect in model.effects):
+            return model, self._posed[pose]
+        posed, surfaces = nuisance.posed(model, self._surfaces)
+        if posed is model:
+            self._posed = {**dict(list(self._posed.items())[-3:]), pose: surfaces}
+        return posed, surfaces
 
     def sights(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Sights:
         """What the model shows of each beam."""
@@ -231,17 +237,6 @@ def _shift(lab: Lab, effect: Effect) -> FloatArray:
     return np.asarray(
         np.mean([lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k) for k in range(2)], axis=0)
     )
-
-
-def beside(model: Model, effect: Effect) -> Model:
-    """The model with an effect before those that it has, also where it has one of that name already."""
-    return dataclasses.replace(model, effects=tuple(sorted((effect, *model.effects), key=_stage)))
-
-
-def _stage(effect: Effect) -> int:
-    from lidarcheck.effects.base import STAGES
-
-    return STAGES.index(effect.stage)
 
 
 def _height(lab: Lab) -> FloatArray:

@@ -11,7 +11,9 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import make
 from lidarcheck.explain.candidates import Free, Probe, free_of
-from lidarcheck.explain.lab import Lab, beside
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located_ranges import range_probes
+from lidarcheck.explain.nuisances import beside
 
 __all__ = ["Dimming", "dimming_of", "located_probes"]
 
@@ -53,6 +55,7 @@ def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
         found += _patches(lab, dimming)
     if "vibration" in wanted:
         found += _rhythms(lab)
+    found += range_probes(lab, wanted)
     if "motion" in wanted:
         found += _movers(lab)
     if "mirror_multipath" in wanted:
@@ -111,7 +114,8 @@ def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
     if len(layers) < 4:
         return []
     gain, weight = dimming.mean(place, len(layers))
-    gain = gain - np.average(gain, weights=weight + 1e-9)
+    mean = float(np.average(gain, weights=weight + 1e-9))
+    gain = gain - mean
     free = free_of("layer_gain")
     found = []
     for sign in (1.0, -1.0):
@@ -126,18 +130,18 @@ def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
     third = max(len(layers) // 3, 1)
     middle = {"first_layer": int(layers[third]), "last_layer": int(layers[-third]), "every": 1}
     found.append(Probe("layer_gain", {"gain": 0.85}, free, middle))
-    found += [_comb(layers, gain, weight), _each_layer(layers, gain, weight)]
+    found += [_comb(layers, gain, weight), _each_layer(layers, gain, weight, mean)]
     return found
 
 
-def _each_layer(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
-    """A gain of its own for every layer, nearer to 1 where little is known of it."""
+def _each_layer(layers: IndexArray, gain: FloatArray, weight: FloatArray, mean: float) -> Probe:
+    """A gain of its own for every layer, nearer to that of all where little is known of it."""
     scatter = max(float(np.average(gain**2, weights=weight + 1e-9)), 1e-6)
     shrunk = gain * weight / (weight + 1.0 / scatter)
     span = np.arange(layers[0], layers[-1] + 1)
     gains = np.round(np.exp(np.clip(np.interp(span, layers, shrunk), -3.0, 2.0)), 3)
     place = {"first_layer": int(layers[0]), "last_layer": int(layers[-1]), "every": 1}
-    settings = {"gain": 1.0, "gains": tuple(gains.tolist())}
+    settings = {"gain": float(np.exp(np.clip(mean, -3.0, 2.0))), "gains": tuple(gains.tolist())}
     return Probe("layer_gain", settings, free_of("layer_gain"), place, "pattern")
 
 

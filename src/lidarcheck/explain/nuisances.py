@@ -8,12 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import Effect, make
-from lidarcheck.model.chain import aimed
+from lidarcheck.effects.base import STAGES, Effect, make
+from lidarcheck.model.chain import Surfaces, aimed
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import IdealScan
 
-__all__ = ["LIMIT", "Nuisance", "at", "axes_of", "is_usual_error"]
+__all__ = ["LIMIT", "Nuisance", "at", "axes_of", "beside", "is_usual_error"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -74,12 +73,22 @@ class Nuisance:
         }
         return model.with_(make("boresight", {**old, **turn}))
 
-    def ideals(self, ideals: Sequence[IdealScan], model: Model) -> list[IdealScan]:
-        """What the beams meet when they look where this nuisance says."""
+    def posed(self, model: Model, surfaces: Sequence[Surfaces]) -> tuple[Model, list[Surfaces]]:
+        """A model and ideal scans, with their surfaces, that show the pose's error.
+
+        An ideal scan that was aimed knows surfaces only as they are seen from there: before other effects of aim the
+        pose's error is one of them.
+        """
         if self.still:
-            return list(ideals)
-        turn = make("boresight", {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG})
-        return [aimed(ideal, replace(model, effects=(turn,))) for ideal in ideals]
+            return model, list(surfaces)
+        if any(effect.stage == "aim" for effect in model.effects):
+            return beside(model, self.turn()), list(surfaces)
+        turning = replace(model, effects=(self.turn(),))
+        return model, [Surfaces(aimed(one.ideal, turning, surfaces=one)) for one in surfaces]
+
+    def turn(self) -> Effect:
+        """The pose's error as an effect."""
+        return make("boresight", {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG})
 
     def words(self) -> list[str]:
         """What is off, in words, where it is off by more than a tenth of a usual error."""
@@ -91,6 +100,11 @@ class Nuisance:
             if abs(value) > 0.1:
                 found.append(f"reflectance of material {i} {100.0 * np.expm1(REFLECTANCE_ERROR * value):+.1f} %")
         return found
+
+
+def beside(model: Model, effect: Effect) -> Model:
+    """The model with an effect before those that it has, also where it has one of that name already."""
+    return replace(model, effects=tuple(sorted((effect, *model.effects), key=lambda e: STAGES.index(e.stage))))
 
 
 def _scaled(reflectance: float, errors: float) -> float:

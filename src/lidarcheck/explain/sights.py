@@ -21,11 +21,16 @@ FEATURES = ("range", "area", "peak", "width")
 """The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]."""
 
 
+_STEPS = 1.0
+"""An aim that is off by so many beams still shows a surface as the same one."""
+
+
 @dataclass(frozen=True)
 class Sights:
     """What scans of all frames show of each beam of a `Beams` table.
 
-    `detected` (n,): an echo within 2 m of a surface of the beam; of several the nearest. `feature` (n, 4): that echo's
+    `detected` (n,): an echo within 2 m of a surface of the beam, or, where the surface is seen at a grazing angle,
+    within what an aim off by a part of a beam makes of its range; of several the nearest. `feature` (n, 4): that echo's
     features in the order of `FEATURES`, 0 where there is none. `strayed` (n,): beams that show nothing but a
     neighbour's surface, as an aim off by a fraction of a beam makes them.
 
@@ -59,7 +64,8 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     order = np.lexsort((np.abs(residual), beam))
     first = np.ones(len(order), dtype=bool)
     first[1:] = beam[order][1:] != beam[order][:-1]
-    own = order[first & (np.abs(residual[order]) <= OF_SURFACE_M)]
+    reach = OF_SURFACE_M + _STEPS * beams.step_m[beam]
+    own = order[first & (np.abs(residual) <= reach)[order]]
     detected = np.zeros(len(beams), dtype=bool)
     detected[beam[own]] = True
     feature = np.zeros((len(beams), len(FEATURES)))
@@ -89,7 +95,7 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
 def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:
     """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
     beside, own = beams.neighbour_m[beam], beams.distance_m[beam]
-    reach = (1.0 + 0.03 * range_m)[:, None]
+    reach = (1.0 + 0.03 * range_m)[:, None] + beams.neighbour_step_m[beam]
     near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < reach)
     near &= (own[:, None] == 0.0) | (np.abs(own[:, None] - beside) > reach)
     return np.where(near.any(axis=1), near.argmax(axis=1), -1)

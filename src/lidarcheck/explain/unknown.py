@@ -16,8 +16,9 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.forward import Bench
-from lidarcheck.explain.lab import Lab, beside
+from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import dimming_of
+from lidarcheck.explain.nuisances import beside
 from lidarcheck.model.spec import Model
 
 __all__ = ["Description", "describe"]

@@ -35,8 +35,12 @@ OPEN_SMALL = (0.30, 900.0)
 """Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""
 OPEN_CHANCE = 350.0
 """So much may be left whatever the excess was."""
+_SHOWN_PART = 0.2
+"""Select frames whose excess is less than this part of that of the fit's frames do not show what these do."""
 _FORM_ERROR = 0.03
 """Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
+_LOOSE_FORMS = {"share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35}
+"""The same where a number hangs more on the form: how often, and what a tail or a border is taken to be."""
 _EQUAL, _EQUAL_PART = 60.0, 0.012
 """Two names whose distances differ by less than this, or this part of what they explain, are not told apart."""
 
@@ -61,11 +65,16 @@ class Closure:
 
 
 def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
-    """How much of the disagreement on the select frames is left, above the floor."""
+    """How much of the disagreement on the select frames is left, above the floor; on the frames of the fit where the
+    select frames hardly show it: they need not have what the others do, a pane, a sign, a moving car."""
     floor = bench.select.floor_distance
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - floor
-    after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
+    fitted = bench.start - bench.lab.floor_distance
+    if before < _SHOWN_PART * fitted:
+        before, after = fitted, now.distance - max(bench.lab.floor_distance, _own_distance(bench.lab, now))
+    else:
+        after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
     part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
     leads = [lead(name, now, trials) for name in now.names()]
     part = max(part, min(part + OPEN_PER_LEAD * min(leads, default=0.0), OPEN_MOST))
@@ -171,10 +180,10 @@ def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
 def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
     """By how much, in steps, a form that is not quite the sensor's moves each parameter, shape (n_free,)."""
     angle = POSE_ERROR_DEG if probe.name == "boresight" else 0.0
-    found = [
-        _FORM_ERROR / one.step if one.log else np.hypot(_FORM_ERROR * at, angle / one.step)
-        for one, at in zip(probe.free, x, strict=True)
-    ]
+    found = []
+    for one, at in zip(probe.free, x, strict=True):
+        part = _LOOSE_FORMS.get(one.name, _FORM_ERROR)
+        found.append(part / one.step if one.log else np.hypot(part * at, angle / one.step))
     return np.array(found)
 
 

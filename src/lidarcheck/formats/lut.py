@@ -126,6 +126,18 @@ class LutFile:
             return self
         return self.with_y(table, index, y_of_scaled(scaled))
 
+    def text(self, table: Axis, index: int) -> str:
+        """Row `index`'s Y as the file spells it."""
+        return self._cell(table, index).text
+
+    def with_texts(self, table: Axis, texts: Mapping[int, str]) -> LutFile:
+        """Rows get Y as spelled, all of them or none; `ConfigError` for what is no number from 0 to 1."""
+        content = self.content
+        for index in sorted(texts, reverse=True):  # from the end, so that earlier cells stay where they are
+            cell = self._cell(table, index)
+            content = content[: cell.start] + texts[index].encode() + content[cell.start + len(cell.text) :]
+        return self if content == self.content else parse_lut(content, self.file)
+
     def _cell(self, table: Axis, index: int) -> _Cell:
         if table not in self.tables:
             raise UsageError(f"the file has no {table} table", fix=f"choose {' or '.join(self.tables)}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import Run, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
+from lidarcheck.model.chain import Run, Surfaces, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
 
@@ -45,11 +45,12 @@ def simulate_unread(
     frame: int = 0,
     threads: int | None = None,
     like: Unread | None = None,
+    surfaces: Surfaces | None = None,
 ) -> Unread:
     """`simulate` up to the readout effects. `like`: the same frame with the same seed and another model, whose echoes
-    are taken for the beams that get the same light."""
+    are taken for the beams that get the same light. `surfaces`: those of this ideal scan, if known already."""
     check_seed(seed, frame)
-    run, light = run_and_light(ideal, model, seed, frame, None)
+    run, light = run_and_light(ideal, model, seed, frame, None, surfaces)
 
     def echoes(part: Light) -> Scan:
         return echoes_of(part, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lidarcheck.model.numbers import Numbers
 
 __all__ = [
+    "Surfaces",
     "aimed",
     "check_seed",
     "echoes_of",
@@ -85,35 +86,55 @@ def light_after_effects(
     return light, run.sensor
 
 
-def aimed(ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None) -> IdealScan:
-    """What the beams meet behind the model's aim effects."""
-    return _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects).ideal
+def aimed(
+    ideal: IdealScan,
+    model: Model,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    scene: Caster | None = None,
+    surfaces: Surfaces | None = None,
+) -> IdealScan:
+    """What the beams meet behind the model's aim effects. `surfaces`: those of this ideal scan, if known already."""
+    return _run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects).ideal
 
 
-def _run_of(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> Run:
-    return Run(seed, frame, model, model.sensor, ideal, scene, _Surfaces(ideal))
+def _run_of(
+    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None
+) -> Run:
+    return Run(seed, frame, model, model.sensor, ideal, scene, surfaces or Surfaces(ideal))
 
 
-def run_and_light(ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None) -> tuple[Run, Light]:
-    """What effects may know behind the detector stage, and the light that reaches the SPADs."""
-    run = _run_of(ideal, model, seed, frame, scene).after_stage("aim", model.effects)
+def run_and_light(
+    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None = None
+) -> tuple[Run, Light]:
+    """What effects may know behind the detector stage, and the light that reaches the SPADs.
+
+    `surfaces`: those of this ideal scan, if known already.
+    """
+    run = _run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
     light = light_of(run.ideal, model)
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     return run.after_stage("detector", model.effects), light
 
 
-class _Surfaces:
+class Surfaces:
     """The surfaces of an ideal scan, found when an effect asks for them."""
 
     def __init__(self, ideal: IdealScan) -> None:
-        self._ideal = ideal
+        self.ideal = ideal
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what can be found again faster than it is sent."""
+        return {"ideal": self.ideal}
 
     @functools.cached_property
     def caster(self) -> Caster:
+        """The surfaces themselves."""
         from lidarcheck.effects.surfaces import LocalSurfaces
 
-        return LocalSurfaces.of(self._ideal)
+        return LocalSurfaces.of(self.ideal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +147,7 @@ class Run:
     sensor: Sensor
     ideal: IdealScan
     scene: Caster | None
-    surfaces: _Surfaces
+    surfaces: Surfaces
     purpose: str = ""
 
     @property

@@ -1,0 +1,74 @@
+"""Rules of the search: kin beside each other, effects that the select frames cannot show, walks read off the data."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lidarcheck.effects import find
+from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.forward import KIN, KIN_PART, Search, Trial, _beside_kin, are_kin
+from lidarcheck.explain.located_ranges import _walks
+
+
+def trial(name: str, gain: float, before: float, after: float, change: float) -> Trial:
+    probe = next(probe for probe in fixed_probes([name]) if not probe.variant)
+    fit = Fit((probe,), (probe.start(),), 1.0, np.zeros((1, 3)))
+    return Trial(name, 1, fit, gain, 1.0, before, after, change)
+
+
+def test_an_effect_must_hold_on_the_select_frames_where_it_shows_there() -> None:
+    shown = trial("walk_error", 1000.0, 400.0, 100.0, 500.0)
+    assert shown.passes
+    assert not dataclasses.replace(shown, select_after=400.0).passes
+    assert not dataclasses.replace(shown, select_after=800.0).passes
+
+
+def test_where_the_select_frames_cannot_show_it_an_effect_must_only_do_no_harm() -> None:
+    unseen = trial("retro_ghost", 1000.0, 400.0, 400.0, 0.0)
+    assert unseen.passes
+    assert unseen.select_change < 0.05 * unseen.gain
+    assert dataclasses.replace(unseen, select_after=415.0).passes
+    assert not dataclasses.replace(unseen, select_after=425.0).passes
+    assert not dataclasses.replace(unseen, select_change=60.0).passes
+
+
+def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
+    first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
+    found = Search(first.fit, first.fit, [first])
+    assert _beside_kin("range_scale", found) == pytest.approx(KIN_PART * 5000.0)
+    assert _beside_kin("fog", found) == 0.0
+    assert (
+        _beside_kin("range_scale", Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first])) == 0.0
+    )
+
+
+def test_kin_are_effects_and_none_is_its_own() -> None:
+    for kin in KIN:
+        for name in kin:
+            find(name)
+            assert not are_kin(name, name)
+    assert are_kin("range_offset", "walk_error")
+    assert not are_kin("range_offset", "fog")
+
+
+@pytest.mark.parametrize(
+    "shift_m",
+    [
+        lambda area: 0.06 * np.log10(area / 1000.0),
+        lambda area: -0.08 * np.log10(area / 300.0) + 0.03 * np.log10(area / 300.0) ** 2,
+        lambda area: 4.8 / np.sqrt(area),
+        lambda area: -30.0 / area,
+        lambda area: 0.002 * np.sqrt(area) - 0.05,
+    ],
+    ids=["decades", "parabola", "root", "inverse", "rising root"],
+)
+def test_a_walk_is_read_off_its_curve(shift_m) -> None:
+    area = np.geomspace(20.0, 6000.0, 24)
+    wanted = shift_m(area)
+    errors = []
+    for probe in _walks(np.log10(area), wanted):
+        found = find("walk_error")(**{**probe.fixed, **probe.settings}).shift_m(area)
+        errors.append(np.abs(found - wanted).max() / np.ptp(wanted))
+    assert min(errors) < 0.03
