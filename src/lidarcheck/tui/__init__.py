@@ -1,1 +1,1 @@
-"""The terminal interface. Empty so far."""
+"""The terminal interface. `core` is headless; what is outside of it knows textual and composes only."""

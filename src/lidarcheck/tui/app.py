@@ -1,0 +1,360 @@
+"""The application: composes bars, screens and log, and does what is the same everywhere."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import inspect
+import logging
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import events
+from textual.app import App, ComposeResult
+from textual.message import Message
+from textual.widgets import ContentSwitcher
+
+from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.tui.core.actions import SCREENS, Action, actions_of
+from lidarcheck.tui.core.checks import Runs
+from lidarcheck.tui.core.project import Project, read_project
+from lidarcheck.tui.core.state import load_state, save_state
+from lidarcheck.tui.help import LogHandler, help_lines
+from lidarcheck.tui.screens.base import View, bindings
+from lidarcheck.tui.screens.overview import Overview
+from lidarcheck.tui.themes import THEMES, textual_themes
+from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette, key_name
+from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
+
+__all__ = ["LidarcheckApp", "run"]
+
+_KEPT_LINES, _HANGUP = 1000, 129
+
+
+class LidarcheckApp(App[int]):
+    """The interface on one project. `check` stands in for the harness's in tests."""
+
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[Any]] = bindings("")
+    CSS = """
+    Screen { background: $background; }
+    View { height: 1fr; width: 1fr; }
+    ContentSwitcher { height: 1fr; }
+    #log { height: 7; display: none; }
+    #log.shown { display: block; }
+    """
+
+    class Soon(Message):
+        """Something that a thread wants done in the interface's own."""
+
+        def __init__(self, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+            super().__init__()
+            self.do, self.arguments = do, arguments
+
+    def __init__(self, root: Path, *, theme: str = "", screen: str = "", check: Any = None) -> None:
+        super().__init__()
+        self.project = Project(root)
+        self.check = check
+        self.reads = 0
+        self.state = load_state(root)
+        self.animation_level = "none"
+        self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
+        self._wanted = (screen or self.state.screen, theme or self.state.theme)
+        self._status: tuple[str, bool] = ("reading the project ...", False)
+        self._progress = self._awaited = ""
+        self._warnings = LogHandler(self.soon, self.note)
+        # Held here: while a question is asked, a query would look for them on its screen.
+        self._views: tuple[View, ...] = (Overview(Runs(root)),)
+        self._switcher = ContentSwitcher(initial=self._views[0].NAME)
+        self._log_pane = Lines("Log", label="l", id="log")
+        self._top_bar, self._status_bar, self._key_bar = (
+            Lines(id=name, bar=True) for name in ("top", "status", "keys")
+        )
+
+    def compose(self) -> ComposeResult:
+        """A bar above, the screens, the log, and two bars below."""
+        yield self._top_bar
+        with self._switcher:
+            yield from self._views
+        yield from (self._log_pane, self._status_bar, self._key_bar)
+
+    def on_mount(self) -> None:
+        """Theme, screen and log as they were; then read the project beside the interface."""
+        for theme in textual_themes():
+            self.register_theme(theme)
+        screen, theme_name = self._wanted
+        self.theme = theme_name if theme_name in THEMES else THEMES[0]
+        logging.getLogger("lidarcheck").addHandler(self._warnings)
+        self._log_pane.set_class(self.state.log, "shown")
+        self.show_screen(next(iter(SCREENS)))
+        if screen in SCREENS:
+            self.show_screen(screen)
+        self._listen()
+        self.read_project()
+
+    def _listen(self) -> None:
+        """End well when told to, and at once when the terminal is gone."""
+        with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+            loop = asyncio.get_running_loop()
+            loop.add_signal_handler(signal.SIGTERM, self.exit, 143)
+            loop.add_signal_handler(signal.SIGHUP, self._hung_up)
+
+    def _hung_up(self) -> None:
+        # There is no terminal to restore. What was edited is in the journal, and stays for the next start.
+        save_state(self.state, self.project.root)
+        os._exit(_HANGUP)
+
+    # The project
+
+    def read_project(self) -> None:
+        """Look at the project's files, beside the interface."""
+        root = self.project.root
+
+        def read() -> None:
+            try:
+                project = read_project(root)
+                # Numbers and tables are heavy to load, and the first screen does without.
+                from lidarcheck.tui.screens.blooming import Blooming
+
+                self.soon(self._project_read, project, Blooming)
+            except LidarcheckError as error:
+                self.soon(self.say, error)
+
+        threading.Thread(target=read, name="project", daemon=True).start()
+
+    async def _project_read(self, project: Project, *later: type[View]) -> None:
+        self.project = project
+        for kind in later:
+            if not any(isinstance(view, kind) for view in self._views):
+                view = kind()
+                self._views = (*self._views, view)
+                await self._switcher.add_content(view, id=view.NAME)
+        for entry in project.faults:
+            self.note(self.inside(entry.fault), True)
+        cut = "; there are more, which are not looked at" if project.cut else ""
+        self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
+        for view in self.views():
+            view.project_changed()
+        if self._awaited:
+            self.show_screen(self._awaited)
+        self.reads += 1
+
+    def inside(self, text: str) -> str:
+        """A text without the project's own path in front of its files."""
+        return text.replace(f"{self.project.root}{os.sep}", "")
+
+    # Screens and bars
+
+    def views(self) -> tuple[View, ...]:
+        """All screens."""
+        return self._views
+
+    @property
+    def view(self) -> View:
+        """The screen that is seen."""
+        name = self._switcher.current
+        return next(view for view in self.views() if name == view.NAME)
+
+    def show_screen(self, name: str) -> None:
+        """Go to a screen, as soon as it is there."""
+        self._awaited = "" if any(name == view.NAME for view in self._views) else name
+        if self._awaited:
+            self.say("reading the project ...")
+            return
+        self._switcher.current = name
+        self.state.screen = name
+        self.view.opened()
+        self.view.panes()[0].focus()
+        self._bars()
+
+    def _bars(self) -> None:
+        everywhere = [a for a in actions_of("") if a.short]
+        parts: list[tuple[str, Any]] = [(f"lidarcheck {self.project.root.resolve().name[:16]}  ", "title")]
+        parts += [
+            (f"{key_name(a.keys[0])} {a.short}  ", "focus" if a.name == self.view.NAME else "dim") for a in everywhere
+        ]
+        self._top_bar.show([tuple(parts)])
+        own = [f"{key_name(a.keys[0])} {a.short}" for a in actions_of(self.view.NAME) if a.short and a.screen]
+        self._key_bar.show([line("  ".join(own), "dim")])
+        self._show_status()
+
+    def _show_status(self) -> None:
+        text, bad = (self._progress, False) if self._progress else self._status
+        self._status_bar.show([line(text, "bad" if bad else "text")])
+
+    def progress(self, text: str) -> None:
+        """What a run says while it runs; empty when it has ended."""
+        self._progress = text
+        self._show_status()
+
+    def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
+        """One line for the user, which the log keeps."""
+        bad = bad or isinstance(text, LidarcheckError)
+        lines = text.lines() if isinstance(text, LidarcheckError) else [text]
+        for one in lines:
+            self.note(self.inside(one), bad)
+        more = f" (and {len(lines) - 1} more: F9)" if len(lines) > 1 else ""
+        self._status = (printable(self.inside(lines[0])) + more, bad)
+        self._show_status()
+
+    def note(self, text: str, bad: bool) -> None:
+        """A line for the log alone."""
+        self.said.append((f"{time.strftime('%H:%M:%S')} {text}", bad))
+        pane = self._log_pane
+        if pane.has_class("shown"):
+            pane.show(self._log_lines(), cursor=len(self.said) - 1)
+
+    def _log_lines(self) -> list[Line]:
+        return [line(text, "bad" if bad else "dim") for text, bad in self.said]
+
+    def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
+        """Do something in the interface's own thread; from any thread, also when the interface has ended."""
+        with contextlib.suppress(RuntimeError):
+            self.post_message(self.Soon(do, arguments))
+
+    async def on_lidarcheck_app_soon(self, message: Soon) -> None:
+        """What a thread has asked for."""
+        done = message.do(*message.arguments)
+        if inspect.isawaitable(done):
+            await done
+
+    # Actions
+
+    def action_show(self, name: str) -> None:
+        """A screen."""
+        self.show_screen(name)
+
+    def action_help(self) -> None:
+        """Help for what has the focus, and every key."""
+        pane = self.focused.id if self.focused else ""
+        words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
+        lines = help_lines(words, self.view.NAME, self.size.width)
+        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME]}, {pane}", lines, {}))
+
+    def action_palette(self) -> None:
+        """Any action by its name."""
+        self.push_screen(Palette(actions_of(self.view.NAME)), self._chosen)
+
+    async def _chosen(self, action: Action | None) -> None:
+        if action is not None:
+            await self.run_action(action.method, self.view if action.screen else self)
+
+    def action_jump(self) -> None:
+        """By label: screens in capitals, panes in small letters."""
+        places = {name[0].upper(): title for name, title in SCREENS.items()}
+        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self._log_pane]}
+        self.push_screen(Ask("Go to", [], places), self._jumped)
+
+    def _jumped(self, key: str | None) -> None:
+        screen = next((name for name in SCREENS if key == name[0].upper()), "")
+        if screen:
+            self.show_screen(screen)
+            return
+        if key == "l" and not self._log_pane.has_class("shown"):
+            self.action_log()
+        for pane in [*self.view.panes(), self._log_pane]:
+            if key == pane.label:
+                pane.focus()
+
+    def action_next_pane(self, by: int) -> None:
+        """The focus goes round."""
+        log = self._log_pane
+        panes = [pane for pane in [*self.view.panes(), log] if pane.size.area]
+        if panes:
+            at = panes.index(self.focused) if self.focused in panes else -by
+            panes[(at + by) % len(panes)].focus()
+
+    def action_log(self) -> None:
+        """Show or hide the log."""
+        pane = self._log_pane
+        self.state.log = not self.state.log
+        pane.set_class(self.state.log, "shown")
+        pane.show(self._log_lines(), cursor=len(self.said) - 1)
+        if not self.state.log and self.focused is pane:
+            self.view.panes()[0].focus()
+
+    def action_theme(self) -> None:
+        """The next theme."""
+        self.theme = THEMES[(THEMES.index(self.theme) + 1) % len(THEMES)]
+        self.state.theme = self.theme
+        self.say(f"theme: {self.theme}")
+        for view in self.views():
+            view.project_changed()
+
+    def _pane(self) -> Lines:
+        return self.focused if isinstance(self.focused, Lines) else self.view.panes()[0]
+
+    def action_copy(self) -> None:
+        """To the clipboard of the terminal, which may be far away."""
+        text = self._pane().text
+        self.copy_to_clipboard(text)
+        self.say(f"{len(text.splitlines())} lines sent to the terminal's clipboard (OSC 52)")
+
+    def action_write(self) -> None:
+        """To a file, whose name is asked for."""
+        pane = self._pane()
+        ask = AskText("Write this pane to which new file?", f"{pane.id}.txt")
+        self.push_screen(ask, lambda name: self._write(pane, name))
+
+    def _write(self, pane: Lines, name: str | None) -> None:
+        if not name:
+            return
+        path = self.project.root / name
+        from lidarcheck.formats.atomic import write_text
+
+        try:
+            if path.exists():
+                raise UsageError(f"{name} is there already", fix="give another name")
+            if not path.parent.is_dir():
+                raise InputError("its directory does not exist", file=path, fix="make it first")
+            write_text(path, pane.text)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        self.say(f"{name}: written")
+
+    def action_help_quit(self) -> None:
+        """Ctrl+C is no way out of an editor."""
+        self.say("q leaves")
+
+    async def action_quit(self) -> None:
+        """Textual's own way out is ours."""
+        self.action_leave()
+
+    def action_leave(self) -> None:
+        """Leave; edits are in the journal."""
+        unsaved = sum(view.unsaved() for view in self.views())
+        if not unsaved:
+            self.exit(0)
+            return
+        words = [line("They are kept in the journal, and offered again at the next start.")]
+        self.push_screen(Ask(f"{unsaved} rows are not saved", words, {"q": "leave"}), self._leave)
+
+    def _leave(self, key: str | None) -> None:
+        if key == "q":
+            self.exit(0)
+
+    def on_unmount(self) -> None:
+        """Keep the state, let workers end."""
+        logging.getLogger("lidarcheck").removeHandler(self._warnings)
+        for view in self.views():
+            view.closing()
+        save_state(self.state, self.project.root)
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """Bars are cut to the width by themselves."""
+        if self._top_bar.is_mounted:
+            self._bars()
+
+
+def run(root: Path, *, theme: str = "", screen: str = "", mouse: bool = True) -> int:
+    """Run the interface on a project until the user leaves; the exit code."""
+    app = LidarcheckApp(root, theme=theme, screen=screen)
+    code = app.run(mouse=mouse)
+    return app.return_code or 0 if code is None else code

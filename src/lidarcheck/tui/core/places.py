@@ -1,0 +1,38 @@
+"""Where the interface keeps what is its own: the project's `.lidarcheck/tui/`, out of version control."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+from lidarcheck.errors import InputError
+
+__all__ = ["key_of", "private_directory", "sha256"]
+
+
+def private_directory(root: Path) -> Path:
+    """`.lidarcheck/tui/` of a project, made if need be; `InputError` where that cannot be."""
+    directory = root / ".lidarcheck"
+    try:
+        (directory / "tui").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fix = "what is edited would not survive a crash: make the project's directory writable"
+        raise InputError(f"cannot make the directory: {error.strerror}", file=directory / "tui", fix=fix) from error
+    ignore = directory / ".gitignore"
+    if not ignore.exists():
+        from lidarcheck.formats.atomic import write_text
+
+        write_text(ignore, "*\n")
+    return directory / "tui"
+
+
+def key_of(path: Path) -> str:
+    """A short name for a file, the same however its path was spelled."""
+    real = os.path.realpath(path)
+    return f"{path.stem[:24]}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
+
+
+def sha256(content: bytes) -> str:
+    """A content's hash."""
+    return hashlib.sha256(content).hexdigest()

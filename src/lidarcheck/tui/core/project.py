@@ -1,0 +1,195 @@
+"""What is in a project's directory: scenarios, goldens, models, LUTs, settings, measurements; and what is wrong there.
+
+Files are told by what is in them. One that has a fault is named with it and does not keep the others from being used.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lidarcheck.errors import InputError, LidarcheckError
+
+__all__ = ["KINDS", "Entry", "Project", "read_project"]
+
+KINDS = ("scenario", "golden", "model", "case", "scene", "lut", "settings", "profile", "ideal", "scan")
+"""What a file can be."""
+
+_SKIPPED = {"node_modules", "__pycache__", "build", "dist"}
+_DEEPEST, _MOST = 5, 5000
+_SCANS = {".txt", ".csv", ".asc", ".xyz", ".pcd", ".ply", ".las", ".laz", ".parquet", ".pq"}
+_TABLES = {".ini", ".cfg", ".conf"}
+_LUT = re.compile(rb"^[ \t]*PostPro\.LUT_bloom", re.IGNORECASE | re.MULTILINE)
+_PROFILE = re.compile(
+    rb"^(?:\xef\xbb\xbf)?[^\r\n]*\b(?:offset_spad_rows|offset_columns|feature[ \t]*,[ \t]*y_m)\b", re.I
+)
+_IDEAL = re.compile(rb"\bMaterialID\b|\bObjTag\b", re.IGNORECASE)
+_SCAN = re.compile(
+    rb"\b(?:Layer|EchoNumber|AREA|PEAK|INTENSITY|REFLECTIVITY|SIGNAL)\b|\bX\b.*\bY\b.*\bZ\b", re.IGNORECASE
+)
+_SETTINGS = re.compile(r"Blooming_Calibration_[VH]_", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A file: its path, one of `KINDS`, its name within the project, and its fault, empty where none is known."""
+
+    path: Path
+    kind: str
+    name: str
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class Project:
+    """A directory and the files that were recognised in it, in the order of their names.
+
+    `cut`: there are more files than are looked at.
+    """
+
+    root: Path
+    entries: tuple[Entry, ...] = ()
+    cut: bool = False
+
+    def of(self, kind: str, *, sound: bool = True) -> list[Entry]:
+        """The entries of a kind; only those without a fault where `sound`."""
+        return [entry for entry in self.entries if entry.kind == kind and not (sound and entry.fault)]
+
+    @property
+    def faults(self) -> list[Entry]:
+        """The entries with a fault."""
+        return [entry for entry in self.entries if entry.fault]
+
+    def in_words(self) -> str:
+        """How many files of each kind there are."""
+        counts = [(kind, sum(entry.kind == kind for entry in self.entries)) for kind in KINDS]
+        return ", ".join(f"{n} {kind}{'s' if n > 1 and kind != 'settings' else ''}" for kind, n in counts if n)
+
+
+def read_project(root: Path) -> Project:
+    """Look at the files of a directory. `InputError` when it is none or cannot be read."""
+    if not root.is_dir():
+        what = "is not a directory" if root.exists() else "there is no such directory"
+        raise InputError(what, file=root, fix="give the directory with scenarios, models and tables")
+    files: list[Path] = []
+    cut = False
+    for file in _files(root):
+        if len(files) == _MOST:
+            cut = True
+            break
+        files.append(file)
+    found = (_entry(file, file.relative_to(root).as_posix()) for file in files)
+    return Project(root, tuple(sorted((e for e in found if e is not None), key=lambda entry: entry.name)), cut)
+
+
+def _files(root: Path) -> Iterator[Path]:
+    def refused(error: OSError) -> None:
+        if error.filename is None or Path(error.filename) == root:
+            raise InputError(f"cannot read: {error.strerror}", file=root, fix="check its permissions") from error
+
+    for directory, below, names in os.walk(root, onerror=refused):
+        deep = len(Path(directory).relative_to(root).parts) >= _DEEPEST
+        below[:] = [] if deep else sorted(d for d in below if not d.startswith(".") and d not in _SKIPPED)
+        yield from (Path(directory) / name for name in sorted(names) if not name.startswith("."))
+
+
+def _entry(path: Path, name: str) -> Entry | None:
+    """What a file is; None for what is no business of ours."""
+    suffix = path.suffix.lower()
+    if suffix not in {".toml", ".json", *_SCANS, *_TABLES}:
+        return None
+    kind = _expected(name, suffix)
+    try:
+        return _told(path, name, suffix)
+    except LidarcheckError as error:
+        return None if kind is None else Entry(path, kind, name, error.lines()[0].removeprefix("error: "))
+
+
+def _expected(name: str, suffix: str) -> str | None:
+    """What a file is meant to be, by its name, where its content does not tell."""
+    parts = Path(name).parts
+    if suffix == ".toml":
+        return "scenario" if "scenarios" in parts[-2:-1] else "golden" if "goldens" in parts else "model"
+    if suffix == ".json":
+        return "settings" if _SETTINGS.search(parts[-1]) else None
+    if suffix in _TABLES:
+        return "lut" if "lut" in parts[-1].lower() else None
+    return "scan"
+
+
+def _told(path: Path, name: str, suffix: str) -> Entry | None:
+    if suffix == ".toml":
+        return _toml(path, name)
+    if suffix == ".json":
+        return _settings(path, name) if _SETTINGS.search(path.name) else None
+    from lidarcheck.formats.source import first_bytes
+
+    start = first_bytes(path, 8192)
+    if _LUT.search(start):
+        from lidarcheck.formats.lut import load_lut
+
+        load_lut(path)
+        return Entry(path, "lut", name)
+    if suffix in _TABLES:
+        if "lut" in path.name.lower():
+            raise InputError("the file has no blooming table", file=path, fix="it needs PostPro.LUT_blooming_X and _Y")
+        return None
+    return _scan(path, name, suffix, start)
+
+
+def _scan(path: Path, name: str, suffix: str, start: bytes) -> Entry | None:
+    if suffix == ".csv" and _PROFILE.match(start):
+        return Entry(path, "profile", name)
+    if suffix in (".parquet", ".pq"):
+        with path.open("rb") as stream:  # its columns are named at its end
+            stream.seek(max(path.stat().st_size - 65536, 0))
+            start = stream.read()
+    if _IDEAL.search(start):
+        return Entry(path, "ideal", name)
+    from lidarcheck.formats.recognise import FORMATS, recognise
+
+    form = recognise(path)
+    if form not in FORMATS:
+        return None
+    if form in ("text", "csv") and not _SCAN.search(start.split(b"\n", 1)[0]):
+        return None  # notes, logs: a text like any other
+    return Entry(path, "scan", name)
+
+
+def _settings(path: Path, name: str) -> Entry:
+    from lidarcheck.formats.settings import load_settings
+
+    load_settings(path)
+    return Entry(path, "settings", name)
+
+
+def _toml(path: Path, name: str) -> Entry | None:
+    try:
+        data: dict[str, Any] = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except OSError as error:
+        raise InputError(f"cannot read: {error.strerror}", file=path, fix="check its permissions") from error
+    except UnicodeDecodeError as error:
+        raise InputError("the file is not UTF-8 text", file=path, fix="save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        where = re.search(r"at line (\d+)", str(error))
+        line = int(where[1]) if where else None
+        raise InputError(f"this is not TOML: {error}", file=path, line=line, fix="correct it") from error
+    kind = _kind_of_toml(data)
+    return None if kind is None else Entry(path, kind, name)
+
+
+def _kind_of_toml(data: dict[str, Any]) -> str | None:
+    if "provenance" in data and "format" in data:
+        return "golden"
+    if "kpis" in data:
+        return "scenario"
+    if "frames" in data and "model" in data:
+        return "case"
+    if "variant" in data or "external" in data:
+        return "model"
+    return "scene" if "objects" in data else None

@@ -1,0 +1,37 @@
+"""What is said in words: the lines of F1, and the package's warnings for the log."""
+
+from __future__ import annotations
+
+import logging
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+from lidarcheck.tui.core.actions import actions_of
+from lidarcheck.tui.widgets.dialogs import key_name
+from lidarcheck.tui.widgets.lines import Line, line
+
+__all__ = ["LogHandler", "help_lines"]
+
+
+class LogHandler(logging.Handler):
+    """Hands warnings to `note`, through `soon`, which is for any thread."""
+
+    def __init__(self, soon: Callable[..., Any], note: Callable[[str, bool], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._soon, self._note = soon, note
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """A warning, as a line."""
+        self._soon(self._note, record.getMessage(), False)
+
+
+def help_lines(words: str, screen: str, width: int) -> list[Line]:
+    """What a pane is, then every action of its screen with its keys and its twin on the command line."""
+    lines: list[Line] = [line(text) for text in textwrap.wrap(words, max(min(width, 100) - 2, 20))] + [line("")]
+    for action in actions_of(screen):
+        keys = " ".join(key_name(key) for key in action.keys)
+        lines.append(line(f"{keys:12}{action.help}"))
+        if action.twin:
+            lines.append(line(f"{'':12}as: lidarcheck {action.twin}", "dim"))
+    return lines

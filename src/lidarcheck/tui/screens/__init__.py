@@ -1,0 +1,1 @@
+"""The screens, a file each: what stands in `core.actions.SCREENS` by its name."""

@@ -1,0 +1,60 @@
+"""What every screen is: panes of lines, keys from the registry, help for the pane that has the focus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.core.actions import ACTIONS
+from lidarcheck.tui.widgets.lines import Lines
+
+if TYPE_CHECKING:
+    from lidarcheck.tui.app import LidarcheckApp
+
+__all__ = ["View", "bindings"]
+
+
+def bindings(screen: str) -> list[BindingType]:
+    """The keys of a screen's actions; of what is everywhere for an empty name."""
+    return [
+        Binding(key, action.method, action.short or action.name, show=False)
+        for action in ACTIONS
+        if action.screen == screen and action.method
+        for key in action.keys
+    ]
+
+
+class View(Vertical):
+    """A screen of the interface. `NAME`: in the registry; `WORDS`: a pane's id to what F1 says of it."""
+
+    NAME = ""
+    WORDS: ClassVar[dict[str, str]] = {}
+
+    @property
+    def ours(self) -> LidarcheckApp:
+        """The app."""
+        return cast("LidarcheckApp", self.app)
+
+    def panes(self) -> list[Lines]:
+        """The panes that can have the focus, in order."""
+        return [pane for pane in self.query(Lines) if pane.can_focus]
+
+    def opened(self) -> None:
+        """The screen is seen now."""
+
+    def project_changed(self) -> None:
+        """The project was read."""
+
+    def closing(self) -> None:
+        """The app ends."""
+
+    def unsaved(self) -> int:
+        """How many rows are edited and not saved."""
+        return 0
+
+    def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
+        """Something for the status line and the log."""
+        self.ours.say(text, bad=bad)

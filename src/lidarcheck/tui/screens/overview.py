@@ -1,0 +1,280 @@
+"""Overview: scenarios with their verdicts, the KPIs of one of them, and files that have faults."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import work
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.message import Message
+
+from lidarcheck.tui.core.checks import Cancelled, KpiLine, Outcome, Runs, against, run_scenarios
+from lidarcheck.tui.core.project import Entry
+from lidarcheck.tui.screens.base import View, bindings
+from lidarcheck.tui.themes import Role
+from lidarcheck.tui.widgets.lines import Line, Lines, line
+
+__all__ = ["Overview"]
+
+_ROLES: dict[str, Role] = {"fell out": "bad", "fault": "bad", "changed": "edited", "holds": "good"}
+_MOVES = {"up": -1, "down": 1}
+
+
+class Overview(View):
+    """The first screen."""
+
+    NAME = "overview"
+    WORDS: ClassVar[dict[str, str]] = {
+        "scenarios": "Every scenario with the verdict of its last run against its golden, and files that have a fault. "
+        "'changed' moved within what does not matter; 'fell out' fails the gate; '?' behind a verdict: the scenario or "
+        "its golden has changed since that run.",
+        "kpis": "The KPIs of the scenario: the golden's value, the last run's, how far it moved over the "
+        "tolerance, the "
+        "tolerance, the smallest change that would be caught, and the absolute limits.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [
+        *bindings("overview"),
+        *(Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")),
+    ]
+
+    class Told(Message):
+        """How far a run is."""
+
+        def __init__(self, done: int, total: int, now: str) -> None:
+            super().__init__()
+            self.done, self.total, self.now = done, total, now
+
+    class Found(Message):
+        """A scenario has been run."""
+
+        def __init__(self, outcome: Outcome) -> None:
+            super().__init__()
+            self.outcome = outcome
+
+    class Ended(Message):
+        """A run has ended; `how` in words."""
+
+        def __init__(self, how: str) -> None:
+            super().__init__()
+            self.how = how
+
+    def __init__(self, runs: Runs) -> None:
+        super().__init__(id=self.NAME)
+        self.runs = runs
+        self.at = 0
+        self.fallen_only = False
+        self.running = False
+        self._stop = threading.Event()
+        self._entries: list[Entry] = []
+        self._stale: dict[str, bool] = {}
+        self._told = 0.0
+
+    def compose(self) -> ComposeResult:
+        """The scenarios above, the KPIs of one below."""
+        yield Lines("Scenarios", label="s", id="scenarios")
+        yield Lines("KPIs", label="k", id="kpis")
+
+    # What is shown
+
+    def project_changed(self) -> None:
+        """Show the new files, with the cursor on the one it was on."""
+        wanted = self.ours.state.selected.get(self.NAME, "")
+        faults = [entry for entry in self.ours.project.faults if entry.kind != "scenario"]
+        self._entries = [*self.ours.project.of("scenario", sound=False), *faults]
+        self._stale = {
+            name: outcome.against != against(entry.path)
+            for entry in self._entries
+            if entry.kind == "scenario" and (outcome := self.runs.last.get(name := entry.path.stem))
+        }
+        names = [entry.name for entry in self.entries()]
+        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.draw()
+
+    def entries(self) -> list[Entry]:
+        """What the list shows: scenarios, then other files with faults."""
+        return [
+            entry for entry in self._entries if not self.fallen_only or self._verdict(entry) in ("fell out", "fault")
+        ]
+
+    def _verdict(self, entry: Entry) -> str:
+        if entry.fault:
+            return "fault"
+        outcome = self.runs.last.get(entry.path.stem)
+        return "not run" if outcome is None else outcome.verdict
+
+    def draw(self) -> None:
+        """Both panes."""
+        entries = self.entries()
+        self.at = max(min(self.at, len(entries) - 1), 0)
+        lines = [self._line(entry) for entry in entries]
+        empty = "no scenario here: press F1, or see docs/scenarios.md" if not self.fallen_only else "nothing fell out"
+        last = [
+            self.runs.last[e.path.stem] for e in self._entries if e.kind == "scenario" and e.path.stem in self.runs.last
+        ]
+        fell = sum(outcome.verdict in ("fell out", "fault") for outcome in last)
+        scenarios = sum(entry.kind == "scenario" for entry in self._entries)
+        faults = len(self.ours.project.faults)
+        title = f"Scenarios: {scenarios}, {len(last)} run, {fell} fell out; {faults} files with a fault"
+        self.query_one("#scenarios", Lines).show(
+            lines or [line(f"  {empty}", "dim")], title=title, cursor=self.at if entries else None
+        )
+        self._draw_kpis(entries[self.at] if entries else None)
+
+    def _line(self, entry: Entry) -> Line:
+        verdict = self._verdict(entry)
+        name = entry.path.stem if entry.kind == "scenario" and not entry.fault else entry.name
+        outcome = None if entry.fault else self.runs.last.get(entry.path.stem)
+        text = ""
+        if entry.fault:
+            text = f"  {self.ours.inside(entry.fault)}"
+        elif outcome is not None:
+            when = time.strftime("%m-%d %H:%M", time.localtime(outcome.time))
+            counts = f"{len(outcome.kpis) - outcome.fallen}/{len(outcome.kpis)} KPIs"
+            moved = f"{outcome.moved} moved" if outcome.moved else ""
+            text = f"  {counts:10} {moved:9} {when} {outcome.seconds:5.1f} s"
+        shown = verdict + ("?" if self._stale.get(entry.path.stem) and outcome else "")
+        return ((f" {name:26} ", "text"), (f"{shown:9}", _ROLES.get(verdict, "dim")), (text, "dim"))
+
+    def _draw_kpis(self, entry: Entry | None) -> None:
+        pane = self.query_one("#kpis", Lines)
+        if entry is None:
+            pane.show([], title="KPIs")
+            return
+        outcome = self.runs.last.get(entry.path.stem) if entry.kind == "scenario" and not entry.fault else None
+        if outcome is None:
+            words = self.ours.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
+            pane.show([line(f" {words}", "bad" if entry.fault else "dim")], title=entry.name)
+            return
+        lines = [line(f" {self.ours.inside(problem)}", "bad") for problem in outcome.problems]
+        if outcome.kpis:
+            lines.append(
+                line(
+                    f" {'KPI':24} {'verdict':13}{'golden':>8} {'now':>8} {'off/tol':>7} {'catches':>8} limits",
+                    "title",
+                )
+            )
+        order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(_moved(kpi))))
+        for kpi in order:
+            lines += _kpi_lines(kpi)
+        pane.show(lines, title=f"KPIs of {entry.path.stem}")
+
+    # Actions
+
+    def action_move(self, key: str) -> None:
+        """The cursor; in the KPIs the keys scroll."""
+        if self.query_one("#kpis", Lines).has_focus:
+            self.query_one("#kpis", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+            return
+        rows = max(self.query_one("#scenarios", Lines).rows, 1)
+        last = max(len(self.entries()) - 1, 0)
+        steps = {"pageup": -rows, "pagedown": rows, "home": -last, "end": last, **_MOVES}
+        self.at = max(min(self.at + steps[key], last), 0)
+        if self.entries():
+            self.ours.state.selected[self.NAME] = self.entries()[self.at].name
+        self.draw()
+
+    def action_run_one(self) -> None:
+        """Run the scenario under the cursor."""
+        entries = self.entries()
+        entry = entries[self.at] if entries else None
+        if entry is None or entry.kind != "scenario":
+            self.say("there is no scenario under the cursor")
+            return
+        self._start([entry.path])
+
+    def action_run_all(self) -> None:
+        """Run all scenarios."""
+        self._start([entry.path for entry in self._entries if entry.kind == "scenario"])
+
+    def _start(self, paths: list[Path]) -> None:
+        if self.running:
+            self.say("a run is going on; x stops it")
+        elif paths:
+            self.running = True
+            self._stop.clear()
+            self._run(paths)
+
+    @work(thread=True, exclusive=True, group="runs", exit_on_error=False)
+    def _run(self, paths: list[Path]) -> None:
+        def told(done: int, total: int, now: str) -> None:
+            self.post_message(self.Told(done, total, now))
+
+        how = "the run has ended"
+        try:
+            run_scenarios(
+                paths,
+                told=told,
+                found=lambda o: self.post_message(self.Found(o)),
+                stop=self._stop,
+                check=self.ours.check,
+            )
+        except Cancelled:
+            how = "the run was stopped"
+        except Exception as error:  # noqa: BLE001 - a fault in a run must not take the editor with it
+            how = f"error: internal error in the run, {type(error).__name__}: {error}"
+        self.post_message(self.Ended(how))
+
+    def on_overview_told(self, message: Told) -> None:
+        """Progress, at most four times a second."""
+        now = time.monotonic()
+        if self.running and (now - self._told > 0.25 or message.done == 0):
+            self._told = now
+            self.ours.progress(f"run {message.done}/{message.total}: {message.now}   x stops it")
+
+    def on_overview_found(self, message: Found) -> None:
+        """An outcome."""
+        self.runs.add(message.outcome)
+        self._stale.pop(message.outcome.name, None)
+        self.draw()
+
+    def on_overview_ended(self, message: Ended) -> None:
+        """The end of a run."""
+        self.running = False
+        self.ours.progress("")
+        self.say(message.how, bad=message.how.startswith("error"))
+
+    def action_stop(self) -> None:
+        """Stop the run."""
+        self._stop.set()
+        self.say("stopping after the seeds that run now" if self.running else "nothing runs")
+
+    def action_only_fallen(self) -> None:
+        """What fell out or has a fault, or everything again."""
+        self.fallen_only = not self.fallen_only
+        self.at = 0
+        self.draw()
+
+    def action_look_again(self) -> None:
+        """Read the project again."""
+        self.ours.read_project()
+
+    def closing(self) -> None:
+        """Let a run end."""
+        self._stop.set()
+
+
+def _moved(kpi: KpiLine) -> float:
+    """How far a KPI moved, in tolerances."""
+    if kpi.golden is None or kpi.now is None or not kpi.tolerance:
+        return 0.0
+    return (kpi.now - kpi.golden) / kpi.tolerance
+
+
+def _kpi_lines(kpi: KpiLine) -> list[Line]:
+    verdict = kpi.verdict.upper() if kpi.fails else kpi.verdict
+    role: Role = "bad" if kpi.fails else "good" if kpi.verdict in ("identical", "equivalent") else "edited"
+    numbers = f"{_number(kpi.golden):>8} {_number(kpi.now):>8} {_moved(kpi):>+7.2f} {_number(kpi.catches):>8}"
+    lines: list[Line] = [
+        ((f" {kpi.name:24} ", "text"), (f"{verdict:13}", role), (f"{numbers} {kpi.limit} {kpi.unit}", "text"))
+    ]
+    if kpi.note and kpi.fails:
+        lines.append(line(f"     {kpi.note}", "dim"))
+    return lines
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
