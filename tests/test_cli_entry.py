@@ -12,6 +12,7 @@ import pytest
 from lidarcheck import __version__
 from lidarcheck.cli import main
 from lidarcheck.cli.app import COMMANDS
+from lidarcheck.cli.calibration_commands import GROUPS
 from lidarcheck.errors import ConfigError, InputError
 
 
@@ -45,12 +46,24 @@ def test_help_names_every_command(argv, capsys):
     out, err = capsys.readouterr()
     assert err == ""
     for command in COMMANDS:
-        assert f"  {command.name}: {command.summary}" in out
+        expected = (
+            f"  {command.group}: {GROUPS[command.group]}" if command.group else f"  {command.name}: {command.summary}"
+        )
+        assert expected in out
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_group_names_its_commands(group, capsys):
+    assert main([group, "--help"]) == 0
+    out = capsys.readouterr().out
+    for command in COMMANDS:
+        if command.group == group:
+            assert f"  {command.verb}: {command.summary}" in out
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 def test_every_command_teaches_by_example(command, capsys):
-    assert main([command.name, "--help"]) == 0
+    assert main([*command.name.split(), "--help"]) == 0
     out = capsys.readouterr().out
     for example in command.examples:
         assert f"  {example}" in out

@@ -161,9 +161,14 @@ def test_an_interrupt_kills_the_model_and_all_that_it_started(tmp_path: Path, sc
 
     external = python(tmp_path, GRANDCHILD, "{scan}")
     thread = threading.Thread(target=interrupt)
+    # A shell starts its background jobs deaf to the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     thread.start()
-    with pytest.raises(KeyboardInterrupt):
-        run_external(IDEAL, external, seed=0)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_external(IDEAL, external, seed=0)
+    finally:
+        signal.signal(signal.SIGINT, before)
     thread.join()
     assert_gone(tmp_path / "pid")
     assert list(scratch.iterdir()) == []

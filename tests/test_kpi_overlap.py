@@ -48,3 +48,11 @@ def test_empty():
         overlap([1.0, 2.0, 3.0], one)
     with pytest.raises(UsageError, match="not finite"):
         overlap([[math.nan, 2.0, 3.0]], one)
+
+
+def test_a_part_of_the_points_looks_at_all_of_the_other():
+    g = np.random.default_rng(1)
+    m, s = g.normal(size=(500, 3)), g.normal(size=(400, 3))
+    part = overlap(m, s, radius_m=0.4, every=7)
+    assert part.measured_share == overlap(m[::7], s, radius_m=0.4).measured_share
+    assert part.simulated_share == overlap(m, s[::7], radius_m=0.4).simulated_share

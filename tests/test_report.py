@@ -3,7 +3,6 @@
 import html.parser
 import math
 import re
-import time
 
 import pytest
 
@@ -177,14 +176,11 @@ def test_a_strip_places_the_change():
     assert strip(missing()) == ""
 
 
-def test_a_page_of_a_suite_is_small_and_quick():
+def test_a_page_of_a_suite_is_small():
     suite = report(
         *(scenario(f"s{index}", *(kpi(f"k{number}") for number in range(9)), distance()) for index in range(12))
     )
-    start = time.process_time()
-    text = report_html(suite)
-    assert time.process_time() - start < 5.0
-    assert len(text.encode()) < 2_000_000
+    assert len(report_html(suite).encode()) < 2_000_000
 
 
 def test_written_whole_or_not_at_all(tmp_path):

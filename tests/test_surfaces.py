@@ -94,15 +94,33 @@ def test_scans_that_leave_out_beams_evenly_know_their_slopes_too():
     assert hits.distance_m == pytest.approx(scene.cast(rays).distance_m, rel=1e-8)
 
 
-def test_an_edge_lies_halfway_between_its_beams():
+def test_an_edge_lies_between_its_beams_elsewhere_in_each_layer():
     scene = PatchScene([Patch((10, -500, 0), **WALL_AHEAD, number=1), Patch((20, 0, 0), **WALL_AHEAD, number=2)])
     ideal = scene.ideal(LAYERS, np.arange(440, 520))
     assert set(ideal.object_id[ideal.point <= 479]) == {1}
-    azimuth = np.linspace(-0.3, 0.3, 1001)
-    rays = Rays(np.zeros((1001, 3)), beam_directions(np.full(1001, 260), 479.5 + azimuth / 0.125), *np.zeros((2, 1001)))
-    hits = LocalSurfaces.of(ideal).cast(rays)
-    assert np.array_equal(hits.object_id == 1, azimuth < 0)
-    assert hits.distance_m == pytest.approx(np.where(azimuth < 0, 10, 20) / rays.direction[:, 0], rel=1e-9)
+    surfaces, azimuth = LocalSurfaces.of(ideal), np.linspace(-0.3, 0.3, 1001)
+    borders = []
+    for layer in range(242, 279):
+        directions = beam_directions(np.full(1001, layer), 479.5 + azimuth / 0.125)
+        rays = Rays(np.zeros((1001, 3)), directions, *np.zeros((2, 1001)))
+        hits = surfaces.cast(rays)
+        near = hits.object_id == 1
+        borders.append(azimuth[near].max())
+        assert np.array_equal(near, azimuth <= borders[-1])
+        assert hits.distance_m == pytest.approx(np.where(near, 10, 20) / rays.direction[:, 0], rel=1e-9)
+    assert -0.0625 <= min(borders) < -0.04
+    assert 0.04 < max(borders) <= 0.0625
+    assert abs(np.mean(borders)) < 3.0 * 0.125 / np.sqrt(12 * len(borders))
+
+
+def test_a_view_turned_by_a_third_of_a_beam_moves_a_third_of_the_edges():
+    scene = PatchScene([Patch((10, -500, 0), **WALL_AHEAD, number=1), Patch((20, 0, 0), **WALL_AHEAD, number=2)])
+    ideal = scene.ideal(range(520), np.arange(478, 484))
+    turned = beam_directions(ideal.layer, ideal.point + 1 / 3)
+    hits = LocalSurfaces.of(ideal).cast(Rays(np.zeros((len(ideal), 3)), turned, *np.zeros((2, len(ideal)))))
+    moved = (hits.object_id != ideal.object_id)[ideal.point == 479]
+    assert not (hits.object_id != ideal.object_id)[ideal.point != 479].any()
+    assert abs(moved.mean() - 1 / 3) < 3.0 * np.sqrt(2 / 9 / 520)
 
 
 def test_a_lone_beam_faces_the_sensor():

@@ -144,8 +144,8 @@ def test_a_histogram_of_next_to_nothing(samples):
 
 
 def test_what_cannot_be_drawn_is_refused():
-    with pytest.raises(ValueError, match="5 curves; there are 4 marks"):
-        curves([Series("a", X, X)] * 5)
+    with pytest.raises(ValueError, match="9 curves; there are 8 marks"):
+        curves([Series("a", X, X)] * 9)
     with pytest.raises(ValueError, match="curve a: 30 x and 29 y"):
         curves([Series("a", X, X[1:])])
 

@@ -1,1 +1,1 @@
-"""Calibration of the model against measurements. Empty so far."""
+"""Calibration of the model against measurements: panels, blooming, ghosts, vehicles, scenes, fits of parameters."""

@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 import sys
-from typing import NamedTuple
 
 from cyclopts import App
 
 from lidarcheck import __version__
+from lidarcheck.cli.calibration_commands import CALIBRATION_COMMANDS, GROUPS
+from lidarcheck.cli.command import Command
 
 __all__ = ["COMMANDS", "Command", "make_app"]
-
-
-class Command(NamedTuple):
-    """A command as `--help` shows it; its code is `lidarcheck.cli.<name>:<name>`."""
-
-    name: str
-    arguments: str
-    summary: str
-    more: str
-    examples: tuple[str, ...]
 
 
 COMMANDS = (
@@ -77,6 +68,19 @@ COMMANDS = (
         "--reason, and the golden keeps it.",
         ("lidarcheck review", 'lidarcheck review background_SMART --accept all --reason "new SPAD"'),
     ),
+    *CALIBRATION_COMMANDS,
+    Command(
+        "report",
+        "DIR ... --out PAGE [OPTIONS]",
+        "Put what all workflows have found, and the goldens, on one page.",
+        "Collects every result.json with its report.html in the directories, and the state of the goldens: how each "
+        "was made, what has moved since the last release, what the last check says. A workflow without a result is "
+        "named as missing.",
+        (
+            "lidarcheck check --json results/check.json",
+            "lidarcheck report results --out release.html --json release.json",
+        ),
+    ),
     Command(
         "convert",
         "A B [OPTIONS]",
@@ -100,6 +104,16 @@ COMMANDS = (
         ("lidarcheck effects", "lidarcheck effects fog", "lidarcheck effects layer_gain --set gain=0.5"),
     ),
     Command(
+        "tui",
+        "[PROJECT] [OPTIONS]",
+        "Open the terminal interface.",
+        "PROJECT is a directory with scenarios, goldens, models, blooming tables, settings and measurements. Scenarios "
+        "are run and looked at, tables are edited beside what they make of the measurements. F1 helps, q "
+        "leaves; an edit "
+        "survives a lost connection.",
+        ("lidarcheck tui", "lidarcheck tui bench --screen blooming --theme plain --no-mouse"),
+    ),
+    Command(
         "bench",
         "[OPTIONS]",
         "Measure the speed on this machine.",
@@ -121,10 +135,14 @@ def make_app() -> App:
         help_formatter="plain" if plain else "default",
         suppress_keyboard_interrupt=False,
     )
+    groups: dict[str, App] = {}
     for rank, command in enumerate(COMMANDS):
-        app.command(
-            f"lidarcheck.cli.{command.name}:{command.name}",
-            name=command.name,
+        if command.group and command.group not in groups:
+            groups[command.group] = App(name=command.group, help=GROUPS[command.group], sort_key=rank)
+            app.command(groups[command.group])
+        groups.get(command.group, app).command(
+            command.code,
+            name=command.verb,
             help=f"{command.summary}\n\n{command.more}",
             help_epilogue="\n".join(("Example:", *(f"  {line}" for line in command.examples))),
             usage=f"Usage: lidarcheck {command.name} {command.arguments}",

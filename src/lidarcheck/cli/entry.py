@@ -82,8 +82,10 @@ def _provide_streams() -> None:
 def _run(argv: list[str]) -> int:
     """The command's exit code. A `SystemExit` of the parser, as from `--help`, is one too."""
     from lidarcheck.cli.app import make_app
+    from lidarcheck.cli.command import ARGUMENTS
 
     app = make_app()
+    given = ARGUMENTS.set(tuple(argv))
     try:
         result = app(_lone_hyphens(argv), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
@@ -92,6 +94,8 @@ def _run(argv: list[str]) -> int:
         if isinstance(error.__context__, BrokenPipeError):  # rich turns it into an exit of its own
             raise error.__context__ from None
         return error.code if isinstance(error.code, int) else 0
+    finally:
+        ARGUMENTS.reset(given)
     return result if isinstance(result, int) else 0
 
 

@@ -51,6 +51,7 @@ _NO_MEASURING = (
     "propose_files.py",
     "provenance.py",
     "pytest_plugin.py",
+    "release.py",
     "results.py",
     "review.py",
     "sensitivity.py",

@@ -24,7 +24,7 @@ from lidarcheck.scan import IdealScan, Scan
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
 
-__all__ = ["Comparison", "Row", "compare", "feature_gap"]
+__all__ = ["COLUMNS", "STAND_INS", "Comparison", "Row", "compare", "feature_column", "feature_gap"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -110,7 +110,7 @@ def _compare_columns(
     measured: Scan, simulated: Scan, features: dict[str, FeatureGap], left_out: dict[str, str]
 ) -> None:
     for name, (_, unit) in {**COLUMNS, **dict.fromkeys(STAND_INS, ("", ""))}.items():
-        m, s = _column(measured, name), _column(simulated, name)
+        m, s = feature_column(measured, name), feature_column(simulated, name)
         if m is not None and s is not None:
             features[name] = feature_gap(m, s, unit=unit)
         elif name in COLUMNS or m is not None or s is not None:
@@ -118,7 +118,7 @@ def _compare_columns(
             left_out[name] = f"not in the {' nor in the '.join(lacking)} scan"
 
 
-def _column(scan: Scan, name: str) -> FloatArray | None:
+def feature_column(scan: Scan, name: str) -> FloatArray | None:
     """A feature of the scan, shape (n,), or None where its source did not have it."""
     if name in COLUMNS:
         column: FloatArray = getattr(scan, COLUMNS[name][0])
@@ -139,7 +139,7 @@ def _pair(ideal: IdealScan, scan: Scan, side: str, files: Mapping[str, PathLike[
 
 def _surfaces(measured: Scan, simulated: Scan, m: Pairing, s: Pairing) -> SurfaceGap:
     walk: WalkOffset | None = None
-    m_area, s_area = _column(measured, "AREA"), _column(simulated, "AREA")
+    m_area, s_area = feature_column(measured, "AREA"), feature_column(simulated, "AREA")
     if m_area is not None and s_area is not None:
         walk = walk_offset(
             m.residual_m[m.of_surface], m_area[m.of_surface], s.residual_m[s.of_surface], s_area[s.of_surface]

@@ -26,15 +26,17 @@ class Overlap(NamedTuple):
     radius_m: float
 
 
-def overlap(measured_xyz_m: npt.ArrayLike, simulated_xyz_m: npt.ArrayLike, *, radius_m: float = RADIUS_M) -> Overlap:
+def overlap(
+    measured_xyz_m: npt.ArrayLike, simulated_xyz_m: npt.ArrayLike, *, radius_m: float = RADIUS_M, every: int = 1
+) -> Overlap:
     """Share of measured points with a simulated one within the radius, the share back, and the Chamfer distance.
 
     Positions of shapes (n, 3) and (m, 3). The Chamfer distance is the mean of the two directed mean distances to the
     nearest neighbour. One cloud empty: the other's share is 0, its own share and the Chamfer distance are NaN; both
-    empty: all NaN.
+    empty: all NaN. `every`: look from every so many points only, an estimate in as much less time.
     """
     m, s = positions(measured_xyz_m), positions(simulated_xyz_m)
-    there, back = _nearest_m(m, s), _nearest_m(s, m)
+    there, back = _nearest_m(m[::every], s), _nearest_m(s[::every], m)
     chamfer = 0.5 * (float(there.mean()) + float(back.mean())) if len(m) and len(s) else float("nan")
     return Overlap(_share(there, radius_m), _share(back, radius_m), chamfer, radius_m)
 

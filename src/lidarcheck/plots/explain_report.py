@@ -19,8 +19,7 @@ from lidarcheck.plots.explain_pictures import detected_svg, histogram_svg, resid
 from lidarcheck.plots.explain_strips import candidate_strip, feature_strip, gap_reach, gap_strip
 from lidarcheck.plots.explain_svg import amount
 from lidarcheck.plots.explain_words import verdict_of
-from lidarcheck.plots.report import _breakable as breakable
-from lidarcheck.plots.report import _code as code
+from lidarcheck.plots.pages import page_environment
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -133,16 +132,8 @@ _DIFF = {"+": "added", "-": "removed"}
 
 @cache
 def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("lidarcheck.plots", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"breakable": breakable, "code": code, "amount": amount, "ranged": _ranged}
+    environment = page_environment().overlay()
+    environment.filters = {**environment.filters, "amount": amount, "ranged": _ranged}
     return environment.get_template("explain.html.jinja")
 
 

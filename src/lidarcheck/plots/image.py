@@ -1,4 +1,4 @@
-"""Small plots as inline SVG. The only module that imports matplotlib.
+"""Small plots as inline SVG. Only this module and `figure_png` import matplotlib.
 
 Colours are those of the page, so that they follow its light or dark mode: matplotlib draws with stand-ins, which are
 replaced by the page's CSS variables. The same numbers give the same bytes.

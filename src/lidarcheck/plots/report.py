@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from markupsafe import Markup, escape
 
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.harness.annotations import advice, number, with_unit
@@ -17,6 +14,7 @@ from lidarcheck.harness.evidence import Evidence, Verdict
 from lidarcheck.harness.kpi_spec import KpiSpec
 from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.plots.image import Pen, drawing
+from lidarcheck.plots.pages import page_environment
 from lidarcheck.plots.strip import strip
 
 if TYPE_CHECKING:
@@ -121,24 +119,7 @@ def report_html(report: CheckReport) -> str:
 
 @cache
 def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    loader = PackageLoader("lidarcheck.plots", "templates")
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {"breakable": _breakable, "code": _code}
-    return environment.get_template("report.html.jinja")
-
-
-def _breakable(name: str) -> Markup:
-    """A name that may be broken behind its dots and underscores."""
-    return Markup(re.sub(r"([._])", r"\1<wbr>", str(escape(name))))
-
-
-def _code(text: str) -> Markup:
-    """A text whose `commands` are set as such."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    return page_environment().get_template("report.html.jinja")
 
 
 def _scenario(found: ScenarioResult, index: int, pen: Pen) -> _Scenario:

@@ -6,7 +6,6 @@ their marks; colour, where it is asked for, only repeats that.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +14,49 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["HIGHEST", "LOWEST", "NARROWEST", "WIDEST", "Series", "curves", "histogram", "two_curves"]
+from lidarcheck.plots.scales import limits, log10, round_ticks
+
+__all__ = [
+    "COLOURS",
+    "HIGHEST",
+    "LOWEST",
+    "MARKS",
+    "NARROWEST",
+    "PLAIN_MARKS",
+    "WIDEST",
+    "Series",
+    "Stroke",
+    "ascii_only",
+    "canvas",
+    "curves",
+    "fit",
+    "head_lines",
+    "histogram",
+    "two_curves",
+]
 
 NARROWEST, WIDEST = 40, 200
 LOWEST, HIGHEST = 8, 60
-MARKS = ("·", "#", "o", "+")
-PLAIN_MARKS = (".", "#", "o", "+")
-COLOURS = ("cyan", "orange", "green", "magenta")
+MARKS = ("·", "#", "o", "+", "x", "*", "%", "@")
+PLAIN_MARKS = (".", *MARKS[1:])
+COLOURS = ("cyan", "orange", "green", "magenta", "blue", "red", "white", "gray")
 _PLAIN = str.maketrans("┌┐└┘┤├┬┴┼─│", "+++++++++-|")
 _FIGURE = threading.Lock()
 """Plotext draws into one figure that the whole process shares."""
 
 FloatArray = npt.NDArray[np.float64]
+Span = tuple[float, float]
+Ticks = tuple[list[float], list[str]]
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """What the frame is given to draw: points, shape (n, 2), NaN for a gap, with one mark; a curve where `joined`."""
+
+    points: FloatArray
+    mark: str
+    shade: str | None = None
+    joined: bool = True
 
 
 @dataclass(frozen=True)
@@ -53,12 +83,12 @@ def two_curves(
 def histogram(
     samples: Sequence[tuple[str, npt.ArrayLike]], *, bins: int = 40, log_x: bool = False, **style: Any
 ) -> str:
-    """How often values occur, for up to four sets of samples on shared bins; `log_x` bins their logarithms.
+    """How often values occur, for up to eight sets of samples on shared bins; `log_x` bins their logarithms.
 
     Values that are not finite, and with `log_x` those not above 0, are left out.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        values = [_log10(sample) if log_x else np.asarray(sample, dtype=np.float64).ravel() for _, sample in samples]
+        values = [log10(sample) if log_x else np.asarray(sample, dtype=np.float64).ravel() for _, sample in samples]
     values = [value[np.isfinite(value)] for value in values]
     everything = np.concatenate([*values, np.empty(0)])
     low, high = (float(everything.min()), float(everything.max())) if everything.size else (0.0, 1.0)
@@ -82,7 +112,7 @@ def curves(
     colour: bool = False,
     plain: bool = False,
 ) -> str:
-    """Up to four curves as text of `height` lines, none wider than `width` characters, the last ending in a newline.
+    """Up to eight curves as text of `height` lines, none wider than `width` characters, the last ending in a newline.
 
     `width` is kept within 40 ... 200 and `height` within 8 ... 60. The first line holds the y label and the legend, the
     last one the x label. `log_x`, `log_y`: what is not above 0 is left out. `colour` adds escape sequences, `plain`
@@ -93,16 +123,19 @@ def curves(
     if len(series) > len(marks):
         raise ValueError(f"{len(series)} curves; there are {len(marks)} marks")
     points = [_points(one, log_x, log_y) for one in series]
-    head = _head(y_label, [f"{mark} {one.name}" for mark, one in zip(marks, series, strict=False)], width)
+    head = head_lines(y_label, [f"{mark} {one.name}" for mark, one in zip(marks, series, strict=False)], width)
     rows = height - len(head) - 1
     finite = np.concatenate([np.empty((0, 2)), *points])
     finite = finite[np.isfinite(finite).all(axis=1)]
     if not len(finite):
         body = ["", "(nothing to draw)".center(width).rstrip(), *[""] * max(rows - 2, 0)]
     else:
-        body = _canvas(points, finite, marks, (width, rows), (log_x, log_y), colour)
-    text = "\n".join([*head, *body, _fit(x_label, width).center(width).rstrip()]) + "\n"
-    return _ascii(text) if plain else text
+        spans = (limits(finite[:, 0], 0.0), limits(finite[:, 1], 0.04))
+        ticks = (round_ticks(*spans[0], max(width // 12, 3), log_x), round_ticks(*spans[1], max(rows // 3, 3), log_y))
+        strokes = [Stroke(*drawn) for drawn in zip(points, marks, COLOURS, strict=False)]
+        body = canvas(strokes, spans, ticks, (width, rows), colour)
+    text = "\n".join([*head, *body, fit(x_label, width).center(width).rstrip()]) + "\n"
+    return ascii_only(text) if plain else text
 
 
 def _points(one: Series, log_x: bool, log_y: bool) -> FloatArray:
@@ -110,101 +143,59 @@ def _points(one: Series, log_x: bool, log_y: bool) -> FloatArray:
     x, y = np.asarray(one.x, dtype=np.float64).ravel(), np.asarray(one.y, dtype=np.float64).ravel()
     if x.shape != y.shape:
         raise ValueError(f"curve {one.name}: {x.size} x and {y.size} y")
-    columns = np.column_stack([_log10(x) if log_x else x, _log10(y) if log_y else y])
+    columns = np.column_stack([log10(x) if log_x else x, log10(y) if log_y else y])
     columns[~np.isfinite(columns).all(axis=1)] = np.nan
     return columns
 
 
-def _log10(values: npt.ArrayLike) -> FloatArray:
-    """Decimal logarithm; NaN for what has none."""
-    v = np.asarray(values, dtype=np.float64).ravel()
-    return np.log10(v, out=np.full(v.shape, np.nan), where=np.isfinite(v) & (v > 0.0))
-
-
-def _head(y_label: str, legend: Sequence[str], width: int) -> list[str]:
+def head_lines(y_label: str, legend: Sequence[str], width: int) -> list[str]:
     """The y label and the legend: in one line where they fit, else in two."""
-    names = _fit("   ".join(legend), width)
+    names = fit("   ".join(legend), width)
     if not y_label or len(y_label) + 3 + len(names) <= width:
         return [f"{y_label}{names.rjust(width - len(y_label))}"]
-    return [_fit(y_label, width), names.rjust(width)]
+    return [fit(y_label, width), names.rjust(width)]
 
 
-def _fit(text: str, width: int) -> str:
+def fit(text: str, width: int) -> str:
     """The text, cut where it is too long for a line."""
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-def _ascii(text: str) -> str:
+def ascii_only(text: str) -> str:
+    """The text with the frame's lines as `+-|`, and a question mark for what else ASCII does not have."""
     return text.translate(_PLAIN).encode("ascii", "replace").decode("ascii")
 
 
-def _canvas(
-    points: Sequence[FloatArray],
-    finite: FloatArray,
-    marks: Sequence[str],
+def canvas(
+    strokes: Sequence[Stroke],
+    spans: tuple[Span, Span],
+    ticks: tuple[Ticks, Ticks],
     size: tuple[int, int],
-    logs: tuple[bool, bool],
-    colour: bool,
+    colour: bool = False,
 ) -> list[str]:
-    """The lines of the frame with its curves and ticks."""
+    """The lines of a frame of `size` (columns, rows) with its strokes, the last on top, and its ticks."""
     import plotext  # type: ignore[import-untyped]
 
-    limits = [_limits(finite[:, axis], margin) for axis, margin in ((0, 0.0), (1, 0.04))]
     with _FIGURE:
         plotext.clear_figure()
         try:
             plotext.theme("clear")
             plotext.limit_size(False, False)
             plotext.plotsize(*size)
-            plotext.xlim(*limits[0])
-            plotext.ylim(*limits[1])
-            plotext.xticks(*_ticks(*limits[0], max(size[0] // 12, 3), logs[0]))
-            plotext.yticks(*_ticks(*limits[1], max(size[1] // 3, 3), logs[1]))
-            for line, mark, shade in zip(points, marks, COLOURS, strict=False):
-                for piece in _pieces(line):
+            plotext.xlim(*spans[0])
+            plotext.ylim(*spans[1])
+            plotext.xticks(*ticks[0])
+            plotext.yticks(*ticks[1])
+            for stroke in strokes:
+                draw = plotext.plot if stroke.joined else plotext.scatter
+                for piece in _pieces(stroke.points):
                     x, y = piece.T.tolist()
-                    plotext.plot(x, y, marker=mark, color=shade if colour else None)
+                    draw(x, y, marker=stroke.mark, color=stroke.shade if colour else None)
             drawn = plotext.build()
             text = drawn if colour else plotext.uncolorize(drawn)
         finally:
             plotext.clear_figure()
     return [line.rstrip() for line in str(text).rstrip("\n").split("\n")][: size[1]]
-
-
-def _limits(values: FloatArray, margin: float) -> tuple[float, float]:
-    """What an axis spans; never nothing, and never more than a double holds."""
-    low, high = float(values.min()), float(values.max())
-    span = high - low
-    if not math.isfinite(span) or span <= 1e-9 * max(abs(low), abs(high)):
-        room = 0.05 * max(abs(low), abs(high)) or 0.5
-        return low - room, high + room
-    return low - margin * span, high + margin * span
-
-
-def _ticks(low: float, high: float, most: int, log: bool) -> tuple[list[float], list[str]]:
-    """Round numbers between the limits, and how they are written; whole decades and parts of them on a log axis."""
-    if log and high - low >= 0.5:
-        for parts in ((1, 2, 5), (1, 3), (1,)):
-            at = [d + math.log10(p) for d in range(math.floor(low), math.ceil(high) + 1) for p in parts]
-            at = [v for v in at if low - 1e-9 <= v <= high + 1e-9]
-            if len(at) <= most:
-                return at, [_power(v) for v in at]
-        at = at[:: -(-len(at) // most)]
-        return at, [_power(v) for v in at]
-    rough = (high - low) / most
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(step for step in (power, 2.0 * power, 5.0 * power, 10.0 * power) if step >= rough * (1.0 - 1e-9))
-    numbers = np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1) * step
-    digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    at = [float(v) for v in numbers]
-    if log:
-        return at, [_power(v) for v in at]
-    written = [f"{v:.{digits}f}" if digits < 7 and abs(v) < 1e7 else f"{v:.4g}" for v in at]
-    return at, [text.replace("-0", "0") if float(text) == 0.0 else text for text in written]
-
-
-def _power(exponent: float) -> str:
-    return f"{float(f'{10.0**exponent:.3g}'):g}"
 
 
 def _pieces(line: FloatArray) -> list[FloatArray]:

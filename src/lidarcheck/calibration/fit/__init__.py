@@ -1,0 +1,1 @@
+"""Fitting named parameters of the model to measured frames: what `lidarcheck calibrate` does."""

@@ -1,0 +1,167 @@
+"""Returns: the echoes of a scan put together where they are one surface's light, and how bright ones are told.
+
+A retro-reflector sends back so much light that its SPADs avalanche again after their dead time: its AREA passes what
+all detectors give that fire once. No ordinary surface does that but very close ones. The second avalanches follow as a
+longer echo or, where all SPADs fell silent in between, as an echo of their own: both are one return, whose range is
+that of all its light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import InputError
+from lidarcheck.kpi.pairing import beam_keys
+from lidarcheck.scan import Scan
+from lidarcheck.sensor import VARIANTS, Sensor
+
+__all__ = ["Brightness", "Echoes", "Returns", "brightness", "grid_steps", "returns_of", "sensor_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+FIRED_TWICE = 1.1
+"""AREA over that of all detectors firing once, from which on an echo is a retro-reflector's."""
+FIRED_ONCE = 0.85
+"""The same for a sign that is saturated and no more; it then takes a ghost to tell it from a near wall."""
+FIRED_FAR = 0.95
+"""The same at ranges from which no ordinary surface sends back enough light for that."""
+ORDINARY_FIRES = 1.1
+"""Avalanches per SPAD and shot up to which a surface leaves every third detector without an avalanche."""
+STRONG = 0.25
+"""The same for both echoes of a return that fell apart."""
+AGAIN_M = 2.4
+"""How far behind an echo that of the same SPADs' next avalanches may stand: a dead time and a pulse."""
+STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
+BRIGHTEST_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """How bright returns are told from others: `column`'s values of the echoes (n,), the least, and why that.
+
+    `far_above`: the least at `far_m` and beyond. `strong`: what each echo of a return has that fell apart; infinite
+    where echoes are not put together. `relative`: bright only beside the scan's other echoes.
+    """
+
+    column: str
+    values: FloatArray
+    above: float
+    why: str
+    far_above: float
+    far_m: float = float("inf")
+    strong: float = float("inf")
+    relative: bool = False
+
+
+@dataclass(frozen=True)
+class Returns:
+    """What comes back from one surface on one beam: an echo, or several that belong together; shapes (m,).
+
+    `of` (n,): the return of each echo. `amplitude`: the sum of its echoes', `range_m`: their mean, weighted by it.
+    """
+
+    layer: npt.NDArray[np.int32]
+    point: npt.NDArray[np.int32]
+    range_m: FloatArray
+    amplitude: FloatArray
+    of: IndexArray
+
+    def bright(self, told: Brightness) -> IndexArray:
+        """Those that are bright on a known beam."""
+        least = np.where(self.range_m < told.far_m, told.above, told.far_above)
+        return np.flatnonzero((self.amplitude >= least) & (self.layer >= 0) & (self.point >= 0))
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """What a search needs of echoes, shapes (n,): beam, range, amplitude, and the return that each is part of."""
+
+    layer: npt.NDArray[np.int32]
+    point: npt.NDArray[np.int32]
+    range_m: FloatArray
+    amplitude: FloatArray
+    of: IndexArray
+
+    def take(self, rows: IndexArray) -> Echoes:
+        """The same of some rows."""
+        return Echoes(self.layer[rows], self.point[rows], self.range_m[rows], self.amplitude[rows], self.of[rows])
+
+
+def sensor_of(scan: Scan) -> Sensor | None:
+    """The variant whose saturation the PEAKs fit; None where the scan has no PEAK or no AREA."""
+    if {"PEAK", "AREA"} & set(scan.defaulted) or not len(scan):
+        return None
+    fits = [name for name in VARIANTS if scan.peak.max() <= Sensor.of(name).peak_saturation]
+    return Sensor.of(fits[0] if fits else VARIANTS[-1])
+
+
+def brightness(scan: Scan, sensor: Sensor | None, above: float | None = None, *, once: bool = False) -> Brightness:
+    """What counts as bright: `above` where it is given, else by the sensor's detectors, else the brightest 1 %.
+
+    `once`: also what all detectors fired for only once. `InputError` for a scan without any amplitude.
+    """
+    column, values = _amplitude(scan)
+    once_all = float("inf") if sensor is None or column != "AREA" else float(sensor.detectors * sensor.on_bins)
+    if above is not None:
+        return Brightness(column, values, above, "as given", above, strong=STRONG * once_all)
+    if column == "AREA" and sensor is not None:
+        level = FIRED_ONCE if once else FIRED_TWICE
+        why = f"{level:g} x {sensor.detectors} detectors of {sensor.variant} x {sensor.on_bins} bins"
+        far_m = float(np.sqrt(sensor.signal_at_1m / ORDINARY_FIRES))
+        return Brightness(
+            column, values, level * once_all, why, min(FIRED_FAR, level) * once_all, far_m, STRONG * once_all
+        )
+    least = float(np.quantile(values, 1.0 - BRIGHTEST_SHARE)) if len(values) else 0.0
+    return Brightness(column, values, least, f"the brightest {100 * BRIGHTEST_SHARE:g} %", least, relative=True)
+
+
+def _amplitude(scan: Scan) -> tuple[str, FloatArray]:
+    if "AREA" not in scan.defaulted:
+        return "AREA", scan.area
+    named = {key.upper(): np.asarray(value, dtype=np.float64) for key, value in scan.extra.items()}
+    for name in STAND_INS:
+        if name in named:
+            return name, named[name]
+    if "PEAK" not in scan.defaulted:
+        return "PEAK", scan.peak
+    raise InputError(
+        f"the scan has no amplitude: no AREA, PEAK, {', '.join(STAND_INS)}",
+        fix="a sign is told by its brightness; give a scan with one of these columns",
+    )
+
+
+def returns_of(scan: Scan, range_m: FloatArray, told: Brightness) -> Returns:
+    """The echoes put together where they belong to one return; `range_m` of all echoes, shape (n,)."""
+    n = len(scan)
+    keys = beam_keys(scan.layer, scan.point)
+    strong = np.flatnonzero(told.values >= told.strong)
+    order = strong[np.lexsort((range_m[strong], keys[strong]))]
+    again = (np.diff(keys[order]) == 0) & (np.diff(range_m[order]) <= AGAIN_M)
+    first = np.arange(n)
+    if len(order):
+        start = np.concatenate([[True], ~again])
+        head = order[np.maximum.accumulate(np.where(start, np.arange(len(order)), 0))]
+        near = range_m[order] - range_m[head] <= AGAIN_M
+        first[order[near]] = head[near]
+    heads, of = np.unique(first, return_inverse=True)
+    amplitude: FloatArray = np.bincount(of, told.values, len(heads)).astype(np.float64)
+    moment = np.bincount(of, told.values * range_m, len(heads))
+    alone = np.bincount(of, minlength=len(heads)) == 1
+    together_m = range_m[heads]
+    together_m[~alone] = moment[~alone] / amplitude[~alone]
+    return Returns(scan.layer[heads], scan.point[heads], together_m, amplitude, of)
+
+
+def grid_steps(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> tuple[int, int]:
+    """Distance of neighbouring layers and points of beams, in indices: 2 where every second one was fired."""
+    return _step(layer), _step(point)
+
+
+def _step(index: npt.NDArray[np.int32]) -> int:
+    known = index[index >= 0]
+    gaps = np.diff(np.flatnonzero(np.bincount(known))) if len(known) else np.zeros(0, dtype=np.int64)
+    return int(np.argmax(np.bincount(gaps))) if len(gaps) else 1

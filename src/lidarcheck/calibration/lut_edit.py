@@ -1,0 +1,199 @@
+"""Edit a blooming table: several cells at once, by row or by X; all that is not edited keeps its bytes.
+
+The editor's scale is the one of the files (`lidarcheck.formats.lut`): whole numbers 0 ... 1000, 0.007 decades a step,
+0 for no light.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from lidarcheck.errors import UsageError
+from lidarcheck.formats.lut import SCALE_MAX, Axis, LutFile, scaled_of_y
+
+__all__ = [
+    "Change",
+    "changes",
+    "document",
+    "multiplied",
+    "rows_at",
+    "rows_by_number",
+    "set_rows",
+    "shifted",
+    "smoothed",
+    "table_of",
+]
+
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:\.\.\s*({_NUMBER}))?\s*")
+
+
+@dataclass(frozen=True)
+class Change:
+    """A row that an edit changed: its X, and Y and scaled value before and after."""
+
+    table: Axis
+    row: int
+    x: float
+    before: float
+    after: float
+
+    @property
+    def scaled(self) -> tuple[int, int]:
+        """The scaled values before and after."""
+        return scaled_of_y(self.before), scaled_of_y(self.after)
+
+
+def table_of(lut: LutFile, name: str | None) -> Axis:
+    """The table of that name; the only one where none is named. `UsageError` names those there are."""
+    there = list(lut.tables)
+    if name is None:
+        if len(there) > 1:
+            raise UsageError("the file has two tables", fix="say which: --table vertical or --table horizontal")
+        return there[0]
+    for axis in there:
+        if axis == name:
+            return axis
+    if name in ("vertical", "horizontal"):
+        raise UsageError(f"the file has no {name} table", fix=f"it has a {there[0]} one")
+    raise UsageError(f"there is no table {name!r}", fix="use vertical or horizontal")
+
+
+def document(lut: LutFile) -> list[dict[str, Any]]:
+    """The tables as `lut show --json` prints them."""
+    return [
+        {"name": axis, "rows": [{"x": row.x, "y": row.y, "scaled": row.scaled} for row in table.rows()]}
+        for axis, table in lut.tables.items()
+    ]
+
+
+def rows_by_number(lut: LutFile, table: Axis, text: str) -> list[int]:
+    """Rows by number, from 0 as `lut show` counts: `3`, `5..9`, `0,3,5..9`."""
+    most = len(lut.tables[table]) - 1
+    found: list[int] = []
+    for low, high in _ranges(text, "rows"):
+        if low != int(low) or high != int(high) or not 0 <= low <= high <= most:
+            raise UsageError(f"rows {text}: the {table} table has rows 0 to {most}", fix="use N or N..M, as 5..9")
+        found += range(int(low), int(high) + 1)
+    return sorted(set(found))
+
+
+def rows_at(lut: LutFile, table: Axis, text: str) -> list[int]:
+    """Rows by X: `-20`, `-33..-10`, `0,20..60`. A single X must be the table's; of a repeated X all rows count."""
+    x = lut.tables[table].x
+    found: list[int] = []
+    for low, high in _ranges(text, "X"):
+        rows = [row for row, at in enumerate(x.tolist()) if low <= at <= high or math.isclose(at, low, abs_tol=1e-9)]
+        if not rows:
+            near = min(x.tolist(), key=lambda at: abs(at - low))
+            what = f"the {table} table has no X = {low:g}" if low == high else f"no X lies in {low:g}..{high:g}"
+            raise UsageError(what, fix=f"the nearest is {near:g}; X goes from {x[0]:g} to {x[-1]:g}")
+        found += rows
+    return sorted(set(found))
+
+
+def _ranges(text: str, of: str) -> Iterable[tuple[float, float]]:
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part)
+        if not match:
+            raise UsageError(f"{part.strip()!r} names no {of}", fix="use N, N..M, or several with commas: 0,5..9")
+        low = float(match[1])
+        yield low, low if match[2] is None else float(match[2])
+
+
+def set_rows(lut: LutFile, table: Axis, rows: Sequence[int], value: str, *, true_y: bool = False) -> LutFile:
+    """Rows get a scaled value, 0 or 1 ... 1000, or with `true_y` a Y in [0, 1]; a value they have changes nothing."""
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if true_y:
+        if not 0.0 <= number <= 1.0:
+            raise UsageError(f"Y = {value} is out of range", fix="use a number from 0 to 1")
+        return _each(lut, rows, lambda lut, row: lut.with_y(table, row, number))
+    if not (0.0 <= number <= SCALE_MAX and number == int(number)):
+        raise UsageError(f"scaled Y = {value} is out of range", fix=f"use a whole number from 0 to {SCALE_MAX}")
+    return _each(lut, rows, lambda lut, row: lut.with_scaled(table, row, int(number)))
+
+
+def shifted(lut: LutFile, table: Axis, rows: Sequence[int], steps: int, *, clip: bool = False) -> LutFile:
+    """Rows move by steps on the editor's scale; Y = 0 stays 0. `clip`: stop at 1 and 1000 instead of refusing."""
+
+    def move(lut: LutFile, row: int) -> LutFile:
+        now = scaled_of_y(float(lut.tables[table].y[row]))
+        if now == 0:
+            return lut
+        return lut.with_scaled(table, row, _within(lut, table, row, now + steps, 1, SCALE_MAX, clip, "scaled Y"))
+
+    return _each(lut, rows, move)
+
+
+def multiplied(lut: LutFile, table: Axis, rows: Sequence[int], factor: float, *, clip: bool = False) -> LutFile:
+    """Y of rows times a factor, off the editor's grid. `clip`: stop at 1e-7 and 1 instead of refusing."""
+    if not (math.isfinite(factor) and factor > 0.0):
+        raise UsageError(
+            f"the factor {factor:g} is out of range", fix="use a number above 0; set cells to 0 with lut set"
+        )
+
+    def move(lut: LutFile, row: int) -> LutFile:
+        now = float(lut.tables[table].y[row])
+        if now == 0.0:
+            return lut
+        return lut.with_y(table, row, _within(lut, table, row, now * factor, 1e-7, 1.0, clip, "Y"))
+
+    return _each(lut, rows, move)
+
+
+def smoothed(lut: LutFile, table: Axis, rows: Sequence[int]) -> LutFile:
+    """Rows move half of the way to the line through their neighbours, in log10 Y over X; all from the same table.
+
+    Y = 0, X = 0 (the target itself), the ends of a side and rows that share their X stay; what lies across X = 0 or
+    beyond a Y of 0 is no neighbour. A straight line stays as it is.
+    """
+    x, y = lut.tables[table].x.tolist(), lut.tables[table].y.tolist()
+    moved: dict[int, float] = {}
+    for row in rows:
+        around = (row - 1, row, row + 1)
+        if row <= 0 or row >= len(x) - 1 or any(y[i] <= 0.0 or x[i] == 0.0 for i in around):
+            continue
+        low, here, high = (x[i] for i in around)
+        if not low < here < high or low * high < 0.0:
+            continue
+        left, own, right = (math.log10(y[i]) for i in around)
+        line = left + (right - left) * (here - low) / (high - low)
+        moved[row] = float(f"{min(10.0 ** (0.5 * (own + line)), 1.0):.7f}")
+    for row, value in moved.items():
+        if scaled_of_y(value) != scaled_of_y(y[row]):
+            lut = lut.with_y(table, row, value)
+    return lut
+
+
+def _within(
+    lut: LutFile, table: Axis, row: int, value: Any, low: Any, high: Any, clip: bool, of: str
+) -> Any:  # fmt: skip
+    if clip or low <= value <= high:
+        return min(max(value, low), high)
+    x = lut.tables[table].x[row]
+    what = f"row {row} (X = {x:g}) would get {of} = {value:g}, which must lie between {low:g} and {high:g}"
+    raise UsageError(what, fix="choose rows with --rows or --x, or stop at the ends with --clip")
+
+
+def _each(lut: LutFile, rows: Iterable[int], edit: Any) -> LutFile:
+    for row in rows:
+        lut = edit(lut, row)
+    return lut
+
+
+def changes(before: LutFile, after: LutFile) -> list[Change]:
+    """The rows whose Y differs, in the file's order."""
+    found = []
+    for axis, table in before.tables.items():
+        new = after.tables[axis].y.tolist()
+        for row, (x, y) in enumerate(zip(table.x.tolist(), table.y.tolist(), strict=True)):
+            if y != new[row]:
+                found.append(Change(axis, row, x, y, new[row]))
+    return found

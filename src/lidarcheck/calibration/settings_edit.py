@@ -1,0 +1,64 @@
+"""Edit per-distance settings: a value, a distance more, a distance less."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from lidarcheck.errors import UsageError
+from lidarcheck.formats.config_words import nearest
+from lidarcheck.formats.lut import Axis
+from lidarcheck.formats.settings import Setting, Settings
+
+__all__ = ["KEYS", "edited_settings", "without_distance"]
+
+KEYS: dict[Axis, dict[str, str]] = {
+    "vertical": {
+        "Distance": "distance_m", "IndexVerMin": "index_min", "IndexVerMax": "index_max", "SegVerCenter": "center",
+        "SegHor": "across",
+    },
+    "horizontal": {
+        "Distance": "distance_m", "IndexHorMin": "index_min", "IndexHorMax": "index_max", "SegHorCenter": "center",
+        "SegVer": "across",
+    },
+}  # fmt: skip
+"""The keys of a file and the fields of a `Setting`."""
+
+
+def edited_settings(settings: Settings, edit: str) -> Settings:
+    """`69:IndexVerMin=777` sets a value at 69 m; a distance that is not there yet begins as the nearest one."""
+    where, colon, rest = edit.partition(":")
+    key, equals, text = rest.partition("=")
+    if not (colon and equals):
+        raise UsageError(f"--set {edit} is no setting", fix="write DISTANCE:KEY=VALUE, as 69:SegHor=440")
+    fields = KEYS[settings.axis]
+    if key not in fields:
+        near = nearest(key, list(fields))
+        raise UsageError(
+            f"there is no {settings.axis} setting {key!r}",
+            fix=f"did you mean {near}?" if near else f"use {', '.join(fields)}",
+        )
+    try:
+        distance_m, value = float(where), float(text) if key == "Distance" else int(text)
+    except ValueError:
+        raise UsageError(f"--set {edit} is no setting", fix="DISTANCE is in metres, VALUE a whole number") from None
+    entries = list(settings.entries)
+    at = next((i for i, entry in enumerate(entries) if entry.distance_m == distance_m), None)
+    if at is None:
+        near_entry = min(
+            entries, key=lambda entry: abs(entry.distance_m - distance_m), default=Setting(distance_m, 0, 0, 0, 0)
+        )
+        entries.append(replace(near_entry, distance_m=distance_m, source={}))
+        at = len(entries) - 1
+    changed: dict[str, Any] = {fields[key]: value}
+    entries[at] = replace(entries[at], **changed)
+    return replace(settings, entries=tuple(entries))
+
+
+def without_distance(settings: Settings, distance_m: float) -> Settings:
+    """The settings without those of a distance."""
+    kept = tuple(entry for entry in settings.entries if entry.distance_m != distance_m)
+    if len(kept) == len(settings.entries):
+        known = ", ".join(f"{entry.distance_m:g}" for entry in settings.entries) or "none"
+        raise UsageError(f"there is no setting for {distance_m:g} m", fix=f"there are: {known}")
+    return replace(settings, entries=kept)

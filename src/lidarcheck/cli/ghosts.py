@@ -1,0 +1,294 @@
+"""`lidarcheck ghosts`: find signs and their ghosts, and fit the ghost effect to them."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.terminal import hush, note, progress, stage
+from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.ghosts import GhostScan
+    from lidarcheck.model.spec import Model
+    from lidarcheck.scan import IdealScan
+    from lidarcheck.sensor import Sensor
+
+__all__ = ["find", "fit"]
+
+MODEL = "model.toml"
+Scans = Annotated[tuple[Path, ...], Parameter(help="Measured scans, one a dataset, in any format that `info` knows.")]
+Many = Parameter(consume_multiple=True, negative=(), show_default=False)
+
+
+def find(
+    scans: Scans,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(help="Directory for the stripped scans (PCD), the page and pictures.")
+    ] = None,
+    ideal: Annotated[
+        tuple[Path, ...], Many, Parameter(help="Ideal scans, one for each scan: what must be found.")
+    ] = (),
+    model: Annotated[Path | None, Parameter(help="The sensor model; with --ideal the same is simulated.")] = None,
+    simulated: Annotated[
+        tuple[Path, ...], Many, Parameter(help="Simulated scans, one for each, to compare with.")
+    ] = (),
+    range_m: Annotated[
+        tuple[float, ...], Many, Parameter(help="Where a sign must be [m]: one for all scans, or one for each.")
+    ] = (),
+    bright: Annotated[
+        float | None, Parameter(help="The least AREA (else INTENSITY, ...) of a sign; by the sensor if not given.")
+    ] = None,
+    seed: Seed = 0,
+    plot: Plot | None = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Find signs and their ghosts, and leave nothing else."""
+    hush(quiet)
+    _check_numbers(scans, ideal=ideal, simulated=simulated)
+    _check_options(scans, range_m, bright, ideal, model, simulated)
+    _check_places(out, json, (*scans, *ideal, *simulated, model), [_pcd(name) for name in _names(scans)])
+    from lidarcheck.calibration.ghost_page import find_document, find_page
+
+    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
+    found = _found(scans, scenes, sensor_model, range_m, bright)
+    others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
+    page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed))
+    if out is not None:
+        _write_stripped(found, out)
+    document = {"datasets": find_document(found), "simulated": find_document(others)}
+    finish(page, document, out=out, json=json, plot=plot)
+    return 0
+
+
+def fit(
+    scans: Scans,
+    /,
+    *,
+    ideal: Annotated[tuple[Path, ...], Many, Parameter(help="Ideal scans, one for each scan, in the same order.")],
+    model: Annotated[Path, Parameter(help="The sensor model, with the sign's material; its effects stay.")],
+    out: Annotated[Path, Parameter(help="Directory for model.toml, the model with the fitted effect, and the page.")],
+    bright: Annotated[
+        float | None, Parameter(help="The least AREA of a sign's echo; by the sensor if not given.")
+    ] = None,
+    seed: Seed = 0,
+    plot: Plot | None = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Fit the ghost effect to signs and ghosts measured at several ranges."""
+    hush(quiet)
+    _check_numbers(scans, ideal=ideal)
+    _check_options(scans, (), bright, ideal, model, ())
+    _check_places(out, json, (*scans, *ideal, model), [MODEL])
+    from lidarcheck.calibration.ghost_fit import fit_ghosts
+    from lidarcheck.calibration.ghost_fit_page import fit_document, fit_page
+    from lidarcheck.cli.explain_files import make_directory
+    from lidarcheck.model.rewrite import write_model
+
+    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
+    assert sensor_model is not None
+    found = _found(scans, scenes, sensor_model, (), bright)
+    with stage("fitting"):
+        fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
+    others = _simulated(found, (), scenes, fitted.model, bright, seed)
+    page = fit_page(fitted, others, _provenance(scans, ideal, (), model, seed))
+    make_directory(out)
+    write_model(model, fitted.model, out / MODEL)
+    finish(page, fit_document(fitted), out=out, json=json, plot=plot)
+    note(f"{out / MODEL}: the model with retro_ghost")
+    return 0
+
+
+def _check_numbers(scans: Sequence[Path], **others: Sequence[Path]) -> None:
+    """As many ideal or simulated scans as scans."""
+    if not scans:
+        raise UsageError("no scan was given", fix="name one scan or more, before the options")
+    for option, paths in others.items():
+        if paths and len(paths) != len(scans):
+            what = f"there are {len(scans)} scans and {len(paths)} files for --{option}"
+            raise UsageError(what, fix=f"give --{option} one for each scan, in the same order, behind the scans")
+
+
+def _check_options(
+    scans: Sequence[Path],
+    range_m: Sequence[float],
+    bright: float | None,
+    ideal: Sequence[Path],
+    model: Path | None,
+    simulated: Sequence[Path],
+) -> None:
+    if range_m and len(range_m) not in (1, len(scans)):
+        what = f"there are {len(scans)} scans and {len(range_m)} ranges for --range-m"
+        raise UsageError(what, fix="give one for all, or one for each scan")
+    for value in range_m:
+        if not 0.5 <= value <= 300.0:
+            raise UsageError(f"--range-m {value:g} is out of range", fix="use 0.5 to 300 m")
+    if bright is not None and not 0.0 < bright <= 1e9:
+        raise UsageError(f"--bright {bright:g} is out of range", fix="use a number above 0, up to 1e9")
+    if ideal and model is None:
+        raise UsageError(
+            "--ideal needs --model, which says what materials are retro-reflectors", fix="add --model MODEL.toml"
+        )
+    if ideal and simulated:
+        raise UsageError("--simulated and --ideal are two ways to the same comparison", fix="give one of them")
+
+
+def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None], names: Sequence[str]) -> None:
+    """Refuse what could not be written, before the work."""
+    if json is not None:
+        check_writable(json, option="--json", besides=read)
+    if out is None:
+        return
+    check_out_dir(out, besides=(*read, json))
+    import os
+
+    places = {os.path.realpath(path) for path in read if path is not None}
+    for name in names:
+        place = out / name
+        if os.path.realpath(place) in places:
+            raise InputError("would replace a file of this command", file=place, fix="name another directory for --out")
+        if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
+            raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
+
+
+def _names(scans: Sequence[Path]) -> list[str]:
+    """A name for each dataset: that of its file without suffix, numbered where several have the same."""
+    stems = [path.name.split(".")[0] or path.name for path in scans]
+    seen: dict[str, int] = {}
+    names = []
+    for stem in stems:
+        seen[stem] = seen.get(stem, 0) + 1
+        names.append(stem if stems.count(stem) == 1 else f"{stem}_{seen[stem]}")
+    return names
+
+
+def _pcd(name: str) -> str:
+    return f"{name}_ghosts.pcd"
+
+
+def _model_of(path: Path | None) -> Model | None:
+    from lidarcheck.model import load_model
+
+    if path is None:
+        return None
+    model = load_model(path)
+    if model.external is not None:
+        what = "is an external model, whose sensor is not known"
+        raise InputError(what, file=path, fix="name a model of the built-in sensor")
+    return model
+
+
+def _ideals_of(paths: Sequence[Path]) -> list[IdealScan]:
+    from lidarcheck.formats import load_ideal
+
+    with stage("reading ideal scans"):
+        return [load_ideal(path) for path in paths]
+
+
+def _found(
+    scans: Sequence[Path],
+    ideals: Sequence[IdealScan],
+    model: Model | None,
+    range_m: Sequence[float],
+    bright: float | None,
+) -> list[GhostScan]:
+    """What each scan shows, and refused where it is not what the ideal scans and the model say."""
+    from lidarcheck.calibration.ghost_data import check_expected
+    from lidarcheck.calibration.ghosts import find_ghosts
+    from lidarcheck.formats import load_scan
+
+    found = []
+    sensor = None if model is None else model.sensor
+    with progress("looking at") as show:
+        for i, (path, name) in enumerate(zip(scans, _names(scans), strict=True)):
+            show(i, len(scans), path.name)
+            scan = load_scan(path)
+            _check_variant(path, scan, sensor)
+            expected = range_m if len(range_m) == 1 else range_m[i : i + 1]
+            view = _view(ideals[i]) if ideals else None
+            try:
+                one = find_ghosts(scan, name=name, sensor=sensor, above=bright, expected_m=expected, view=view)
+                if ideals and model is not None:
+                    check_expected(one, ideals[i], model)
+            except InputError as error:
+                raise InputError(error.what, file=path, line=error.line, fix=error.fix) from error
+            found.append(one)
+    return found
+
+
+def _check_variant(path: Path, scan: object, sensor: Sensor | None) -> None:
+    """Refuse a scan of another variant than the model's."""
+    from lidarcheck.kpi.variant import above_saturation, other_variant
+    from lidarcheck.scan import Scan
+
+    assert isinstance(scan, Scan)
+    if sensor is None or "PEAK" in scan.defaulted or not len(scan):
+        return
+    fault = above_saturation(scan, sensor, path)
+    if fault is not None:
+        raise fault
+    other = other_variant([scan], sensor)
+    if other:
+        raise InputError(other, file=path, fix="name the model of the variant that measured")
+
+
+def _view(ideal: IdealScan) -> tuple[int, int, int, int]:
+    """First and last layer, first and last point that were fired."""
+    return (int(ideal.layer.min()), int(ideal.layer.max()), int(ideal.point.min()), int(ideal.point.max()))
+
+
+def _simulated(
+    found: Sequence[GhostScan],
+    paths: Sequence[Path],
+    ideals: Sequence[IdealScan],
+    model: Model | None,
+    bright: float | None,
+    seed: int,
+) -> list[GhostScan]:
+    """The same search in simulated scans: those of `paths`, or of the ideal scans; none without either."""
+    from lidarcheck.calibration.ghosts import find_ghosts
+    from lidarcheck.formats import load_scan
+    from lidarcheck.model import simulate
+
+    others = []
+    for i, one in enumerate(found):
+        if paths:
+            scan, where = load_scan(paths[i]), str(paths[i])
+        elif ideals and model is not None:
+            with stage(f"simulating {one.name}"):
+                scan, where = simulate(ideals[i], model, seed=seed), f"the simulation of {one.name}"
+        else:
+            return []
+        others.append(find_ghosts(scan, name=where, sensor=one.sensor, above=bright))
+    return others
+
+
+def _write_stripped(found: Sequence[GhostScan], out: Path) -> None:
+    from lidarcheck.cli.explain_files import make_directory
+    from lidarcheck.formats import save_scan
+
+    make_directory(out)
+    for one in found:
+        path = out / _pcd(one.name)
+        save_scan(one.stripped(), path)
+        note(f"{path}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
+
+
+def _provenance(
+    scans: Sequence[Path], ideal: Sequence[Path], simulated: Sequence[Path], model: Path | None, seed: int
+) -> dict[str, str]:
+    given = {"scans": scans, "ideal scans": ideal, "simulated scans": simulated, "model": [model] if model else []}
+    files = {name: ", ".join(str(path) for path in paths) for name, paths in given.items() if paths}
+    return files | {"seed": str(seed), "command": shlex.join(["lidarcheck", *sys.argv[1:]])}

@@ -1,0 +1,228 @@
+"""`lidarcheck panels`: the sensor's noise on the panels of a laboratory, and the model's beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import MAX_SEED, JsonFile, Quiet, Seed
+from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.terminal import hush, note, progress, stage
+from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.panels import Arrangement, Frame, PanelsResult
+    from lidarcheck.model import Model
+    from lidarcheck.scan import IdealScan
+
+__all__ = ["panels"]
+
+DIRECTORY = "panels"
+Paths = Annotated[list[Path], Parameter(consume_multiple=True, negative=())]
+
+
+def panels(
+    *measured: Annotated[Path, Parameter(help="Frames of the real sensor, one file each, of a scene at rest.")],
+    ideal: Annotated[
+        Paths | None,
+        Parameter(help="What the beams meet: one ideal scan for all frames, or one for each frame."),
+    ] = None,
+    simulated: Annotated[Paths | None, Parameter(help="Frames of the model, one file each, any number.")] = None,
+    model: Annotated[
+        Path | None, Parameter(help="Simulate as many frames as were measured with this model; names materials.")
+    ] = None,
+    seed: Seed = 0,
+    out: Annotated[
+        Path, Parameter(help="Directory for the report, the numbers, the pictures and each panel's echoes.")
+    ],
+    format: Annotated[
+        str, Parameter(help="Format of the panels' echoes: pcd, txt, csv, ply, las, laz or parquet.")
+    ] = "pcd",
+    expect: Annotated[int | None, Parameter(help="How many panels there must be; another number is an error.")] = None,
+    range: Annotated[tuple[float, float], Parameter(negative=(), help="Nearest and farthest panel [m].")] = (4.0, 85.0),
+    size: Annotated[
+        tuple[float, float], Parameter(negative=(), help="Least and largest width and height of a panel [m].")
+    ] = (
+        0.2,
+        4.0,
+    ),
+    trim_layers: Annotated[int, Parameter(help="Layers that the upper and the lower border lose.")] = 2,
+    trim_points: Annotated[int, Parameter(help="Points that the left and the right border lose.")] = 1,
+    trim_m: Annotated[float, Parameter(help="The least that each border loses [m].")] = 0.0,
+    floor_m: Annotated[
+        float | None, Parameter(help="Height of the floor in the sensor frame [m]; found by default.")
+    ] = None,
+    roof_m: Annotated[
+        float | None, Parameter(help="Height of the roof in the sensor frame [m]; found by default.")
+    ] = None,
+    clearance_m: Annotated[float, Parameter(help="What is this close to floor or roof is trimmed with it [m].")] = 0.15,
+    max_incidence: Annotated[float, Parameter(help="How far a panel may be turned away from the sensor [deg].")] = 60.0,
+    window_m: Annotated[float, Parameter(help="An echo this close to the panel's plane is on the panel [m].")] = 1.0,
+    plot: Plot | None = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Say how the sensor sees panels: detection, range noise, walk, amplitude; and the model beside it."""
+    hush(quiet)
+    from lidarcheck.calibration.panels_settings import PanelSettings
+    from lidarcheck.formats.recognise import target_format
+
+    settings = PanelSettings(
+        range, size, trim_layers, trim_points, trim_m, floor_m, roof_m, clearance_m, max_incidence, window_m, expect
+    )
+    ideals, frames = list(ideal or ()), list(simulated or ())
+    _check_arguments(measured, ideals, frames, model)
+    target_format(f"panel.{format}")
+    read = [*measured, *ideals, *frames, *([] if model is None else [model])]
+    _check_places(out, json, read)
+
+    from lidarcheck.calibration.panels import characterise
+    from lidarcheck.calibration.panels_page import document, page
+    from lidarcheck.model import load_model
+
+    sensor_model = None if model is None else load_model(model)
+    names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
+    with progress("panels:") as show:
+        arrangements = _arrangements(measured, ideals, frames, sensor_model, seed)
+        result = characterise(arrangements, settings, materials=names, progress=show)
+    with stage("writing the panels"):
+        count = _save(result, out, format)
+    origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
+    finish(page(result, _provenance(origin, seed if model else None)), document(result), out=out, json=json, plot=plot)
+    note(f"{out / DIRECTORY}: {count} files of the panels' echoes")
+    return 0
+
+
+def _check_arguments(measured: Sequence[Path], ideals: list[Path], frames: list[Path], model: Path | None) -> None:
+    if not measured:
+        raise UsageError("no measured frame is given", fix="name one file or more before the options")
+    if len(ideals) > 1 and len(ideals) != len(measured):
+        what = f"{len(ideals)} ideal scans for {len(measured)} measured frames"
+        raise UsageError(what, fix="give --ideal one file for all frames, or one for each, in their order")
+    if len(ideals) > 1 and frames and len(frames) != len(ideals):
+        what = f"{len(frames)} simulated frames for {len(ideals)} ideal scans"
+        raise UsageError(what, fix="give --simulated one file for each ideal scan, in their order")
+    if model is not None and not ideals:
+        raise UsageError("--model needs --ideal", fix="a model is simulated from what the beams meet")
+    if model is not None and frames:
+        raise UsageError(
+            "--model and --simulated are both given", fix="give one: what the model is to simulate, or has"
+        )
+    for path in (*measured, *ideals, *frames):
+        if not path.exists():
+            raise InputError("no such file", file=path, fix="check the path")
+
+
+def _check_places(out: Path, json: str | None, read: list[Path]) -> None:
+    check_out_dir(out, besides=read)
+    if json is not None:
+        check_writable(json, option="--json", besides=read)
+    place = out / DIRECTORY
+    if place.exists() and not place.is_dir():
+        raise InputError("is not a directory", file=place, fix="move it away, or choose another --out")
+    inside = next((path for path in read if path.resolve().parent == place.resolve()), None)
+    if inside is not None:
+        raise InputError("lies where the panels are written", file=inside, fix="choose another --out")
+
+
+def _arrangements(
+    measured: Sequence[Path], ideals: list[Path], simulated: list[Path], model: Model | None, seed: int
+) -> Iterator[Arrangement]:
+    """The frames by the scene that they show: those of ideal scans that say the same belong together."""
+    from lidarcheck.calibration.panels import Arrangement
+
+    real = [_frame(path) for path in measured]
+    if len(ideals) < 2:
+        from lidarcheck.formats import load_ideal
+
+        scene = load_ideal(ideals[0]) if ideals else None
+        made = (
+            [_frame(path) for path in simulated] if scene is None or model is None else _made(scene, model, seed, real)
+        )
+        yield Arrangement(scene, real, made)
+        return
+    for scene, members in _scenes(ideals):
+        if model is not None:
+            made = _made(scene, model, seed + members[0], [real[i] for i in members])
+        else:
+            made = [_frame(simulated[i]) for i in members] if simulated else []
+        yield Arrangement(scene, [real[i] for i in members], made)
+
+
+def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
+    """The scenes that differ, each with the numbers of its ideal scans."""
+    from lidarcheck.calibration.panels import same_scene
+    from lidarcheck.formats import load_ideal
+
+    scenes: list[tuple[IdealScan, list[int]]] = []
+    for i, path in enumerate(ideals):
+        one = load_ideal(path)
+        members = next((members for other, members in scenes if same_scene(one, other)), None)
+        if members is None:
+            scenes.append((one, [i]))
+        else:
+            members.append(i)
+    return scenes
+
+
+def _frame(path: Path) -> Frame:
+    from lidarcheck.calibration.panels import Frame
+    from lidarcheck.formats import load_scan
+
+    return Frame(str(path), partial(load_scan, path))
+
+
+def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[Frame]) -> list[Frame]:
+    """As many simulated frames as real ones, the seed counted up."""
+    from lidarcheck.calibration.panels import Frame
+    from lidarcheck.model import simulate
+
+    seeds = [(seed + i) % (MAX_SEED + 1) for i, _ in enumerate(real)]
+    return [Frame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
+
+
+def _save(result: PanelsResult, out: Path, suffix: str) -> int:
+    """A file of echoes for each panel and side, in the place of an earlier run's; all or none. How many."""
+    from lidarcheck.calibration.panels import panel_scan
+    from lidarcheck.cli.explain_files import make_directory
+    from lidarcheck.formats import save_scan
+
+    make_directory(out)
+    new, place = out / f".{DIRECTORY}.{secrets.token_hex(8)}.part", out / DIRECTORY
+    new.mkdir()
+    try:
+        for side, samples in (("real", result.measured), ("simulated", result.simulated or ())):
+            for panel, sample in zip(result.panels, samples, strict=False):
+                if len(sample.scan):
+                    save_scan(panel_scan(sample), new / f"panel_{panel.number:02d}_{side}.{suffix}")
+        place.mkdir(exist_ok=True)
+        for old in place.glob("panel_[0-9]*_*.*"):
+            old.unlink()
+        files = sorted(new.iterdir())
+        for path in files:
+            path.replace(place / path.name)
+        return len(files)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def _provenance(origin: Mapping[str, Sequence[Path]], seed: int | None) -> dict[str, str]:
+    """The files with the beginnings of their SHA-256, and the command."""
+    said = {
+        kind: ", ".join(f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}" for path in paths)
+        for kind, paths in origin.items()
+        if paths
+    }
+    if seed is not None:
+        said["seed"] = f"{seed}, counted up"
+    return {**said, "command": shlex.join(["lidarcheck", *sys.argv[1:]])}

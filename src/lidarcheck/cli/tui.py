@@ -1,0 +1,62 @@
+"""`lidarcheck tui`: the terminal interface."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.options import Quiet
+from lidarcheck.cli.terminal import hush
+from lidarcheck.errors import InputError, UsageError
+
+__all__ = ["tui"]
+
+
+def tui(
+    project: Annotated[Path | None, Parameter(help="The project's directory; by default the one you are in.")] = None,
+    /,
+    *,
+    screen: Annotated[
+        Literal["overview", "blooming"] | None, Parameter(help="The screen to begin with; by default the last one.")
+    ] = None,
+    theme: Annotated[
+        Literal["dark", "light", "high-contrast", "plain"] | None,
+        Parameter(help="dark, light, high-contrast, or plain: the terminal's own 16 colours; by default the last one."),
+    ] = None,
+    no_mouse: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="Leave the mouse to the terminal, to select text with.")
+    ] = False,
+    quiet: Quiet = False,
+) -> int:
+    """Open the terminal interface on a project."""
+    root = project or Path()
+    if not root.is_dir():
+        what = "is not a directory" if root.exists() else "there is no such directory"
+        raise InputError(what, file=root, fix="give the directory with scenarios, models and tables")
+    _check_terminal()
+    hush(True)  # what is said while it runs stands in its log
+    from lidarcheck.tui.app import run
+
+    # Short turns for threads: a key is answered while a simulation runs.
+    sys.setswitchinterval(0.001)
+    try:
+        return run(root, theme=theme or "", screen=screen or "", mouse=not no_mouse)
+    finally:
+        hush(quiet)
+
+
+def _check_terminal() -> None:
+    """Refuse what cannot be drawn on, before anything is."""
+    others = "lidarcheck --help lists the commands that do the same"
+    for name in ("stdin", "stdout", "stderr"):
+        if not getattr(sys, name).isatty():
+            what = f"the terminal interface needs a terminal, and {name} is none"
+            raise UsageError(what, fix=f"run it in a terminal without pipes; {others}")
+    term = os.environ.get("TERM", "")
+    if term in ("", "dumb", "unknown"):
+        said = f"TERM={term}" if term else "TERM is not set, so it"
+        raise UsageError(f"{said} says a terminal that cannot place text", fix=f"set TERM, as TERM=xterm; {others}")

@@ -1,0 +1,84 @@
+"""Which sensor variant measured: PEAK cannot pass the saturation, and strong echoes pile up there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lidarcheck.errors import InputError
+from lidarcheck.scan import Scan
+from lidarcheck.sensor import VARIANTS, Sensor
+
+__all__ = ["above_saturation", "check_variant", "check_variants", "other_variant", "variant_of"]
+
+ABOVE_SATURATION, FEWEST_ABOVE = 1.05, 3
+PILE_PEAKS, FEWEST_PILED, PILE_RATIO = 5, 20, 3
+
+
+def above_saturation(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "model") -> InputError | None:
+    """More detectors ON than there are: no effect does that, another sensor does. `asked`: what named the sensor."""
+    top = sensor.peak_saturation
+    above = int(np.count_nonzero(scan.peak > ABOVE_SATURATION * top))
+    if above < FEWEST_ABOVE:
+        return None
+    what = f"PEAK reaches {float(scan.peak.max()):g} ({above} echoes), above the {top:g} at which the {asked}'s "
+    what += f"sensor, {sensor.variant}, saturates"
+    row = int(np.flatnonzero(scan.peak > ABOVE_SATURATION * top)[0])
+    what += f", first on Layer {scan.layer[row]}, Point {scan.point[row]}"
+    return InputError(what, file=file, fix=f"name the {asked} of the variant that measured{_who(scan, top)}")
+
+
+def _who(scan: Scan, top: float) -> str:
+    """A variant that does saturate that high."""
+    fits = [name for name in VARIANTS if Sensor.of(name).peak_saturation >= scan.peak.max() > top]
+    return f", {fits[0]}?" if fits else ""
+
+
+def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
+    """What shows that a variant measured that saturates lower than the sensor's; empty where nothing does.
+
+    Strong echoes then end exactly at that variant's saturation and pile up there.
+    """
+    peak = np.concatenate([scan.peak for scan in scans]) if scans else np.zeros(0)
+    top = sensor.peak_saturation
+    for name in VARIANTS:
+        other = Sensor.of(name).peak_saturation
+        if name == sensor.variant or other >= top or not len(peak) or peak.max() != other:
+            continue
+        piled = int(np.count_nonzero(peak > other - PILE_PEAKS))
+        below = int(np.count_nonzero((peak <= other - PILE_PEAKS) & (peak > other - 2 * PILE_PEAKS)))
+        if piled >= FEWEST_PILED and piled > PILE_RATIO * below:
+            return (
+                f"no PEAK is above {other:g}, where {piled} echoes pile up: that is how {name} saturates, "
+                f"not {sensor.variant} at {top:g}"
+            )
+    return ""
+
+
+def variant_of(scan: Scan) -> str:
+    """The variant that a scan's saturation gives away; empty where it does not."""
+    low, high = sorted((Sensor.of(name) for name in VARIANTS), key=lambda sensor: sensor.peak_saturation)
+    if above_saturation(scan, low, "") is not None:
+        return high.variant
+    return low.variant if other_variant([scan], high) else ""
+
+
+def check_variants(measured: Scan, simulated: Scan, file: str | Path) -> None:
+    """Refuse scans whose saturations give away two variants: `InputError` names the measured file."""
+    one, other = variant_of(measured), variant_of(simulated)
+    if one and other and one != other:
+        what = f"saturates as {one} does (PEAK up to {measured.peak.max():g}), the simulated scan as "
+        what += f"{other} (up to {simulated.peak.max():g})"
+        raise InputError(what, file=file or None, fix="compare scans of one variant")
+
+
+def check_variant(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "model") -> None:
+    """Refuse a scan that another variant measured than the sensor's: `InputError` says by what that is seen."""
+    fault = above_saturation(scan, sensor, file, asked)
+    if fault is not None:
+        raise fault
+    what = other_variant([scan], sensor)
+    if what:
+        raise InputError(what, file=file or None, fix=f"name the {asked} of the variant that measured")

@@ -1,0 +1,180 @@
+"""A workflow's figure as PNG, by matplotlib, on white: for a talk, a message or a ticket.
+
+Series have the colours that the page has in its light mode, and differ by dashes and shapes besides. The same figure
+gives the same bytes with the same matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.calibration.figures import Grid
+from lidarcheck.plots.map_cells import cell_edges, reach_of
+from lidarcheck.plots.panel import Panel, depth, squeezed
+from lidarcheck.plots.scales import equal_spans, limits, one_a_cell, round_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["COLOURS", "write_png"]
+
+FloatArray = npt.NDArray[np.float64]
+Span = tuple[float, float]
+
+COLOURS = ("#b4540a", "#0b62c4", "#1a7f4b", "#8a3fa0", "#7a6a00", "#c2185b", "#4b5563", "#00777f")
+_DASHES: tuple[Any, ...] = (
+    "-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)),
+    (0, (9, 3)), (0, (3, 1)), (0, (9, 2, 1.5, 2, 1.5, 2)), (0, (1, 3)),
+)  # fmt: skip
+_SHAPES = ("o", "x", "s", "+", "^", "D", "_", "|")
+_LEGEND_LETTERS = 84
+_CELLS = (400, 200)
+"""Dots that would fall into one cell of such a grid are drawn once."""
+_FEW = 40
+_WIDTH_IN, _HEIGHT_IN, _DPI = 7.0, 4.2, 130
+_STYLE: Any = {
+    "axes.linewidth": 0.7,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.edgecolor": "#68707a",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "text.parse_math": False,
+    "grid.color": "#d5d9de",
+    "grid.linewidth": 0.5,
+    "path.simplify": True,
+}
+
+
+def write_png(panels: Sequence[Panel], path: Path, columns: int = 1) -> None:
+    """Write the panels to a file, one below the other, or in rows of so many columns."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        rows = -(-len(panels) // columns)
+        # Many panels on one sheet are each a little smaller.
+        size = 1.0 if columns == 1 else 0.75
+        figure = Figure(figsize=(size * _WIDTH_IN * columns, size * _HEIGHT_IN * rows), dpi=_DPI, layout="constrained")
+        for place, panel in enumerate(panels, 1):
+            _draw(figure.add_subplot(rows, columns, place), panel)
+        figure.savefig(path, format="png", metadata={"Software": None})
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    axes.set_title(squeezed(panel.title, 90), loc="left")
+    axes.set_xlabel(panel.x_label)
+    axes.set_ylabel(panel.y_label)
+    points = panel.points()
+    if panel.grid is not None and np.isfinite(panel.grid.values).any():
+        _draw_map(axes, panel.grid)
+    elif not len(points):
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "nothing to draw", ha="center", va="center", transform=axes.transAxes)
+    else:
+        _draw_series(axes, panel, _span(axes, panel, points))
+
+
+def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
+    """What the axes span, after setting their limits and ticks, the same as in text and SVG."""
+    x, y = limits(points[:, 0], 0.02), limits(points[:, 1], 0.04)
+    if panel.equal:
+        x, y, equal = equal_spans(x, y, 0.86 * _WIDTH_IN, 0.76 * _HEIGHT_IN)
+        if not equal:
+            axes.set_xlabel(f"{panel.x_label} (not to one scale)")
+    axes.set_xlim(*x)
+    axes.set_ylim(*y)
+    axes.set_xticks(*_true_minus(round_ticks(*x, 9, panel.log_x)))
+    if panel.y_names:
+        axes.set_yticks([float(i) for i in range(len(panel.y_names))], [squeezed(name, 24) for name in panel.y_names])
+    else:
+        axes.set_yticks(*_true_minus(round_ticks(*y, 7, panel.log_y)))
+    axes.grid(axis="y")
+    axes.set_axisbelow(True)
+    return x, y
+
+
+def _true_minus(ticks: tuple[list[float], list[str]]) -> tuple[list[float], list[str]]:
+    return ticks[0], [words.replace("-", "−") for words in ticks[1]]
+
+
+def _draw_series(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> None:
+    for band in panel.bands:
+        good = np.isfinite(band.low) & np.isfinite(band.high)
+        alpha = 0.3 if band.solid else 0.18
+        shade: dict[str, Any] = {"color": COLOURS[band.series], "alpha": alpha}
+        axes.fill_between(band.x, band.low, band.high, where=good.tolist(), lw=0, **shade)
+        if not band.solid and len(band.x) <= _FEW:  # a point between gaps has an interval too
+            axes.vlines(band.x[good], band.low[good], band.high[good], lw=1.5, **shade)
+    for line in panel.lines:
+        if line.series is None:
+            heavy: dict[str, Any] = {"color": "#1a1d21", "lw": 3.0, "solid_capstyle": "butt"}
+            axes.plot(line.x, line.y, **(heavy if line.heavy else {"color": "#68707a", "lw": 1.0, "ls": (0, (3, 2))}))
+        else:
+            number = line.series
+            axes.plot(line.x, line.y, color=COLOURS[number], lw=1.3, ls=_DASHES[number], label=panel.names[number])
+            if line.filled:
+                good = np.isfinite(line.y)
+                bottom = float(np.min(line.y[good], initial=0.0))
+                axes.fill_between(line.x[good], line.y[good], bottom, color=COLOURS[number], alpha=0.18, lw=0)
+    for dots in sorted(panel.dots, key=depth):
+        if dots.series is None:
+            axes.plot(dots.x, dots.y, "o", mfc="white", mec="#1a1d21", ms=5.0, mew=1.2, zorder=3.0)
+        else:
+            number = dots.series
+            few = len(dots.x) <= 300
+            seen = one_a_cell(dots.x, dots.y, spans, _CELLS)
+            axes.plot(
+                *seen.T, _SHAPES[number], color=COLOURS[number], ms=3.5 if few else 2.0, mew=0.7, ls="",
+                label=panel.names[number],
+            )  # fmt: skip
+    if not panel.y_names and axes.get_legend_handles_labels()[0]:
+        _legend(axes, panel)
+
+
+def _legend(axes: Axes, panel: Panel) -> None:
+    """Above the axes; a curve and its dots are one entry."""
+    handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    names = [name for name in panel.names if name in handles]
+    words = [squeezed(name, 40) for name in names]
+    columns = min(max(_LEGEND_LETTERS // (max(map(len, words)) + 6), 1), len(words))
+    words[-1] += "".join(f" ({squeezed(name, 40)}: nothing)" for name in panel.absent)
+    words[-1] += f" (and {panel.more} more, not drawn)" if panel.more else ""
+    axes.legend(
+        [handles[name] for name in names],
+        words,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.1,
+        columnspacing=1.2,
+    )
+    axes.set_title(squeezed(panel.title, 90), loc="left", pad=8.0 + 14.0 * -(-len(names) // columns))
+
+
+def _draw_map(axes: Axes, grid: Grid) -> None:
+    low, high = reach_of(grid)
+    values = np.asarray(grid.values, dtype=np.float64)
+    values = values[np.argsort(grid.y)][:, np.argsort(grid.x)]
+    colours = "PuOr_r" if grid.diverging else "cividis"
+    shown = axes.pcolormesh(_borders(grid.x), _borders(grid.y), values, vmin=low, vmax=high, cmap=colours)
+    assert axes.figure is not None
+    axes.figure.colorbar(shown, ax=axes, label=grid.value_label)
+
+
+def _borders(middles: npt.ArrayLike) -> FloatArray:
+    """The borders of cells around these middles, in ascending order."""
+    at = np.sort(np.asarray(middles, dtype=np.float64))
+    low, high = cell_edges(at)
+    return np.concatenate([[low], 0.5 * (at[1:] + at[:-1]), [high]])

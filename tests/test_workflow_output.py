@@ -1,0 +1,104 @@
+"""What workflows print and write: all of it, or nothing."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from lidarcheck.calibration.figures import Distribution, Page, Section, Table
+from lidarcheck.cli.command import ARGUMENTS
+from lidarcheck.cli.workflow_output import PLOTS, check_out_dir, finish
+from lidarcheck.errors import InputError
+from lidarcheck.plots.panels import KINDS, VIEWS
+
+FIGURE = Distribution("Range / residual", "residual", "m", {"real": np.arange(9.0), "simulated": np.arange(7.0)})
+TABLE = Table("KPIs", ("panel", "bias"), (("one", "0.1"),), ("bias",))
+PAGE = Page("Panels", "All hold.", (Section("Ranges", ("Some words.",), (TABLE,), (FIGURE,)),), {"seed": "1"})
+
+
+def test_the_plots_that_can_be_asked_for_are_those_that_there_are():
+    assert (*KINDS, *VIEWS, "all") == PLOTS
+
+
+def test_a_result_is_printed_and_written(tmp_path, capsys):
+    out, copy = tmp_path / "out", tmp_path / "copy.json"
+    finish(PAGE, {"bias": np.float64(0.5), "none": float("nan")}, out=out, json=str(copy), plot="violin")
+    printed = capsys.readouterr().out
+    for words in ("All hold.", "Ranges", "Some words.", "panel  bias", "one     0.1", "quartiles, median"):
+        assert words in printed
+    written = json.loads((out / "result.json").read_text())
+    assert written["workflow"] == "Panels"
+    assert written["summary"] == "All hold."
+    assert written["result"] == {"bias": 0.5, "none": None}
+    assert written["provenance"] == {"seed": "1"}
+    assert copy.read_text() == (out / "result.json").read_text()
+    assert "All hold." in (out / "report.html").read_text()
+    assert [path.name for path in (out / "pictures").iterdir()] == ["01-range-residual-violin.png"]
+
+
+def test_the_result_says_which_command_made_it(tmp_path, capsys):
+    for given, name in ((("explain", "a"), "explain"), (("--quiet", "simulate"), "simulate"), (("no",), "Panels")):
+        token = ARGUMENTS.set(given)
+        finish(PAGE, {}, out=None, json="-", plot=None)
+        ARGUMENTS.reset(token)
+        assert json.loads(capsys.readouterr().out)["workflow"] == name
+
+
+def test_the_page_of_a_result_is_known_by_its_hash(tmp_path, capsys):
+    finish(PAGE, {}, out=tmp_path, json=None, plot=None)
+    record = json.loads((tmp_path / "result.json").read_text())["page"]
+    assert record["sha256"] == hashlib.sha256((tmp_path / record["file"]).read_bytes()).hexdigest()
+
+
+def test_all_kinds_are_printed_and_drawn(tmp_path, capsys):
+    finish(PAGE, {}, out=tmp_path, json=None, plot="all")
+    assert capsys.readouterr().out.count("Range / residual\n") == len(KINDS)
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert names == {f"01-range-residual-{kind}.png" for kind in KINDS}
+
+
+def test_without_plot_no_figure_is_printed_and_without_out_nothing_is_written(tmp_path, capsys):
+    finish(PAGE, {}, out=None, json="-", plot=None)
+    assert json.loads(capsys.readouterr().out)["result"] == {}
+    finish(PAGE, {}, out=None, json=None, plot=None)
+    assert "┌" not in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_second_run_leaves_no_picture_of_the_first(tmp_path, capsys):
+    (tmp_path / "pictures").mkdir()
+    for name in ("07-old.png", "mine.png"):
+        (tmp_path / "pictures" / name).write_bytes(b"x")
+    finish(PAGE, {}, out=tmp_path, json=None, plot=None)
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
+        "01-range-residual-histogram.png",
+        "mine.png",
+    ]
+
+
+def test_a_fault_leaves_everything_as_it_was(tmp_path, monkeypatch, capsys):
+    (tmp_path / "report.html").write_text("old")
+    monkeypatch.setattr("lidarcheck.plots.page_html.page_html", lambda _page: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        finish(PAGE, {}, out=tmp_path, json=None, plot=None)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert (tmp_path / "report.html").read_text() == "old"
+
+
+def test_a_directory_that_cannot_be_written_is_refused_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="is not a directory"):
+        check_out_dir(tmp_path / "file")
+    with pytest.raises(InputError, match="its directory does not exist"):
+        check_out_dir(tmp_path / "a" / "b")
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(InputError, match="is a directory"):
+        check_out_dir(tmp_path)
+    (tmp_path / "report.html").rmdir()
+    with pytest.raises(InputError, match="would replace another file"):
+        check_out_dir(tmp_path, besides=(tmp_path / "result.json",))
+    (tmp_path / "pictures").write_text("x")
+    with pytest.raises(InputError, match="cannot be replaced"):
+        check_out_dir(tmp_path)
+    check_out_dir(tmp_path / "new")
