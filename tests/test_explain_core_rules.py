@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import find
+from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN, KIN_PART, Search, Trial, _beside_kin, are_kin
+from lidarcheck.explain.forward import KIN, KIN_PART, Search, Trial, _beside_kin, _tried, are_kin
 from lidarcheck.explain.located_ranges import _walks
+from lidarcheck.model.spec import Model
+from lidarcheck.sensor import Sensor
 
 
 def trial(name: str, gain: float, before: float, after: float, change: float) -> Trial:
@@ -72,3 +75,37 @@ def test_a_walk_is_read_off_its_curve(shift_m) -> None:
         found = find("walk_error")(**{**probe.fixed, **probe.settings}).shift_m(area)
         errors.append(np.abs(found - wanted).max() / np.ptp(wanted))
     assert min(errors) < 0.03
+
+
+class NarrowLab:
+    """A laboratory that only applies what an effect does to the sensor."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.model, self.measured, self.metric = Model(sensor), np.zeros(3), self
+
+    def shows(self, model, seeds=None, *, nuisance=None):
+        for effect in model.effects:
+            effect.detector(model.sensor)
+        return np.zeros((1, 3))
+
+    def distance(self, shown):
+        return 1.0
+
+    def times(self, jacobian):
+        return jacobian
+
+    def square(self, change):
+        return 0.0
+
+
+@pytest.mark.parametrize(("shift_ns", "found"), [(-3.7, True), (-900.0, False)])
+def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float, found: bool) -> None:
+    sensor = Sensor.of("SMART")
+    probe = next(probe for probe in fixed_probes(["dead_time"]) if not probe.variant)
+    probe = dataclasses.replace(probe, settings={**probe.settings, "shift_ns": shift_ns})
+    with pytest.raises(UsageError):
+        probe.effect(probe.start()).detector(sensor)
+    lab = NarrowLab(sensor)
+    fit, after, _ = _tried((lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3))), probe)
+    assert fit.possible == found
+    assert np.isfinite(after) == found

@@ -50,14 +50,14 @@ def blooming(app):
 
 
 async def on_blooming(app, pilot):
-    await pilot.press("f3")
+    await pilot.press("f5")
     view = blooming(app)
     await until(pilot, lambda: app.view is view and view.session is not None)
     return view
 
 
 def status(app):
-    return app._status[0]
+    return app.bars.status[0]
 
 
 def scaled(view, row):
@@ -80,7 +80,7 @@ def test_a_scenario_is_run_and_kept(project):
         await pilot.press("f", "end", "r")
         await says(app, pilot, "no scenario under the cursor")
         assert app.state.selected["overview"] == "measured/empty.txt"
-        await pilot.press("l")
+        await pilot.press("R")
         await until(pilot, lambda: "scenarios" in status(app))
 
     drive(app_on(project), do)
@@ -88,7 +88,7 @@ def test_a_scenario_is_run_and_kept(project):
     async def again(app, pilot):
         await sees(app, pilot, "fell out")
         (project / "goldens/background_SMART.toml").write_text("other")
-        await pilot.press("l")
+        await pilot.press("R")
         await until(pilot, lambda: "fell out?" in text_of(app))
 
     drive(app_on(project), again)
@@ -129,17 +129,17 @@ def test_a_cell_is_edited_seen_and_saved(project):
         await sees(app, pilot, "513")
         await sees(app, pilot, "~")
         assert lut.read_bytes() == LUT.encode()
-        await pilot.press("f5")
+        await pilot.press("S")
         await until(pilot, lambda: isinstance(app.screen, Ask))
         await sees(app, pilot, "513")
         await pilot.press("escape")
         assert lut.read_bytes() == LUT.encode()
-        await pilot.press("f5", "enter")
+        await pilot.press("S", "enter")
         await pilot.pause()
-        await says(app, pilot, "saved, 1 rows")
+        await says(app, pilot, "saved, 1 row")
         assert load_lut(lut).tables["vertical"].rows()[2].scaled == 513
         assert lut.read_bytes().endswith(b"; the end\r\nPostPro.Other = 7")
-        await pilot.press("f5")
+        await pilot.press("S")
         await says(app, pilot, "nothing is edited")
 
     drive(app_on(project), do)
@@ -180,7 +180,7 @@ def test_every_edit_by_its_key(project):
         await pilot.press("escape", *("u",) * 20)
         await says(app, pilot, "nothing to take back")
         assert not view.session.dirty
-        await pilot.press("d", "s", "f6")
+        await pilot.press("d", "s", "R")
         await says(app, pilot, "read again")
 
     drive(app_on(project), do)
@@ -238,9 +238,9 @@ def test_a_file_changed_on_disk_asks(project):
         view = await on_blooming(app, pilot)
         await pilot.press("plus")
         lut.write_bytes(LUT.replace("our", "my").encode())
-        await pilot.press("f5")
+        await pilot.press("S")
         await sees(app, pilot, "has changed on the disk")
-        await pilot.press("k", "f5", "enter")
+        await pilot.press("k", "S", "enter")
         await pilot.pause()
         assert b"our sign" in lut.read_bytes()
         await pilot.press("plus")
@@ -282,7 +282,7 @@ def test_another_instance_is_noticed(project):
         await pilot.press("plus")
         await says(app, pilot, "is being edited by process")
         session.close()
-        await pilot.press("f6", "plus")
+        await pilot.press("R", "plus")
         assert view.session.dirty
         await pilot.press("u")
 
@@ -309,7 +309,7 @@ def test_what_is_everywhere(project, monkeypatch):
         await pilot.press("w", "enter")
         await pilot.pause()
         await says(app, pilot, "is there already; give another name")
-        await pilot.press("f9")
+        await pilot.press("L")
         await sees(app, pilot, "bad_lut.ini:2")
         await pilot.press("g", "B")
         assert app.view is blooming(app)
@@ -317,16 +317,16 @@ def test_what_is_everywhere(project, monkeypatch):
         assert app.focused.id == "curve"
         await pilot.press("g", "l")
         assert app.focused.id == "log"
-        await pilot.press("f9", "f2", "f4")
+        await pilot.press("L", "f2", "ctrl+p")
         await until(pilot, lambda: isinstance(app.screen, Palette))
         await pilot.press(*"thm")
         await pilot.press("enter")
         assert isinstance(app.screen, type(app.screen))
-        await pilot.press("f4", *"next", "space", *"theme", "enter")
+        await pilot.press("ctrl+p", *"next", "space", *"theme", "enter")
         await pilot.pause()
         assert app.theme == "light"
         for theme in ("high-contrast", "plain", "dark"):
-            await pilot.press("f8")
+            await pilot.press("T")
             assert app.theme == theme
         await pilot.press("ctrl+c")
         await says(app, pilot, "q leaves")
@@ -337,7 +337,7 @@ def test_what_is_everywhere(project, monkeypatch):
 def test_the_next_start_is_as_the_last_one_was(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
-        await pilot.press("o", "down", "down", "f8", "f9")
+        await pilot.press("o", "down", "down", "T", "L")
         assert view.at == 2
 
     drive(app_on(project), do)
@@ -347,7 +347,7 @@ def test_the_next_start_is_as_the_last_one_was(project):
         view = blooming(app)
         await until(pilot, lambda: app.view is view)
         assert (view.session.path.name, view.at, app.theme) == ("both_lut.ini", 2, "light")
-        assert app._log_pane.size.height
+        assert app.bars.log.size.height
 
     drive(app_on(project), again)
 
@@ -356,7 +356,7 @@ def test_leaving_with_edits_keeps_them(project):
     async def do(app, pilot):
         await on_blooming(app, pilot)
         await pilot.press("plus", "q")
-        await sees(app, pilot, "1 rows are not saved")
+        await sees(app, pilot, "1 row not saved")
         await pilot.press("escape", "q", "q")
         await pilot.pause()
         assert not app.is_running or app._exit
@@ -375,7 +375,7 @@ def test_any_size_down_to_one_by_one(project, screen):
         await until(pilot, lambda: screen == app.view.NAME)
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
-            await pilot.press("down", "f1", "escape", "f4", "escape")
+            await pilot.press("down", "f1", "escape", "ctrl+p", "escape")
             await pilot.pause(0.2)
         await sees(app, pilot, "F1 Help")
 
@@ -388,7 +388,7 @@ def test_an_empty_project_says_so(tmp_path):
         async with app.run_test(size=(80, 24)) as pilot:
             await until(pilot, lambda: app.reads)
             await sees(app, pilot, "no scenario here")
-            await pilot.press("r", "a", "f3", "plus", "5", "enter", "u", "s", "d", "n", "m", "t", "o", "f5", "f6")
+            await pilot.press("r", "a", "f5", "plus", "5", "enter", "u", "s", "d", "n", "m", "t", "o", "ctrl+s", "R")
             await pilot.pause(0.3)
             await sees(app, pilot, "no LUT file in this project")
 

@@ -52,16 +52,16 @@ def test_a_user_edits_saves_and_leaves(tmp_path):
     project = make_project(tmp_path / "bench")
     with Tmux(tmp_path / "s", project) as terminal:
         terminal.shows("3 scenarios")
-        terminal.keys("F3")
+        terminal.keys("F5")
         terminal.shows("a_lut.ini vertical")
         terminal.keys("Down", "5", "1", "2", "Enter")
         terminal.shows("512")
         terminal.keys("+", "+", "u")
         terminal.shows("taken back: nudge +1")
-        terminal.keys("F5")
-        terminal.shows("Save 1 rows to a_lut.ini?")
+        terminal.keys("C-s")
+        terminal.shows("Save 1 row to a_lut.ini?")
         terminal.keys("Enter")
-        terminal.shows("saved, 1 rows")
+        terminal.shows("saved, 1 row")
         assert load_lut(project / "a_lut.ini").tables["vertical"].rows()[1].scaled == 513
         terminal.resize(20, 5)
         terminal.resize(100, 30)
@@ -75,7 +75,7 @@ def test_a_lost_connection_loses_no_edit(tmp_path):
     project = make_project(tmp_path / "bench")
     with Tmux(tmp_path / "s", project) as terminal:
         terminal.shows("3 scenarios")
-        terminal.keys("F3")
+        terminal.keys("F5")
         terminal.shows("a_lut.ini vertical")
         terminal.keys("6", "0", "0", "Enter")
         terminal.shows("600")
@@ -83,9 +83,9 @@ def test_a_lost_connection_loses_no_edit(tmp_path):
     with Tmux(tmp_path / "t", project) as terminal:
         terminal.shows("an earlier session ended with 1 row not saved")
         terminal.keys("b")
-        terminal.shows("1 rows brought back")
-        terminal.keys("F5")
-        terminal.shows("Save 1 rows")
+        terminal.shows("1 row brought back")
+        terminal.keys("C-s")
+        terminal.shows("Save 1 row")
         terminal.keys("Enter")
-        terminal.shows("saved, 1 rows")
+        terminal.shows("saved, 1 row")
     assert load_lut(project / "a_lut.ini").tables["vertical"].rows()[0].scaled == 600

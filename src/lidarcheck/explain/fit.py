@@ -32,6 +32,7 @@ class Fit:
 
     `shown` (seeds, n_summaries): what it shows. `jacobian` (n_summaries, n_free): change per step of every free
     parameter, None before a fit has taken it. `nuisance`: how far gain, reflectances and pose are off besides.
+    The distance is infinite where no sensor can have what the effects start with.
     """
 
     probes: tuple[Probe, ...]
@@ -48,6 +49,11 @@ class Fit:
     def names(self) -> tuple[str, ...]:
         """Their names."""
         return tuple(probe.name for probe in self.probes)
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a sensor with these effects."""
+        return bool(np.isfinite(self.distance))
 
     def model(self, model: Model) -> Model:
         """The model with the effects in their places."""
@@ -81,7 +87,9 @@ def fit(
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
     end, shown, jacobian = _descend(lab, shows, start, rounds)
-    return Fit(tuple(probes), parts(end), lab.distance(shown), shown, jacobian, nuisance)
+    distance = np.inf if shown is None else lab.distance(shown)
+    nothing = np.zeros((1, len(lab.measured)))
+    return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
 
 
 def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray]) -> Model:
@@ -143,10 +151,13 @@ def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
     return seen
 
 
-def _descend(lab: Lab, shows: Shows, at: FloatArray, rounds: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+def _descend(
+    lab: Lab, shows: Shows, at: FloatArray, rounds: int
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
+    """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible."""
     shown = shows(at)
     if shown is None:
-        return at, np.full((1, len(lab.measured)), 1e6), None
+        return at, None, None
     best, damping, jacobian = lab.distance(shown), 0.1, None
     for _ in range(rounds if len(at) else 0):
         jacobian = _jacobian(shows, at, shown)

@@ -48,6 +48,8 @@ _LISTED = 0.1
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
 _DOUBTFUL = 10.0
+_WEAKER = 3
+"""So often a start that no sensor can have is made half as strong."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -175,6 +177,8 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     tried = bench.crew.map(_tried, (lab, bench.select, now, shown), probes)
     for i, (alone, after, change) in enumerate(tried):
         one = order[i][1]
+        if not alone.possible:
+            continue
         needed = max(1.3 * bench.level * one.chance, bench.worth, _beside_kin(one.probe.name, found))
         gain = now.distance - alone.distance
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change))
@@ -197,6 +201,12 @@ def _tried(shared: tuple[Lab, Lab, Fit, FloatArray], probe: Probe) -> tuple[Fit,
     """The fit with one more effect, how far it is on the select frames, and how far it moves them."""
     lab, select, now, before = shared
     found = fit_next(lab, now, probe)
+    for _ in range(_WEAKER):
+        if not found.possible:
+            probe = probe.scaled(0.5)
+            found = fit_next(lab, now, probe)
+    if not found.possible:
+        return found, np.inf, 0.0
     shown = select_shown(select, found)
     return found, select.distance(shown), select.metric.square(shown.mean(axis=0) - before.mean(axis=0))
 

@@ -9,8 +9,6 @@ import logging
 import os
 import signal
 import threading
-import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
@@ -21,20 +19,23 @@ from textual.message import Message
 from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.formats.table import counted
+from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.core.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.core.checks import Runs
 from lidarcheck.tui.core.project import Project, read_project
 from lidarcheck.tui.core.state import load_state, save_state
 from lidarcheck.tui.help import LogHandler, help_lines
+from lidarcheck.tui.screens import later_screens
 from lidarcheck.tui.screens.base import View, bindings
 from lidarcheck.tui.screens.overview import Overview
 from lidarcheck.tui.themes import THEMES, textual_themes
-from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette, key_name
-from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
+from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
+from lidarcheck.tui.widgets.lines import Lines, line
 
 __all__ = ["LidarcheckApp", "run"]
 
-_KEPT_LINES, _HANGUP = 1000, 129
+_HANGUP = 129
 
 
 class LidarcheckApp(App[int]):
@@ -64,25 +65,20 @@ class LidarcheckApp(App[int]):
         self.reads = 0
         self.state = load_state(root)
         self.animation_level = "none"
-        self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
-        self._status: tuple[str, bool] = ("reading the project ...", False)
-        self._progress = self._awaited = ""
+        self.bars = Bars()
+        self._awaited = ""
         self._warnings = LogHandler(self.soon, self.note)
         # Held here: while a question is asked, a query would look for them on its screen.
         self._views: tuple[View, ...] = (Overview(Runs(root)),)
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
-        self._log_pane = Lines("Log", label="l", id="log")
-        self._top_bar, self._status_bar, self._key_bar = (
-            Lines(id=name, bar=True) for name in ("top", "status", "keys")
-        )
 
     def compose(self) -> ComposeResult:
         """A bar above, the screens, the log, and two bars below."""
-        yield self._top_bar
+        yield self.bars.top
         with self._switcher:
             yield from self._views
-        yield from (self._log_pane, self._status_bar, self._key_bar)
+        yield from (self.bars.log, self.bars.below, self.bars.keys)
 
     def on_mount(self) -> None:
         """Theme, screen and log as they were; then read the project beside the interface."""
@@ -91,7 +87,7 @@ class LidarcheckApp(App[int]):
         screen, theme_name = self._wanted
         self.theme = theme_name if theme_name in THEMES else THEMES[0]
         logging.getLogger("lidarcheck").addHandler(self._warnings)
-        self._log_pane.set_class(self.state.log, "shown")
+        self.bars.log.set_class(self.state.log, "shown")
         self.show_screen(next(iter(SCREENS)))
         if screen in SCREENS:
             self.show_screen(screen)
@@ -119,10 +115,7 @@ class LidarcheckApp(App[int]):
         def read() -> None:
             try:
                 project = read_project(root)
-                # Numbers and tables are heavy to load, and the first screen does without.
-                from lidarcheck.tui.screens.blooming import Blooming
-
-                self.soon(self._project_read, project, Blooming)
+                self.soon(self._project_read, project, *later_screens())
             except LidarcheckError as error:
                 self.soon(self.say, error)
 
@@ -147,7 +140,7 @@ class LidarcheckApp(App[int]):
 
     def inside(self, text: str) -> str:
         """A text without the project's own path in front of its files."""
-        return text.replace(f"{self.project.root}{os.sep}", "")
+        return self.project.inside(text)
 
     # Screens and bars
 
@@ -174,44 +167,19 @@ class LidarcheckApp(App[int]):
         self._bars()
 
     def _bars(self) -> None:
-        everywhere = [a for a in actions_of("") if a.short]
-        parts: list[tuple[str, Any]] = [(f"lidarcheck {self.project.root.resolve().name[:16]}  ", "title")]
-        parts += [
-            (f"{key_name(a.keys[0])} {a.short}  ", "focus" if a.name == self.view.NAME else "dim") for a in everywhere
-        ]
-        self._top_bar.show([tuple(parts)])
-        own = [f"{key_name(a.keys[0])} {a.short}" for a in actions_of(self.view.NAME) if a.short and a.screen]
-        self._key_bar.show([line("  ".join(own), "dim")])
-        self._show_status()
-
-    def _show_status(self) -> None:
-        text, bad = (self._progress, False) if self._progress else self._status
-        self._status_bar.show([line(text, "bad" if bad else "text")])
+        self.bars.show(self.view.NAME, self.project, self.size.width)
 
     def progress(self, text: str) -> None:
         """What a run says while it runs; empty when it has ended."""
-        self._progress = text
-        self._show_status()
+        self.bars.progress(text)
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """One line for the user, which the log keeps."""
-        bad = bad or isinstance(text, LidarcheckError)
-        lines = text.lines() if isinstance(text, LidarcheckError) else [text]
-        for one in lines:
-            self.note(self.inside(one), bad)
-        more = f" (and {len(lines) - 1} more: F9)" if len(lines) > 1 else ""
-        self._status = (printable(self.inside(lines[0])) + more, bad)
-        self._show_status()
+        self.bars.say(text, self.project, bad)
 
     def note(self, text: str, bad: bool) -> None:
         """A line for the log alone."""
-        self.said.append((f"{time.strftime('%H:%M:%S')} {text}", bad))
-        pane = self._log_pane
-        if pane.has_class("shown"):
-            pane.show(self._log_lines(), cursor=len(self.said) - 1)
-
-    def _log_lines(self) -> list[Line]:
-        return [line(text, "bad" if bad else "dim") for text, bad in self.said]
+        self.bars.note(text, bad)
 
     def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
         """Do something in the interface's own thread; from any thread, also when the interface has ended."""
@@ -235,7 +203,7 @@ class LidarcheckApp(App[int]):
         pane = self.focused.id if self.focused else ""
         words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
         lines = help_lines(words, self.view.NAME, self.size.width)
-        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME]}, {pane}", lines, {}))
+        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
 
     def action_palette(self) -> None:
         """Any action by its name."""
@@ -247,24 +215,24 @@ class LidarcheckApp(App[int]):
 
     def action_jump(self) -> None:
         """By label: screens in capitals, panes in small letters."""
-        places = {name[0].upper(): title for name, title in SCREENS.items()}
-        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self._log_pane]}
+        places = {place.label: place.title for place in SCREENS.values()}
+        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self.bars.log]}
         self.push_screen(Ask("Go to", [], places), self._jumped)
 
     def _jumped(self, key: str | None) -> None:
-        screen = next((name for name in SCREENS if key == name[0].upper()), "")
+        screen = next((name for name, place in SCREENS.items() if key == place.label), "")
         if screen:
             self.show_screen(screen)
             return
-        if key == "l" and not self._log_pane.has_class("shown"):
+        if key == "l" and not self.bars.log.has_class("shown"):
             self.action_log()
-        for pane in [*self.view.panes(), self._log_pane]:
+        for pane in [*self.view.panes(), self.bars.log]:
             if key == pane.label:
                 pane.focus()
 
     def action_next_pane(self, by: int) -> None:
         """The focus goes round."""
-        log = self._log_pane
+        log = self.bars.log
         panes = [pane for pane in [*self.view.panes(), log] if pane.size.area]
         if panes:
             at = panes.index(self.focused) if self.focused in panes else -by
@@ -272,10 +240,10 @@ class LidarcheckApp(App[int]):
 
     def action_log(self) -> None:
         """Show or hide the log."""
-        pane = self._log_pane
+        pane = self.bars.log
         self.state.log = not self.state.log
         pane.set_class(self.state.log, "shown")
-        pane.show(self._log_lines(), cursor=len(self.said) - 1)
+        self.bars.show_log()
         if not self.state.log and self.focused is pane:
             self.view.panes()[0].focus()
 
@@ -334,7 +302,7 @@ class LidarcheckApp(App[int]):
             self.exit(0)
             return
         words = [line("They are kept in the journal, and offered again at the next start.")]
-        self.push_screen(Ask(f"{unsaved} rows are not saved", words, {"q": "leave"}), self._leave)
+        self.push_screen(Ask(f"{counted(unsaved, 'row')} not saved", words, {"q": "leave"}), self._leave)
 
     def _leave(self, key: str | None) -> None:
         if key == "q":
@@ -349,7 +317,7 @@ class LidarcheckApp(App[int]):
 
     def on_resize(self, _event: events.Resize) -> None:
         """Bars are cut to the width by themselves."""
-        if self._top_bar.is_mounted:
+        if self.bars.top.is_mounted:
             self._bars()
 
 

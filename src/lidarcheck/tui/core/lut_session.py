@@ -13,6 +13,7 @@ from typing import Any
 from lidarcheck.calibration.lut_edit import Change, changes, set_rows, shifted, smoothed
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats.lut import Axis, LutFile, load_lut, parse_lut, save_lut
+from lidarcheck.formats.table import counted
 from lidarcheck.tui.core.history import Edit, History, edit_between
 from lidarcheck.tui.core.journal import Journal, Record, read_journal
 from lidarcheck.tui.core.lock import FileLock
@@ -210,8 +211,7 @@ class LutSession:
         """What an earlier session left, for the question whether to bring it back."""
         lut, _, _ = _replay(self.found, self.path)
         number = len(changes(self.saved, lut)) if _alike(self.saved, lut) else sum("edit" in r for r in self.found)
-        rows = "1 row" if number == 1 else f"{number} rows"
-        return f"{self.path.name}: an earlier session ended with {rows} not saved"
+        return f"{self.path.name}: an earlier session ended with {counted(number, 'row')} not saved"
 
     def bring_back(self) -> None:
         """Make the edits of the earlier session again, undo included."""

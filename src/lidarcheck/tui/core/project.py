@@ -65,6 +65,10 @@ class Project:
         """The entries with a fault."""
         return [entry for entry in self.entries if entry.fault]
 
+    def inside(self, text: str) -> str:
+        """A text without the project's own path in front of its files."""
+        return text.replace(f"{self.root}{os.sep}", "")
+
     def in_words(self) -> str:
         """How many files of each kind there are."""
         counts = [(kind, sum(entry.kind == kind for entry in self.entries)) for kind in KINDS]

@@ -285,7 +285,7 @@ class Blooming(LutFileView):
             self.say("there is no other LUT file")
             return
         if self.session.dirty:
-            self.say("save the edits first (F5), or take them back (u)", bad=True)
+            self.say("save the edits first (^S), or take them back (u)", bad=True)
             return
         now = self.ours.state.selected.get("lut", "")
         self._open(names[(names.index(now) + 1) % len(names)] if now in names else names[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.lut import Axis
+from lidarcheck.formats.table import counted
 from lidarcheck.tui.core.lut_session import ChangedOnDisk, LutSession
 from lidarcheck.tui.screens.base import View
 from lidarcheck.tui.widgets.dialogs import Ask
@@ -35,7 +36,7 @@ class LutFileView(View):
     def action_diff(self) -> None:
         """What saving would change."""
         if self.session is not None and self.session.dirty:
-            self.app.push_screen(Ask(f"Not saved: {self.unsaved()} rows", self._diff_lines(), {}))
+            self.app.push_screen(Ask(f"Not saved: {counted(self.unsaved(), 'row')}", self._diff_lines(), {}))
         else:
             self.say("nothing is edited")
 
@@ -47,7 +48,7 @@ class LutFileView(View):
         if self.session.changed_on_disk():
             self._ask_disk()
             return
-        title = f"Save {self.unsaved()} rows to {self.session.path.name}?"
+        title = f"Save {counted(self.unsaved(), 'row')} to {self.session.path.name}?"
         self.app.push_screen(Ask(title, self._diff_lines(), {"Enter": "save"}), lambda key: self._save(key == "Enter"))
 
     def _save(self, agreed: bool, *, overwrite: bool = False) -> None:
@@ -61,7 +62,7 @@ class LutFileView(View):
         except LidarcheckError as error:
             self.say(error)
             return
-        self.say(f"{self.session.path.name}: saved, {number} rows")
+        self.say(f"{self.session.path.name}: saved, {counted(number, 'row')}")
         self.draw()
 
     def _look_at_disk(self) -> None:
@@ -117,7 +118,7 @@ class LutFileView(View):
         if not self.session.dirty:
             self._reload()
             return
-        ask = Ask(f"{self.unsaved()} rows are not saved", self._diff_lines(), {"r": "read again, they are lost"})
+        ask = Ask(f"{counted(self.unsaved(), 'row')} not saved", self._diff_lines(), {"r": "read again, they are lost"})
         self.app.push_screen(ask, lambda key: self._reload() if key == "r" else None)
 
     def _ask_back(self) -> None:
@@ -131,7 +132,7 @@ class LutFileView(View):
         try:
             if key == "b":
                 self.session.bring_back()
-                self.say(f"{self.unsaved()} rows brought back, not saved yet")
+                self.say(f"{counted(self.unsaved(), 'row')} brought back, not saved yet")
             elif key == "l":
                 self.session.forget()
                 self.say("the edits are left; their journal is kept in .lidarcheck/tui")

@@ -1,0 +1,79 @@
+"""The bars above and below the screens, and the log: what the interface says."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.core.actions import SCREENS, Action, actions_of
+from lidarcheck.tui.themes import Role
+from lidarcheck.tui.widgets.dialogs import key_name
+from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
+
+if TYPE_CHECKING:
+    from lidarcheck.tui.core.project import Project
+
+__all__ = ["Bars"]
+
+_KEPT_LINES, _ROOM_FOR_NAME = 1000, 100
+
+
+class Bars:
+    """Three lines and a pane. `status`: what was said last, and whether it is bad."""
+
+    def __init__(self) -> None:
+        self.top, self.below, self.keys = (Lines(id=name, bar=True) for name in ("top", "status", "keys"))
+        self.log = Lines("Log", label="l", id="log")
+        self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
+        self.status: tuple[str, bool] = ("reading the project ...", False)
+        self._progress = ""
+
+    def show(self, screen: str, project: Project, width: int) -> None:
+        """Everything anew, for the screen that is seen."""
+        parts: list[tuple[str, Role]] = [
+            (f"{key_name(place.key)} {place.short} ", "focus" if name == screen else "dim")
+            for name, place in SCREENS.items()
+        ]
+        if width >= _ROOM_FOR_NAME:
+            parts.append((f"  lidarcheck: {project.root.resolve().name}", "title"))
+        self.top.show([tuple(parts)])
+        own = [action for action in actions_of(screen) if action.short and action.screen]
+        everywhere = [action for action in actions_of("") if action.short and action.name not in SCREENS]
+        self.keys.show([line("  ".join(map(_word, [everywhere[0], *own, *everywhere[1:]])), "dim")])
+        self._show_status()
+
+    def _show_status(self) -> None:
+        text, bad = (self._progress, False) if self._progress else self.status
+        self.below.show([line(text, "bad" if bad else "text")])
+
+    def progress(self, text: str) -> None:
+        """What a run says while it runs; empty when it has ended."""
+        self._progress = text
+        self._show_status()
+
+    def say(self, text: str | LidarcheckError, project: Project, bad: bool) -> None:
+        """One line for the user, which the log keeps."""
+        bad = bad or isinstance(text, LidarcheckError)
+        lines = text.lines() if isinstance(text, LidarcheckError) else [text]
+        for one in lines:
+            self.note(project.inside(one), bad)
+        more = f" (and {len(lines) - 1} more: L)" if len(lines) > 1 else ""
+        self.status = (printable(project.inside(lines[0])) + more, bad)
+        self._show_status()
+
+    def note(self, text: str, bad: bool) -> None:
+        """A line for the log alone."""
+        self.said.append((f"{time.strftime('%H:%M:%S')} {text}", bad))
+        if self.log.has_class("shown"):
+            self.show_log()
+
+    def show_log(self) -> None:
+        """The log's lines, the last one in sight."""
+        lines: list[Line] = [line(text, "bad" if bad else "dim") for text, bad in self.said]
+        self.log.show(lines, cursor=len(self.said) - 1)
+
+
+def _word(action: Action) -> str:
+    return f"{key_name(action.keys[0])} {action.short}"
