@@ -1,11 +1,7 @@
 """The terminal interface driven by keys, headless: asserted are the state of the model and the text on screen."""
 
 import asyncio
-import difflib
-import os
-import re
 import signal
-from pathlib import Path
 
 import pytest
 
@@ -15,34 +11,12 @@ from lidarcheck.tui.core.lut_session import LutSession
 from lidarcheck.tui.core.state import load_state
 from lidarcheck.tui.themes import THEMES
 from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
-from tui_kit import LUT, drive, fake_check, make_project, until
-
-SNAPSHOTS = Path(__file__).parent / "snapshots"
+from tui_kit import LUT, app_on, as_stored, drive, fake_check, make_project, says, sees, text_of, until
 
 
 @pytest.fixture
 def project(tmp_path):
     return make_project(tmp_path / "project")
-
-
-def app_on(project, **how):
-    return LidarcheckApp(project, check=fake_check, **how)
-
-
-def text_of(app):
-    """What is on the screen, as text."""
-    strips = app.screen._compositor.render_strips()
-    return "\n".join("".join(segment.text for segment in strip).rstrip() for strip in strips) + "\n"
-
-
-async def sees(app, pilot, text):
-    """Wait until a text is on the screen: a dialog is drawn a moment after it opens."""
-    await until(pilot, lambda: text in text_of(app), lambda: text_of(app))
-
-
-async def says(app, pilot, text):
-    """Wait until the status line says something."""
-    await until(pilot, lambda: text in status(app), lambda: status(app))
 
 
 def blooming(app):
@@ -54,10 +28,6 @@ async def on_blooming(app, pilot):
     view = blooming(app)
     await until(pilot, lambda: app.view is view and view.session is not None)
     return view
-
-
-def status(app):
-    return app.bars.status[0]
 
 
 def scaled(view, row):
@@ -81,7 +51,7 @@ def test_a_scenario_is_run_and_kept(project):
         await says(app, pilot, "no scenario under the cursor")
         assert app.state.selected["overview"] == "measured/empty.txt"
         await pilot.press("R")
-        await until(pilot, lambda: "scenarios" in status(app))
+        await says(app, pilot, "scenarios")
 
     drive(app_on(project), do)
 
@@ -395,22 +365,10 @@ def test_an_empty_project_says_so(tmp_path):
     asyncio.run(session())
 
 
-def undated(app):
-    """What is on the screen, with every time of day the same."""
-    return re.sub(r"\d\d-\d\d \d\d:\d\d( +[\d.]+ s)?", "12-31 23:59", text_of(app))
-
-
-def difference(stored, app):
-    stored_lines, lines = stored.read_text().splitlines(), undated(app).splitlines()
-    return "\n".join(difflib.unified_diff(stored_lines, lines, "stored", "now", lineterm=""))
-
-
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 @pytest.mark.parametrize("screen", ["overview", "blooming"])
 def test_snapshots(tmp_path, screen, size):
-    """The stored text of a screen. `LIDARCHECK_SNAPSHOTS=write` makes it anew, to be looked at in the diff."""
     project = make_project(tmp_path / "bench")
-    stored = SNAPSHOTS / f"{screen}_{size[0]}x{size[1]}.txt"
 
     async def do(app, pilot):
         await until(pilot, lambda: screen == app.view.NAME)
@@ -424,11 +382,7 @@ def test_snapshots(tmp_path, screen, size):
             await pilot.press("down", "down", "space", *"640", "enter")
             count = view.plots.computed
             await until(pilot, lambda: view.plots.computed > count)
-        if os.environ.get("LIDARCHECK_SNAPSHOTS") == "write":
-            await pilot.pause(1.0)
-            SNAPSHOTS.mkdir(exist_ok=True)
-            stored.write_text(undated(app))
-        await until(pilot, lambda: undated(app) == stored.read_text(), lambda: difference(stored, app))
+        await as_stored(app, pilot, f"{screen}_{size[0]}x{size[1]}")
 
     drive(app_on(project, screen=screen, theme=THEMES[0]), do, size)
 

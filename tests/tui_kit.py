@@ -1,8 +1,10 @@
 """A small project for the terminal interface, bad files among the good ones; and a child that edits and is killed."""
 
 import asyncio
+import difflib
 import os
 import random
+import re
 import signal
 import sys
 import time
@@ -13,9 +15,11 @@ from lidarcheck.harness.evidence import Evidence, Verdict
 from lidarcheck.harness.kpi_spec import KpiSpec
 from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.file import save_model
+from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.core.lut_session import LutSession
 
 ROOT = Path(__file__).resolve().parents[1]
+SNAPSHOTS = Path(__file__).parent / "snapshots"
 LUT = "# our sign\r\n" + lut_text().replace("\n", "\r\n") + "; the end\r\nPostPro.Other = 7"
 HORIZONTAL = "PostPro.LUT_bloomingH_X = 0, 1, 2, 4\nPostPro.LUT_bloomingH_Y = 1, 0.02, 0.0002, 0\n"
 OFFSETS = range(-60, 61, 3)
@@ -80,6 +84,53 @@ async def until(pilot, true, shown=lambda: "it did not come about", seconds=60.0
     while not true():
         assert time.monotonic() < end, shown()
         await pilot.pause(0.02)
+
+
+def app_on(project, **how):
+    return LidarcheckApp(project, check=fake_check, **how)
+
+
+def text_of(app):
+    """What is on the screen, as text."""
+    strips = app.screen._compositor.render_strips()
+    return "\n".join("".join(segment.text for segment in strip).rstrip() for strip in strips) + "\n"
+
+
+async def sees(app, pilot, text):
+    """Wait until a text is on the screen: a dialog is drawn a moment after it opens."""
+    await until(pilot, lambda: text in text_of(app), lambda: text_of(app))
+
+
+async def says(app, pilot, text):
+    """Wait until the status line says something."""
+    await until(pilot, lambda: text in status(app), lambda: status(app))
+
+
+def status(app):
+    return app.bars.status[0]
+
+
+def undated(app):
+    """What is on the screen, with every time of day the same."""
+    return re.sub(r"\d\d-\d\d \d\d:\d\d( +[\d.]+ s)?", "12-31 23:59", text_of(app))
+
+
+def difference(stored, app):
+    stored_lines, lines = stored.read_text().splitlines(), undated(app).splitlines()
+    return "\n".join(difflib.unified_diff(stored_lines, lines, "stored", "now", lineterm=""))
+
+
+async def as_stored(app, pilot, name):
+    """The screen is the text that is stored of it.
+
+    `LIDARCHECK_SNAPSHOTS=write` stores it anew, to be looked at in the diff.
+    """
+    stored = SNAPSHOTS / f"{name}.txt"
+    if os.environ.get("LIDARCHECK_SNAPSHOTS") == "write":
+        await pilot.pause(1.0)
+        SNAPSHOTS.mkdir(exist_ok=True)
+        stored.write_text(undated(app))
+    await until(pilot, lambda: undated(app) == stored.read_text(), lambda: difference(stored, app))
 
 
 def edit_until_killed(root, seed, say):
