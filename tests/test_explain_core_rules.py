@@ -91,6 +91,9 @@ class NarrowLab:
     def distance(self, shown):
         return 1.0
 
+    def varies(self, shown):
+        return False
+
     def times(self, jacobian):
         return jacobian
 

@@ -22,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 Shows = Callable[..., FloatArray | None]
 
 _CLEAR = 3.0
+_LEAPS = (6.0, 3.0)
+"""How many steps at once numbers are tried larger and smaller where slopes say nothing."""
 _FLIPS = 0.7
 """So much a summary changes when single beams' echoes come out otherwise."""
 
@@ -87,6 +89,8 @@ def fit(
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
     end, shown, jacobian = _descend(lab, shows, start, rounds)
+    if shown is not None and rounds and lab.varies(shown):
+        end, shown = _climb(lab, shows, end, shown)
     distance = np.inf if shown is None else lab.distance(shown)
     nothing = np.zeros((1, len(lab.measured)))
     return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
@@ -174,6 +178,21 @@ def _descend(
         if before - best < max(2.0, 0.004 * before):
             break
     return at, shown, jacobian
+
+
+def _climb(lab: Lab, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What strikes at random moves no mean, and so has no slope to go down: try each number larger and smaller."""
+    best = lab.distance(shown)
+    for length in _LEAPS:
+        for j in range(len(at)):
+            for way in (length, -length):
+                there = at.copy()
+                there[j] += way
+                other = shows(there)
+                if other is not None and (distance := lab.distance(other)) < best:
+                    at, shown, best = there, other, distance
+                    break
+    return at, shown
 
 
 def _slopes(metric: Metric, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:

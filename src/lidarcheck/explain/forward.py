@@ -104,7 +104,7 @@ class Trial:
         unseen = self.select_change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
         holds = better > 0.05 * self.gain or unseen
         own = next(e for e in self.fit.effects() if e.name == self.name)
-        return self.gain > self.needed and holds and not is_usual_error(own)
+        return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
 
 
 @dataclass
@@ -212,18 +212,27 @@ def _tried(shared: tuple[Lab, Lab, Fit, FloatArray], probe: Probe) -> tuple[Fit,
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
-    """The best start of each of the best effects, with the factor on its strength."""
+    """The best start of each kind of each of the best effects, with the factor on its strength.
+
+    Every kind of an effect that is fitted at all: what one that strikes at random changes with one seed says little of
+    what it explains.
+    """
     residual = bench.lab.measured - now.shown.mean(axis=0)
     best: dict[tuple[str, str], tuple[float, float, Screened]] = {}
+    worth: dict[str, float] = {}
     for one in screened:
         if one.probe.name in now.names():
             continue
         gain, scale = one.gain(bench.lab, residual)
         key = (one.probe.name, one.probe.variant)
-        if gain / one.chance > bench.level and gain > best.get(key, (0.0,))[0]:
+        if gain > best.get(key, (-1.0,))[0]:
             best[key] = (gain, scale, one)
-    order = sorted(best.values(), key=lambda found: -found[0])[:REFINED]
-    return [(scale, one) for gain, scale, one in order if gain > NEARLY * order[0][0]]
+        if gain / one.chance > bench.level:
+            worth[one.probe.name] = max(gain, worth.get(one.probe.name, 0.0))
+    names = sorted(worth, key=lambda name: -worth[name])[:REFINED]
+    names = [name for name in names if worth[name] > NEARLY * worth[names[0]]]
+    order = sorted((found for found in best.values() if found[2].probe.name in names), key=lambda found: -found[0])
+    return [(scale if gain > 0.0 else 1.0, one) for gain, scale, one in order]
 
 
 def select_distance(select: Lab, at: Fit) -> float:
