@@ -81,7 +81,7 @@ class NarrowLab:
     """A laboratory that only applies what an effect does to the sensor."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self.model, self.measured, self.metric = Model(sensor), np.zeros(3), self
+        self.model, self.measured, self.metric, self.seeds = Model(sensor), np.zeros(3), self, 2
 
     def shows(self, model, seeds=None, *, nuisance=None):
         for effect in model.effects:

@@ -70,10 +70,12 @@ def fit(
     rounds: int = 3,
     nuisance: Nuisance | None = None,
     model: Model | None = None,
+    leaps: bool = False,
 ) -> Fit:
     """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is.
 
-    `model`: what the effects are added to, the lab's own where None.
+    `model`: what the effects are added to, the lab's own where None. `leaps`: also search by trying, where a model that
+    strikes at random has no slopes.
     """
     nuisance, basis = nuisance or Nuisance(), model or lab.model
     ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
@@ -89,8 +91,10 @@ def fit(
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
     end, shown, jacobian = _descend(lab, shows, start, rounds)
-    if shown is not None and rounds and lab.varies(shown):
-        end, shown = _climb(lab, shows, end, shown)
+    if shown is not None and lab.varies(shown):
+        shown = shows(end)
+        if leaps and shown is not None:
+            end, shown = _climb(lab, shows, end, shown)
     distance = np.inf if shown is None else lab.distance(shown)
     nothing = np.zeros((1, len(lab.measured)))
     return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
@@ -159,7 +163,7 @@ def _descend(
     lab: Lab, shows: Shows, at: FloatArray, rounds: int
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
     """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible."""
-    shown = shows(at)
+    shown = shows(at, lab.seeds)
     if shown is None:
         return at, None, None
     best, damping, jacobian = lab.distance(shown), 0.1, None
@@ -169,7 +173,7 @@ def _descend(
         before = best
         for _ in range(3):
             step = _step(curvature, slope, damping)
-            trial = shows(at + step)
+            trial = shows(at + step, lab.seeds)
             distance = np.inf if trial is None else lab.distance(trial)
             if trial is not None and distance < best:
                 at, shown, best, damping = at + step, trial, distance, damping * 0.3

@@ -251,8 +251,8 @@ def fit_next(lab: Lab, now: Fit, probe: Probe) -> Fit:
     """The probe's own parameters first, then all together."""
     x = probe.start()
     if not now.probes:
-        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance)
-    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model))
+        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
+    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model), leaps=True)
     return fit(lab, [*now.probes, probe], [*now.x, alone.x[0]], rounds=1, nuisance=now.nuisance)
 
 

@@ -29,7 +29,7 @@ FLOOR_SEEDS = 20
 FLOOR_DRAWS = 120
 CHECK_DRAWS = 48
 _KEPT = 6
-_SEEDS_OF_RANDOM = 5
+_SEEDS_OF_RANDOM = 4
 _VARIES = 0.04
 """Mean logarithm of the variance, beyond that of the case's own model, from which on a model strikes at random."""
 _MISFIT = 1.0

@@ -137,11 +137,20 @@ def _within(value: float, error: float) -> bool:
 def axes_of(materials: Sequence[int], effects: Sequence[Effect] = ()) -> list[str | int]:
     """The axes along which a nuisance is fitted beside some effects: yaw, pitch, and the materials by number.
 
-    What an effect says of itself is no nuisance: the pose beside a boresight error, a material beside its own.
+    What an effect says of itself is no nuisance: the pose beside a boresight error or where the view turns at random,
+    a material beside its own.
     """
-    posed = any(effect.name == "boresight" for effect in effects)
+    posed = any(effect.name == "boresight" or _turns_at_random(effect) for effect in effects)
     named = {e.settings()["material_id"] for e in effects if e.name == "material_reflectance"}
     return [*([] if posed else ["yaw", "pitch"]), *(i for i in materials if i not in named)]
+
+
+def _turns_at_random(effect: Effect) -> bool:
+    """Whether the view is turned otherwise in each frame, so that a few frames have a mean pose by chance."""
+    if effect.name != "vibration":
+        return False
+    values = effect.settings()
+    return bool(values["new_phase"]) or float(values["random_deg"]) > 0.0
 
 
 def at(axes: Sequence[str | int], x: FloatArray, *, gain: bool = True) -> Nuisance:
