@@ -28,13 +28,14 @@ ALL = "all"
 """In the place of a kind of picture: each of them."""
 
 
-def check_out_dir(out: Path, besides: Iterable[str | Path | None] = ()) -> None:
+def check_out_dir(out: Path, besides: Iterable[str | Path | None] = (), *, option: str = "--out") -> None:
     """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
 
-    `besides`: the files that the command reads or writes otherwise, which no result may replace.
+    `besides`: the files that the command reads or writes otherwise, which no result may replace. `option`: what asked
+    for the directory, in words.
     """
     if out.exists() and not out.is_dir():
-        raise InputError("is not a directory", file=out, fix="name a directory for --out")
+        raise InputError("is not a directory", file=out, fix=f"name a directory for {option}")
     where = Path(os.path.realpath(out))
     new = not out.exists()
     if new:
@@ -44,10 +45,10 @@ def check_out_dir(out: Path, besides: Iterable[str | Path | None] = ()) -> None:
     if not os.access(where, os.W_OK | os.X_OK):
         raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
     for name in () if new else (PAGE, RESULT):
-        check_writable(out / name, option="--out", besides=besides)
+        check_writable(out / name, option=option, besides=besides)
     pictures = out / PICTURES
     if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
-        raise InputError("cannot be replaced", file=pictures, fix="move it away, or choose another --out")
+        raise InputError("cannot be replaced", file=pictures, fix=f"move it away, or choose another place for {option}")
 
 
 def page_text(page: Page, document: Any, *, command: str = "", html: str = "") -> str:
