@@ -11,6 +11,7 @@ from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
 from lidarcheck.tui.core.actions_histograms import HISTOGRAMS
 from lidarcheck.tui.core.actions_overview import OVERVIEW
+from lidarcheck.tui.core.actions_scenes import SCENES
 
 __all__ = ["ACTIONS", "SCREENS", "Action", "Place", "actions_of"]
 
@@ -33,6 +34,9 @@ SCREENS = {
         "Histograms", "f3", "H", "Hist", "vehicles, real against simulated", "vehicles compare", "distances"
     ),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "scenes": Place(
+        "Scenes", "f7", "S", "Scenes", "whole frames, measured and simulated", "scenes compare", "measured"
+    ),
 }
 """The screens by their names, in the order of their keys."""
 
@@ -54,7 +58,7 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *BLOOMING)
+ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *BLOOMING, *SCENES)
 
 
 def actions_of(screen: str) -> list[Action]:

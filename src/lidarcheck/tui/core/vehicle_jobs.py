@@ -108,7 +108,7 @@ def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
         compute=lambda tell: _compare(group.labels, used, source == FILES, model, tell),
         choices=source,
         fault="" if used and source else _why_not(group, models),
-        notes=notes,
+        notes=notes if used else (),
     )
 
 

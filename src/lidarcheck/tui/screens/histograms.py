@@ -32,8 +32,8 @@ class Histograms(PageView):
 
     NAME = "histograms"
     EMPTY = (
-        "no vehicle was measured here: that takes scans with car, van or truck in their names, as car_20m_real.txt, and "
-        "for each a simulated scan, car_20m_sim.txt, or an ideal one, car_20m_ideal.txt, and a model"
+        "no vehicle was measured here: that takes scans with car, van or truck in their names, as car_20m_real.txt, "
+        "and for each a simulated scan, car_20m_sim.txt, or an ideal one, car_20m_ideal.txt, and a model"
     )
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "The vehicles that were measured, by kind and variant as their names say. r compares all distances of "
@@ -58,11 +58,13 @@ class Histograms(PageView):
         self._vehicles: list[Group] = []
 
     def jobs(self) -> list[Job]:
-        """A job for each vehicle and variant."""
+        """A job for each vehicle and variant, those that can be computed first."""
         project = self.ours.project
         models = project.of("model")
-        self._vehicles = groups_of(project)
-        return [job_of(group, self._source(group), models) for group in self._vehicles]
+        found = [(group, job_of(group, self._source(group), models)) for group in groups_of(project)]
+        found.sort(key=lambda pair: bool(pair[1].fault))
+        self._vehicles = [group for group, _ in found]
+        return [job for _, job in found]
 
     def _source(self, group: Group) -> str:
         """What a group is compared with: as chosen, else the likeliest."""
@@ -188,8 +190,8 @@ class Histograms(PageView):
         found, job, made = self._looked_at(), self.job, self.made
         if found is not None and job is not None and made is not None:
             at, placed = found
-            name = f"{file_name(self._at_words(at))}_merged.pcd"
-            write = partial(_write_cloud, at, placed.offset_m, made.result.vehicle, job)
+            name = f"{file_name(job.name)}_{at.distance_m:.0f}m_merged.pcd"
+            write = partial(_write_cloud, at, placed.offset_m, made.result.vehicle)
             self.exports.ask_file("Write both vehicles, as one cloud, to which file?", name, write, job)
 
     def action_write_sheet(self) -> None:
@@ -217,7 +219,7 @@ def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:
     return f"{path.name}: all distances"
 
 
-def _write_cloud(at: AtDistance, offset_m: tuple[float, float], vehicle: str, job: Job, path: Path) -> str:
+def _write_cloud(at: AtDistance, offset_m: tuple[float, float], vehicle: str, path: Path) -> str:
     from lidarcheck.calibration.vehicles import vehicle_named
     from lidarcheck.calibration.vehicles_merge import merge_vehicles
     from lidarcheck.formats.recognise import target_format, write_table
