@@ -13,7 +13,7 @@ from lidarcheck.tui.core.state import load_state
 from lidarcheck.tui.screens.page_lines import figure_lines, room_for, word_lines
 from lidarcheck.tui.widgets.lines import Lines
 from page_kit import FakeView, page_of, put_in
-from tui_kit import as_stored, drive, says, sees, text_of, until
+from tui_kit import as_stored, drive, says, sees, text_of, until, written
 
 SIZES = ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (129, 24), (130, 24), (80, 24))
 
@@ -199,10 +199,6 @@ def test_a_job_that_is_gone_when_it_is_ready(project):
         await says(app, pilot, "nothing is computed here yet")
 
     fakes(project, do)
-
-
-def written(directory):
-    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
 
 
 def test_the_export_is_what_the_command_writes(project, tmp_path, capsys):

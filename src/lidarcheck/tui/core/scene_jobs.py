@@ -94,7 +94,9 @@ def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects)
     stem = scan.path.stem
     fault = scan.fault
     if not fault and ideal is None:
-        fault = f"no ideal scan is named like it: {stem}_ideal.txt, or ideal_{stem.removeprefix('real_')}.txt"
+        fault = (
+            f"no ideal scan is named like it: ideal_{stem.removeprefix('real_').removesuffix('_real')}.txt, for example"
+        )
     if not fault and model is None:
         fault = "there is no model in this project"
     return Job(

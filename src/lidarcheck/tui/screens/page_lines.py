@@ -19,6 +19,7 @@ __all__ = [
     "LEAST_WIDTH",
     "figure_lines",
     "job_line",
+    "name_room",
     "no_page_lines",
     "note_lines",
     "room_for",
@@ -27,6 +28,7 @@ __all__ = [
     "wrapped",
 ]
 
+_NAME = (20, 34)
 LEAST_WIDTH, LEAST_HEIGHT = 40, 10
 """What a figure needs to be read."""
 
@@ -36,9 +38,16 @@ def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
     return [line(part, role) for part in textwrap.wrap(text, max(width, 20))]
 
 
-def job_line(job: Job, state: str, fault: str, here: bool) -> Line:
-    """A job in the list: its name, where it stands, and what is to be said of it."""
-    name = f"{'>' if here else ' '}{job.name:26} "
+def name_room(jobs: Sequence[Job]) -> int:
+    """How many letters the list has for names."""
+    return min(max([_NAME[0], *(len(job.name) for job in jobs)]), _NAME[1])
+
+
+def job_line(job: Job, state: str, fault: str, here: bool, room: int) -> Line:
+    """A job in the list: its name, in `room` letters, where it stands, and what is to be said of it."""
+    from lidarcheck.plots.panel import squeezed
+
+    name = f"{'>' if here else ' '}{squeezed(job.name, room, '..'):{room}} "
     if fault and state != "running":
         return ((name, "text"), ("cannot    ", "bad"), (fault, "dim"))
     role: Role = "good" if state == "computed" else "dim"

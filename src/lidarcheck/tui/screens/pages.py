@@ -16,6 +16,7 @@ from lidarcheck.tui.screens.page_export import Exports
 from lidarcheck.tui.screens.page_lines import (
     figure_lines,
     job_line,
+    name_room,
     no_page_lines,
     note_lines,
     together,
@@ -100,7 +101,7 @@ class PageView(PageWork):
     def on_mount(self) -> None:
         """Figures are drawn for the room that there is."""
         for name in ("words", "figures"):
-            self.query_one(f"#{name}", Lines).when_resized = self.draw
+            self.query_one(f"#{name}", Lines).when_resized = self._draw_page
 
     def on_resize(self, event: events.Resize) -> None:
         """Words and figures side by side, or one of them."""
@@ -151,21 +152,24 @@ class PageView(PageWork):
 
     def _draw_page(self) -> None:
         made, job = self.made, self.job
+        if not self.size.width:
+            return  # another screen is seen
         words, figures = self.query_one("#words", Lines), self.query_one("#figures", Lines)
+        # A pane that is not seen is made ready for the place that it will have.
+        width = (words.size.width or self.size.width) - 1
         if made is None or job is None:
-            for pane, name in ((words, "Words"), (figures, "Figures")):
-                pane.show(self._no_page(pane.size.width - 1), title=name)
+            words.show(self._no_page(width), title="Words")
+            figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
             return
-        width = words.size.width - 1
-        words.show(
-            note_lines(job, width) + word_lines(made.page, max(width, 20)), title=f"{job.name}: {made.page.title}"
-        )
-        title, drawn = self.shown(made.page)
-        figures.show(figure_lines(drawn, (figures.size.width, figures.rows)), title=f"{job.name}: {title}")
+        lines = note_lines(job, width) + word_lines(made.page, max(width, 20))
+        words.show(lines, title=f"{job.name}: {made.page.title}")
+        if figures.size.width:
+            title, drawn = self.shown(made.page)
+            figures.show(figure_lines(drawn, (figures.size.width, figures.rows)), title=f"{job.name}: {title}")
 
     def _job_line(self, number: int, job: Job) -> Line:
         state = "running" if self.is_computing(job) else "computed" if self.pages.of(job) is not None else ""
-        return job_line(job, state, self.fault_of(job), number == self.at)
+        return job_line(job, state, self.fault_of(job), number == self.at, name_room(self.listed))
 
     def _no_page(self, width: int) -> list[Line]:
         job = self.job
@@ -186,6 +190,7 @@ class PageView(PageWork):
         before, self.at = self.at, max(min(self.at + steps[key], last), 0)
         if self.at != before:
             self.turned = 0
+            self.query_one("#words", Lines).page(-(10**6))
         if self.job is not None:
             self.ours.state.selected[self.NAME] = self.job.name
         self.draw()

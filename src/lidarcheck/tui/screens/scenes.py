@@ -36,8 +36,8 @@ class Scenes(PageView):
         "compares the two; m takes the next model, f switches effects on and off, so that you see what an effect "
         "explains. Pages of other choices are kept.",
         "figures": "Maps over azimuth and elevation of where the two disagree: echoes, AREA, range, stray echoes, "
-        "measured minus simulated; n and p go on to detection over elevation and to the points of the largest "
-        "disagreement.",
+        "measured minus simulated; n and p go on to the points of the largest disagreement and to detection over "
+        "elevation.",
         "words": "The disagreements, the largest first; overlap and Chamfer distance beside those of two simulations; "
         "the distances of the distributions; each object; each sector.",
     }
