@@ -59,6 +59,8 @@ def test_a_page_is_computed_once_and_kept(project):
         assert "two_b.txt: left out" in shown(view, "figures")
         await pilot.press("up")
         await sees(app, pilot, "one, PEAK")
+        await pilot.press("r")
+        await says(app, pilot, "one is computed, and its files are as they were")
         assert view.runs == {"one": 1}
         (project / "one.txt").write_text("measured again")
         await pilot.press("R")

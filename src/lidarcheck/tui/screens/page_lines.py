@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from lidarcheck.tui.core.jobs import Job
@@ -69,18 +69,21 @@ def no_page_lines(job: Job, running: bool, fault: str, width: int) -> list[Line]
     return [*wrapped(job.words, width), *wrapped(words, width, "dim"), *note_lines(job, width)]
 
 
-def word_lines(page: Page, width: int) -> list[Line]:
-    """The summary, then each section's words and tables, then where it came from."""
-    lines = wrapped(page.summary, width)
+def word_lines(page: Page, width: int, inside: Callable[[str], str] = str) -> list[Line]:
+    """The summary, then each section's words and tables, then where it came from.
+
+    `inside`: shortens the paths of files in the words.
+    """
+    lines = wrapped(inside(page.summary), width)
     for section in page.sections:
         if section.words or section.tables:
             lines += [line(""), line(section.title, "title")]
         for words in section.words:
-            lines += wrapped(words, width)
+            lines += wrapped(inside(words), width)
         for table in section.tables:
             lines += _table_lines(table, width)
-    provenance = [part for name, text in page.provenance.items() for part in wrapped(f"{name}: {text}", width, "dim")]
-    return [*lines, line(""), *provenance]
+    provenance = [inside(f"{name}: {text}") for name, text in page.provenance.items()]
+    return [*lines, line(""), *(part for text in provenance for part in wrapped(text, width, "dim"))]
 
 
 def _table_lines(table: Table, width: int) -> list[Line]:

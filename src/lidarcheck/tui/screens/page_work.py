@@ -60,6 +60,8 @@ class PageWork(View):
         elif self.running is not None:
             how = "is being stopped; wait a moment" if self._stop.is_set() else "is being computed; x stops it"
             self.say(f"{self.running.name} {how}")
+        elif self.pages.made(job) is not None:
+            self.say(f"{job.name} is computed, and its files are as they were")
         else:
             self.running, self._stop = job, threading.Event()
             self.draw()

@@ -161,7 +161,7 @@ class PageView(PageWork):
             words.show(self._no_page(width), title="Words")
             figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
             return
-        lines = note_lines(job, width) + word_lines(made.page, max(width, 20))
+        lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.ours.inside)
         words.show(lines, title=f"{job.name}: {made.page.title}")
         if figures.size.width:
             title, drawn = self.shown(made.page)
