@@ -155,7 +155,9 @@ def test_a_computation_is_stopped_and_answers_keys_meanwhile(project):
         await pilot.press("R")
         await until(pilot, lambda: app.reads == 2)
         assert "running" in shown(view, "jobs").splitlines()[0]
-        await pilot.press("x", "r")
+        await pilot.press("x")
+        await sees(app, pilot, "one: stopping after the step that runs now")
+        await pilot.press("r")
         await says(app, pilot, "one is being stopped; wait a moment")
         view.gate.set()
         await until(pilot, lambda: view.running is None)

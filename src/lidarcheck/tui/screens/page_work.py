@@ -121,7 +121,10 @@ class PageWork(View):
     def action_stop(self) -> None:
         """Stop what is computed."""
         self._stop.set()
-        self.say("stopping" if self.running is not None else "nothing is computed")
+        if self.running is None:
+            self.say("nothing is computed")
+        else:
+            self.ours.progress(f"{self.running.name}: stopping after the step that runs now")
 
     def closing(self) -> None:
         """Let a computation end."""
