@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import threading
 
 import pytest
 
@@ -232,6 +233,37 @@ def test_the_export_is_what_the_command_writes(project, tmp_path, capsys):
     finish(page_of("one"), {"echoes": 7}, out=tmp_path / "command", json=None, plot="qq")
     ARGUMENTS.reset(token)
     assert written(project / "one_out") == written(tmp_path / "command")
+
+
+def test_what_is_being_written_is_written_to_its_end(project, monkeypatch):
+    go_on, begun, left = threading.Event(), threading.Event(), []
+    monkeypatch.setattr(LidarcheckApp, "exit", lambda _app, *_, message=None: left.append(message))
+
+    def slowly(view, made, out, kind):
+        begun.set()
+        go_on.wait(60.0)
+        (out / "more.txt").write_text("done")
+        return ["more.txt"]
+
+    monkeypatch.setattr(FakeView, "write_more", slowly)
+
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        await pilot.press("e")
+        await sees(app, pilot, "to which directory")
+        await pilot.press("enter")
+        await until(pilot, begun.is_set)
+        await pilot.press("e")
+        await says(app, pilot, "one_out is being written")
+        await pilot.press("q")
+        await until(pilot, lambda: left == ["one_out: still being written ..."], lambda: repr(left))
+        go_on.set()
+        await says(app, pilot, "one_out: report.html, result.json, pictures/, more.txt")
+        await pilot.press("q")
+        await until(pilot, lambda: left[1:] == [None], lambda: repr(left))
+
+    fakes(project, do)
+    assert (project / "one_out/more.txt").read_text() == "done"
 
 
 def test_an_export_that_cannot_be_written_says_so(project):

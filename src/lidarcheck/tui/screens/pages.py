@@ -85,6 +85,10 @@ class PageView(PageWork):
         kinds = [self.kind_of.get(family[0], family[0]) for family in families]
         return f"Figures {self.turned + 1} of {len(groups)}", list(zip(figures, kinds, strict=True))
 
+    def waited_for(self) -> str:
+        """What is being written is written to its end."""
+        return f"{self.exports.writing}: still being written ..." if self.exports.writing else ""
+
     def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
         """Write what else the command writes to `out`, in a thread; the names of the files."""
         return []
