@@ -110,6 +110,11 @@ def status(app):
     return app.bars.status[0]
 
 
+def written(directory):
+    """The files below a directory with their bytes."""
+    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
 def undated(app):
     """What is on the screen, with every time of day the same."""
     return re.sub(r"\d\d-\d\d \d\d:\d\d( +[\d.]+ s)?", "12-31 23:59", text_of(app))

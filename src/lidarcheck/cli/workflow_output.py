@@ -5,32 +5,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
-import secrets
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck import __version__
 from lidarcheck.cli.command import ARGUMENTS
-from lidarcheck.cli.explain_files import make_directory, write_together
-from lidarcheck.cli.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.outputs import write_result
 from lidarcheck.cli.terminal import Column, emit, note, paragraphs, stage, table
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import UsageError
+from lidarcheck.plots.page_files import ALL, PAGE, PICTURES, RESULT, check_out_dir, page_text, write_page
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
 __all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Plot", "check_out_dir", "finish"]
 
-PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
-ALL = "all"
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.plots.panels` has the same, which a test holds."""
 
@@ -56,28 +50,6 @@ Plot = Annotated[
 ]
 
 
-def check_out_dir(out: Path, besides: Iterable[str | Path | None] = ()) -> None:
-    """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
-
-    `besides`: the files that the command reads or writes otherwise, which no result may replace.
-    """
-    if out.exists() and not out.is_dir():
-        raise InputError("is not a directory", file=out, fix="name a directory for --out")
-    where = Path(os.path.realpath(out))
-    new = not out.exists()
-    if new:
-        where = where.parent
-        if not where.is_dir():
-            raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
-    if not os.access(where, os.W_OK | os.X_OK):
-        raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
-    for name in () if new else (PAGE, RESULT):
-        check_writable(out / name, option="--out", besides=besides)
-    pictures = out / PICTURES
-    if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
-        raise InputError("cannot be replaced", file=pictures, fix="move it away, or choose another --out")
-
-
 def finish(page: Page, document: Any, *, out: Path | None, json: str | None, plot: str | None) -> None:
     """Show a workflow's result and write what was asked for.
 
@@ -86,33 +58,16 @@ def finish(page: Page, document: Any, *, out: Path | None, json: str | None, plo
     `formats.plain` can turn into JSON.
     """
     if out is None:
-        text = json_text(_record(page, document, ""))
+        text = page_text(page, document, command=_command())
     else:
-        from lidarcheck.plots.page_html import page_html
-
         with stage("drawing"):
-            html = page_html(page)
-            text = json_text(_record(page, document, html))
-            _write(page, text, html, out, plot)
+            text = write_page(page, document, out, command=_command(), kind=plot or "histogram")
     if json is not None:
         write_result(json, text)
     if json != "-":
         _show(page, plot)
     if out is not None:
         note(f"{out}: {PAGE}, {RESULT}{f', {PICTURES}/' if page.figures() else ''}")
-
-
-def _record(page: Page, document: Any, html: str) -> dict[str, Any]:
-    """The result with what it is of: what `lidarcheck report` reads. The page's hash says which one belongs to it."""
-    return {
-        "workflow": _command() or page.title,
-        "title": page.title,
-        "lidarcheck": __version__,
-        "summary": page.summary,
-        "result": document,
-        "provenance": dict(page.provenance),
-        "page": {"file": PAGE, "sha256": hashlib.sha256(html.encode()).hexdigest()} if html else None,
-    }
 
 
 def _command() -> str:
@@ -168,46 +123,3 @@ def _plain(dumb: bool) -> bool:
     """Whether the output can hold no more than ASCII."""
     encoding = (sys.stdout.encoding or "ascii").lower().replace("-", "")
     return dumb or not encoding.startswith("utf")
-
-
-def _write(page: Page, text: str, html: str, out: Path, plot: str | None) -> None:
-    """All files, or none: the pictures are drawn beside their place and take it together with the others."""
-    make_directory(out)
-    new = out / f".{PICTURES}.{secrets.token_hex(8)}.part"
-    try:
-        _draw_pictures(page.figures(), new, plot or "histogram")
-        write_together(
-            out,
-            {RESULT: lambda path: write_result(path, text), PAGE: lambda path: write_result(path, html)},
-        )
-        _replace_directory(new, out / PICTURES)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-
-
-def _draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
-    from lidarcheck.plots.figure_image import save_figure
-    from lidarcheck.plots.panels import kinds_of
-
-    if not figures:
-        return
-    directory.mkdir()
-    for number, figure in enumerate(figures, 1):
-        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
-            view = f"-{one}" if one in kinds_of(figure) else ""
-            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
-
-
-def _slug(title: str) -> str:
-    """A file's name from a title."""
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"
-
-
-def _replace_directory(new: Path, place: Path) -> None:
-    """Put the new pictures in the place of an earlier run's; files of other names there stay."""
-    place.mkdir(exist_ok=True)
-    for old in place.glob("[0-9][0-9]*-*.png"):
-        if old.name.partition("-")[0].isdigit():
-            old.unlink()
-    for picture in sorted(new.iterdir()) if new.is_dir() else ():
-        picture.replace(place / picture.name)

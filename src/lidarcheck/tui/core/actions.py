@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
+from lidarcheck.tui.core.actions_histograms import HISTOGRAMS
 from lidarcheck.tui.core.actions_overview import OVERVIEW
+from lidarcheck.tui.core.actions_scenes import SCENES
 
 __all__ = ["ACTIONS", "SCREENS", "Action", "Place", "actions_of"]
 
@@ -28,7 +30,13 @@ class Place(NamedTuple):
 
 SCREENS = {
     "overview": Place("Overview", "f2", "O", "Overview", "scenarios, verdicts and KPIs", "check", "goldens"),
+    "histograms": Place(
+        "Histograms", "f3", "H", "Hist", "vehicles, real against simulated", "vehicles compare", "distances"
+    ),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "scenes": Place(
+        "Scenes", "f7", "S", "Scenes", "whole frames, measured and simulated", "scenes compare", "measured"
+    ),
 }
 """The screens by their names, in the order of their keys."""
 
@@ -50,7 +58,7 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *BLOOMING)
+ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *BLOOMING, *SCENES)
 
 
 def actions_of(screen: str) -> list[Action]:

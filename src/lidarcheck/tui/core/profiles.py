@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError
-from lidarcheck.tui.core.project import Entry, Project
+from lidarcheck.tui.core.naming import ideal_of, numbers_in
+from lidarcheck.tui.core.project import Project
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming import Bench
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Choice", "Dataset", "Profiles", "Shown", "datasets_of", "retros_of"]
 
-_WORDS = re.compile(r"ideal|postpro|scan|measured|real|at|[^a-z0-9.]+")
 _KEPT = 32
 
 
@@ -59,21 +57,8 @@ def datasets_of(project: Project, axis: Axis) -> list[Dataset]:
 
     ideals = project.of("ideal")
     found = [Dataset(e.name, e.path, None) for e in project.of("profile") if profile_axis(e.path) == axis]
-    found += [Dataset(entry.name, entry.path, _ideal_of(entry, ideals)) for entry in project.of("scan")]
-    return sorted(found, key=lambda dataset: _numbers(dataset.name))
-
-
-def _numbers(name: str) -> tuple[list[float], str]:
-    """Names in the order of the numbers in them: 69 m before 157 m."""
-    return [float(text) for text in re.findall(r"\d+(?:\.\d+)?", Path(name).stem)], name
-
-
-def _ideal_of(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
-    """The ideal scan whose name differs by such words only: `real_69.txt` and `ideal_69.txt`."""
-    key = _WORDS.sub("", scan.path.stem.lower())
-    alike = [entry for entry in ideals if key and _WORDS.sub("", entry.path.stem.lower()) == key]
-    alike.sort(key=lambda entry: entry.path.parent != scan.path.parent)
-    return alike[0].path if alike else None
+    found += [Dataset(entry.name, entry.path, ideal_of(entry, ideals)) for entry in project.of("scan")]
+    return sorted(found, key=lambda dataset: numbers_in(dataset.name))
 
 
 def retros_of(model: Path) -> list[int]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Hashable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
@@ -12,25 +11,34 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal
 
-from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.core.jobs import Cancelled, Job, Pages
-from lidarcheck.tui.screens.base import View
-from lidarcheck.tui.screens.page_lines import figure_lines, word_lines
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.core.jobs import Computed, Job
+from lidarcheck.tui.screens.page_export import Exports
+from lidarcheck.tui.screens.page_lines import (
+    figure_lines,
+    job_line,
+    name_room,
+    no_page_lines,
+    note_lines,
+    together,
+    word_lines,
+    wrapped,
+)
+from lidarcheck.tui.screens.page_work import PageWork
+from lidarcheck.tui.widgets.lines import Line, Lines
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
-__all__ = ["MOVES", "PageView"]
+__all__ = ["MOVES", "PageView", "together"]
 
 MOVES: list[Binding] = [
     Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")
 ]
 _BOTH_FROM = 130
-_TELL_S = 0.25
+_REST_S = 0.15
 
 
-class PageView(View):
+class PageView(PageWork):
     """Has `jobs()` computed, one at a time, in a thread, and shows the last page of each."""
 
     EMPTY: ClassVar[str] = ""
@@ -45,16 +53,14 @@ class PageView(View):
     """
 
     def __init__(self) -> None:
-        super().__init__(id=self.NAME)
+        super().__init__()
         self.at = 0
         self.turned = 0
         self.kind_of: dict[str, str] = {}
         self.listed: list[Job] = []
-        self.pages = Pages()
-        self.faults: dict[Hashable, str] = {}
-        self.running: Job | None = None
-        self._stop = threading.Event()
-        self._told = 0.0
+        self.exports = Exports(self)
+        self._rest: Any = None
+        self._drawn = 0.0
 
     # What a screen has of its own
 
@@ -65,6 +71,27 @@ class PageView(View):
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """The figures that are seen at once, group after group; one figure at a time by default."""
         return [(figure,) for figure in page.figures()]
+
+    def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
+        """The title of the figures' pane, and the figures that are seen now, each with the kind it is drawn as."""
+        from lidarcheck.plots.panels import kinds_of
+
+        groups = self.groups(page)
+        self.turned = min(self.turned, max(len(groups) - 1, 0))
+        if not groups:
+            return "Figures: none", []
+        figures = groups[self.turned]
+        families = [kinds_of(figure) or ("histogram",) for figure in figures]
+        kinds = [self.kind_of.get(family[0], family[0]) for family in families]
+        return f"Figures {self.turned + 1} of {len(groups)}", list(zip(figures, kinds, strict=True))
+
+    def waited_for(self) -> str:
+        """What is being written is written to its end."""
+        return f"{self.exports.writing}: still being written ..." if self.exports.writing else ""
+
+    def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
+        """Write what else the command writes to `out`, in a thread; the names of the files."""
+        return []
 
     # What is shown
 
@@ -78,7 +105,7 @@ class PageView(View):
     def on_mount(self) -> None:
         """Figures are drawn for the room that there is."""
         for name in ("words", "figures"):
-            self.query_one(f"#{name}", Lines).when_resized = self.draw
+            self.query_one(f"#{name}", Lines).when_resized = self._draw_page
 
     def on_resize(self, event: events.Resize) -> None:
         """Words and figures side by side, or one of them."""
@@ -102,51 +129,57 @@ class PageView(View):
         return self.listed[self.at] if self.listed else None
 
     @property
+    def made(self) -> Computed | None:
+        """What was computed of what is under the cursor."""
+        return self.pages.made(self.job) if self.job is not None else None
+
+    @property
     def page(self) -> Page | None:
-        """The page of what is under the cursor, where it was computed."""
-        return self.pages.of(self.job) if self.job is not None else None
+        """Its page."""
+        made = self.made
+        return None if made is None else made.page
 
     def draw(self) -> None:
-        """All panes."""
-        lines = [self._job_line(job) for job in self.listed]
-        empty = [line(f"  {self.EMPTY}", "dim")]
-        self.query_one("#jobs", Lines).show(lines or empty, cursor=self.at if lines else None)
-        page = self.page
+        """The list at once; the page too, but while a key is held down only when it rests."""
+        lines = [self._job_line(number, job) for number, job in enumerate(self.listed)]
+        pane = self.query_one("#jobs", Lines)
+        pane.show(lines or wrapped(self.EMPTY, pane.size.width - 1, "dim"), cursor=self.at if lines else None)
+        if self._rest is not None:
+            self._rest.stop()
+            self._rest = None
+        now = time.monotonic()
+        if now - self._drawn > _REST_S:
+            self._draw_page()
+        else:
+            self._rest = self.set_timer(_REST_S, self._draw_page)
+        self._drawn = now
+
+    def _draw_page(self) -> None:
+        made, job = self.made, self.job
+        if not self.size.width:
+            return  # another screen is seen
         words, figures = self.query_one("#words", Lines), self.query_one("#figures", Lines)
-        if page is None:
-            words.show(self._no_page(), title="Words")
-            figures.show(self._no_page(), title="Figures")
+        # A pane that is not seen is made ready for the place that it will have.
+        width = (words.size.width or self.size.width) - 1
+        if made is None or job is None:
+            words.show(self._no_page(width), title="Words")
+            figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
             return
-        words.show(word_lines(page, max(words.size.width - 1, 20)), title=page.title)
-        groups = self.groups(page)
-        self.turned = min(self.turned, max(len(groups) - 1, 0))
-        group = groups[self.turned] if groups else ()
-        title = f"Figures {self.turned + 1} of {len(groups)}" if groups else "Figures: none"
-        room = (figures.size.width, figures.rows)
-        figures.show(figure_lines(group, self.kind_of, room), title=title)
+        lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.ours.inside)
+        words.show(lines, title=f"{job.name}: {made.page.title}")
+        if figures.size.width:
+            title, drawn = self.shown(made.page)
+            figures.show(figure_lines(drawn, (figures.size.width, figures.rows)), title=f"{job.name}: {title}")
 
-    def _job_line(self, job: Job) -> Line:
-        if job.fault or self.faults.get(job.key()):
-            return (
-                (f" {job.name:26} ", "text"),
-                ("cannot   ", "bad"),
-                (self.ours.inside(job.fault or self.faults[job.key()]), "dim"),
-            )
-        state = "running" if self.running is job else "computed" if self.pages.of(job) is not None else "-"
-        return (
-            (f" {job.name:26} ", "text"),
-            (f"{state:9}", "good" if state == "computed" else "dim"),
-            (job.words, "dim"),
-        )
+    def _job_line(self, number: int, job: Job) -> Line:
+        state = "running" if self.is_computing(job) else "computed" if self.pages.of(job) is not None else ""
+        return job_line(job, state, self.fault_of(job), number == self.at, name_room(self.listed))
 
-    def _no_page(self) -> list[Line]:
+    def _no_page(self, width: int) -> list[Line]:
         job = self.job
         if job is None:
-            return []
-        fault = job.fault or self.faults.get(job.key(), "")
-        if fault:
-            return [line(f" {self.ours.inside(fault)}", "bad")]
-        return [line(" computing ..." if self.running is job else " not computed yet: r computes it", "dim")]
+            return wrapped(self.EMPTY, width, "dim")
+        return no_page_lines(job, self.is_computing(job), self.fault_of(job), width)
 
     # Actions
 
@@ -158,7 +191,10 @@ class PageView(View):
                 return
         last = max(len(self.listed) - 1, 0)
         steps = {"up": -1, "down": 1, "pageup": -4, "pagedown": 4, "home": -last, "end": last}
-        self.at = max(min(self.at + steps[key], last), 0)
+        before, self.at = self.at, max(min(self.at + steps[key], last), 0)
+        if self.at != before:
+            self.turned = 0
+            self.query_one("#words", Lines).page(-(10**6))
         if self.job is not None:
             self.ours.state.selected[self.NAME] = self.job.name
         self.draw()
@@ -176,12 +212,15 @@ class PageView(View):
         from lidarcheck.plots.panels import kinds_of
 
         page = self.page
-        groups = self.groups(page) if page is not None else []
-        group = groups[self.turned] if groups else ()
-        for family in {kinds_of(figure) for figure in group if kinds_of(figure)}:
+        drawn = self.shown(page)[1] if page is not None else []
+        families = dict.fromkeys(kinds_of(figure) for figure, _ in drawn if kinds_of(figure))
+        if not families:
+            self.say("these figures are drawn in one way" if drawn else "there is no figure")
+            return
+        for family in families:
             now = self.kind_of.get(family[0], family[0])
             self.kind_of[family[0]] = family[(family.index(now) + 1) % len(family)]
-            self.say(f"drawn as: {self.kind_of[family[0]]}")
+        self.say(f"drawn as: {', '.join(self.kind_of[family[0]] for family in families)}")
         self.draw()
 
     def action_words(self) -> None:
@@ -195,80 +234,10 @@ class PageView(View):
         """Read the project again."""
         self.ours.read_project()
 
-    # Computing
-
-    def action_compute(self) -> None:
-        """Compute what is under the cursor, beside the interface."""
-        job = self.job
-        if job is None:
-            self.say("there is nothing to compute here")
-        elif job.fault:
-            self.say(self.ours.inside(job.fault), bad=True)
-        elif self.running is not None:
-            self.say(f"{self.running.name} is being computed; x stops it")
+    def action_export(self) -> None:
+        """Write page, numbers and pictures to a directory that is asked for."""
+        job, made = self.job, self.made
+        if job is None or made is None:
+            self.say("nothing is computed here yet: r computes it")
         else:
-            self.running, self._stop = job, threading.Event()
-            self.draw()
-            threading.Thread(
-                target=self._compute, args=(job, job.key(), self._stop), name=job.name, daemon=True
-            ).start()
-
-    def _compute(self, job: Job, key: Hashable, stop: threading.Event) -> None:
-        """In a thread. A fault in a computation must not take the interface with it."""
-
-        def tell(done: int, of: int, now: str) -> None:
-            if stop.is_set():
-                raise Cancelled
-            if time.monotonic() - self._told > _TELL_S:
-                self._told = time.monotonic()
-                self.ours.soon(self._progress, job, f"{job.name}: {now} {done}/{of}   x stops it")
-
-        try:
-            tell(0, 1, "reading")
-            page = job.compute(tell)
-            tell(1, 1, "done")
-            self.ours.soon(self._computed, job, key, page)
-        except Cancelled:
-            self.ours.soon(self._failed, job, key, "", f"{job.name}: stopped")
-        except LidarcheckError as error:
-            self.ours.soon(self._failed, job, key, "; ".join(error.lines()), error)
-        except Exception as error:  # noqa: BLE001 - see above
-            words = f"internal error, {type(error).__name__}: {error}"
-            self.ours.soon(self._failed, job, key, words, f"error: {job.name}: {words}")
-
-    def _progress(self, job: Job, text: str) -> None:
-        if self.running is job:
-            self.ours.progress(text)
-
-    def _computed(self, job: Job, key: Hashable, page: Page) -> None:
-        self.pages.keep(key, page)
-        self.faults.pop(key, None)
-        self._ended(job)
-        self.say(f"{job.name}: {page.summary}")
-
-    def _failed(self, job: Job, key: Hashable, fault: str, say: Any) -> None:
-        if fault:
-            self.faults[key] = fault
-        self._ended(job)
-        self.say(say, bad=bool(fault))
-
-    def _ended(self, job: Job) -> None:
-        if self.running is job:
-            self.running = None
-            self.ours.progress("")
-        if self.is_mounted:
-            self.draw()
-
-    def action_stop(self) -> None:
-        """Stop what is computed."""
-        self._stop.set()
-        self.say("stopping" if self.running is not None else "nothing is computed")
-
-    def closing(self) -> None:
-        """Let a computation end."""
-        self._stop.set()
-
-
-def together(figures: Sequence[Figure], most: int) -> list[tuple[Figure, ...]]:
-    """Figures in groups of at most so many."""
-    return [tuple(figures[i : i + most]) for i in range(0, len(figures), most)]
+            self.exports.ask_directory(job, made)
