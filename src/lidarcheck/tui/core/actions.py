@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
+from lidarcheck.tui.core.actions_ghosts import GHOSTS
+from lidarcheck.tui.core.actions_noise import NOISE
 from lidarcheck.tui.core.actions_overview import OVERVIEW
 
 __all__ = ["ACTIONS", "SCREENS", "Action", "Place", "actions_of"]
@@ -28,7 +30,9 @@ class Place(NamedTuple):
 
 SCREENS = {
     "overview": Place("Overview", "f2", "O", "Overview", "scenarios, verdicts and KPIs", "check", "goldens"),
+    "noise": Place("Noise", "f4", "N", "Noise", "range noise, detection and walk on panels", "panels", "panels"),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "ghosts": Place("Ghosts", "f6", "G", "Ghosts", "signs and their ghosts, step by step", "ghosts find", "ghosts"),
 }
 """The screens by their names, in the order of their keys."""
 
@@ -50,7 +54,7 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *BLOOMING)
+ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *NOISE, *BLOOMING, *GHOSTS)
 
 
 def actions_of(screen: str) -> list[Action]:
