@@ -14,7 +14,7 @@ from lidarcheck.calibration.figures import Page, Section
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.tui.core.jobs import Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.profiles import ideal_of, in_order
+from lidarcheck.tui.core.profiles import ideal_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def sign_scans(project: Project) -> list[SignScan]:
         for entry in project.of("scan", sound=False)
         if not _NOT.search(entry.path.stem) and (_SIGN.search(entry.name) or _NUMBER_AND_RANGE.match(entry.path.stem))
     ]
-    return sorted(found, key=lambda scan: in_order(scan.name))
+    return sorted(found, key=lambda scan: numbers_in(scan.name))
 
 
 def _ideal(scan: Entry, ideals: Sequence[Entry]) -> Path | None:

@@ -14,7 +14,7 @@ from lidarcheck.calibration.figures import Figure, Page, Table
 from lidarcheck.formats.table import counted
 from lidarcheck.tui.core.jobs import Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.profiles import ideal_of, in_order
+from lidarcheck.tui.core.profiles import ideal_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ __all__ = ["Hall", "NoisePage", "halls_of", "noise_jobs"]
 
 _NUMBERED = re.compile(r"^(.*?)[ _.-]*\d+$")
 _HALL = re.compile(r"panel|(?<![a-z])(?:lab|hall)(?![a-z])", re.IGNORECASE)
+_MADE = re.compile(r"^panel_\d+_(?:real|simulated)$", re.IGNORECASE)
+"""The echoes of a single panel, as `lidarcheck panels` writes them."""
 _SIMULATED = re.compile(r"(?<![a-z])sim(?:ulated|ulation)?(?![a-z])", re.IGNORECASE)
 _SIDE = re.compile(
     r"(?<![a-z])(?:sim(?:ulated|ulation)?|real|measured|frames?|scans?)(?![a-z])|[^a-z0-9]+", re.IGNORECASE
@@ -54,21 +56,22 @@ def halls_of(project: Project) -> list[Hall]:
     """Scans of one directory whose names differ by the number at their end, and single ones called panel, lab, hall."""
     groups: dict[tuple[Path, str], list[Entry]] = {}
     for entry in project.of("scan", sound=False):
-        groups.setdefault((entry.path.parent, _without_number(entry.path)), []).append(entry)
+        if not _MADE.match(entry.path.stem):
+            groups.setdefault((entry.path.parent, _without_number(entry.path)), []).append(entry)
     wanted = {key: some for key, some in groups.items() if len(some) > 1 or _HALL.search(some[0].name)}
     real = {key: some for key, some in wanted.items() if not _SIMULATED.search(key[1])}
     made = {key: some for key, some in groups.items() if _SIMULATED.search(key[1])}
     halls = []
     for (directory, stem), entries in real.items():
-        entries.sort(key=lambda entry: in_order(entry.name))
+        entries.sort(key=lambda entry: numbers_in(entry.name))
         sound = [entry for entry in entries if not entry.fault]
         others = [some for (place, name), some in made.items() if place == directory and _alike(name, stem, len(real))]
-        simulated = sorted((e for some in others for e in some if not e.fault), key=lambda e: in_order(e.name))
+        simulated = sorted((e for some in others for e in some if not e.fault), key=lambda e: numbers_in(e.name))
         name = (directory / stem).relative_to(project.root).as_posix()
         ideals = _ideals(project, sound, directory, stem)
         faults = tuple(project.inside(entry.fault) for entry in entries if entry.fault)
         halls.append(Hall(name, _paths(sound), ideals, _paths(simulated), faults))
-    return sorted(halls, key=lambda hall: in_order(hall.name))
+    return sorted(halls, key=lambda hall: numbers_in(hall.name))
 
 
 def _without_number(path: Path) -> str:

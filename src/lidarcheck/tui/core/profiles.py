@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.blooming_response import Response
     from lidarcheck.formats.lut import Axis, LutTable
 
-__all__ = ["Choice", "Dataset", "Profiles", "Shown", "datasets_of", "ideal_of", "in_order", "retros_of"]
+__all__ = ["Choice", "Dataset", "Profiles", "Shown", "datasets_of", "ideal_of", "numbers_in", "retros_of"]
 
 _WORDS = re.compile(r"ideal|postpro|scan|measured|real|at|[^a-z0-9.]+")
 _KEPT = 32
@@ -60,10 +60,10 @@ def datasets_of(project: Project, axis: Axis) -> list[Dataset]:
     ideals = project.of("ideal")
     found = [Dataset(e.name, e.path, None) for e in project.of("profile") if profile_axis(e.path) == axis]
     found += [Dataset(entry.name, entry.path, ideal_of(entry, ideals)) for entry in project.of("scan")]
-    return sorted(found, key=lambda dataset: in_order(dataset.name))
+    return sorted(found, key=lambda dataset: numbers_in(dataset.name))
 
 
-def in_order(name: str) -> tuple[list[float], str]:
+def numbers_in(name: str) -> tuple[list[float], str]:
     """Names in the order of the numbers in them: 69 m before 157 m."""
     return [float(text) for text in re.findall(r"\d+(?:\.\d+)?", Path(name).stem)], name
 
