@@ -130,7 +130,7 @@ def test_simulated_frames_stand_in_for_a_model(made, tmp_path):
             (tmp_path / f"{name}_{i}.txt").write_bytes((made / f"frame_0{i}.txt").read_bytes())
     (job,) = noise_jobs(read_project(tmp_path), "")
     assert job.words == "2 frames, no ideal scan, so no model, 2 simulated frames"
-    page = job.compute(lambda *_: None)
+    page = job.compute(lambda *_: None).page
     assert "% in 2 simulated" in page.summary
     assert page.provenance["command"].count("sim_") == 2
     assert len(page.panels.rows) == len(page.own) == 3
@@ -239,7 +239,7 @@ def test_bad_files_and_walls_are_said(project):
         await pilot.press("down")
         assert view.job.name == "open/frame"
         page = await computed(app, pilot, view)
-        assert any("frame_07.txt: the file is empty" in words for words in page.sections[0].words)
+        assert any("frame_07.txt: the file is empty" in note for note in view.job.notes)
         await says(app, pilot, "open/frame: 3 panels")
         assert page.panels.rows[0][3] == "-"
         await pilot.press("down", "r")

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.calibration.figures import Page, Section
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.tui.core.jobs import Job, Tell
+from lidarcheck.tui.core.jobs import Computed, Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.profiles import ideal_of, numbers_in
+from lidarcheck.tui.core.naming import ideal_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -128,14 +128,14 @@ def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
 # Computing, in a thread
 
 
-def _all_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Page:
+def _all_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Computed:
     return _find_page(scans, given, tell, steps=False)
 
 
-def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: bool) -> Page:
+def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: bool) -> Computed:
     """What `lidarcheck ghosts find` computes; a dataset that shows no sign is left out and named, if another does."""
     from lidarcheck.calibration.ghost_files import load_ghost_model
-    from lidarcheck.calibration.ghost_page import find_page
+    from lidarcheck.calibration.ghost_page import find_document, find_page
 
     model = None if given.model is None else load_ghost_model(given.model)
     found, used, ideals, words = [], [], [], []
@@ -155,7 +155,8 @@ def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: b
         raise InputError(f"no dataset shows a sign. {' '.join(words)}", fix="see each of them for itself")
     simulated, why = _simulated(found, ideals, model, given, tell)
     page = find_page(found, simulated, _provenance("find", used, given, bool(simulated)), steps=steps)
-    return _page(page, (*words, *why), {one.name: one.stripped() for one in found})
+    shown = _page(page, (*words, *why), {one.name: one.stripped() for one in found})
+    return Computed(shown, {"datasets": find_document(found), "simulated": find_document(simulated)})
 
 
 def _names(scans: Sequence[SignScan]) -> list[str]:
@@ -204,11 +205,11 @@ def _page(page: Page, words: Sequence[str], stripped: Mapping[str, Scan]) -> Gho
     return GhostPage(page.title, page.summary, sections, page.provenance, stripped)
 
 
-def _fit_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Page:
+def _fit_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Computed:
     """What `lidarcheck ghosts fit` computes; every dataset must show the sign of its ideal scan."""
     from lidarcheck.calibration.ghost_files import find_simulated, load_ghost_model
     from lidarcheck.calibration.ghost_fit import fit_ghosts
-    from lidarcheck.calibration.ghost_fit_page import fit_page
+    from lidarcheck.calibration.ghost_fit_page import fit_document, fit_page
 
     assert given.model is not None
     model, found, ideals = load_ghost_model(given.model), [], []
@@ -225,7 +226,8 @@ def _fit_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Page:
         tell(len(scans) + 1 + i, 2 * len(scans) + 1, f"simulating {one.name}")
         others.append(find_simulated(one, ideal, fitted.model, bright=given.bright))
     page = fit_page(fitted, others, _provenance("fit", scans, given, True))
-    return GhostPage(page.title, page.summary, page.sections, page.provenance, fitted=fitted.model, model=given.model)
+    shown = GhostPage(page.title, page.summary, page.sections, page.provenance, fitted=fitted.model, model=given.model)
+    return Computed(shown, fit_document(fitted))
 
 
 def _provenance(command: str, scans: Sequence[SignScan], given: _Given, ideals: bool) -> dict[str, str]:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.calibration.figures import Figure, Page, Table
 from lidarcheck.formats.table import counted
-from lidarcheck.tui.core.jobs import Job, Tell
+from lidarcheck.tui.core.jobs import Computed, Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.profiles import ideal_of, numbers_in
+from lidarcheck.tui.core.naming import ideal_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
     frames = counted(len(hall.frames), "frame") + (f" ({len(hall.faults)} left out)" if hall.faults else "")
     ideal = hall.ideals[0].name if len(hall.ideals) == 1 else "an ideal scan each"
     side = Path(given).name if given else counted(len(hall.simulated), "simulated frame") if hall.simulated else ""
-    words = [frames, ideal if hall.ideals else "no ideal scan, so no model", side, *hall.faults]
+    words = [frames, ideal if hall.ideals else "no ideal scan, so no model", side]
     path = None if model is None else model.path
     return Job(
         name=hall.name,
@@ -122,14 +122,15 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
         compute=partial(_page, hall, path),
         choices=given,
         fault="" if hall.frames else "; ".join(hall.faults),
+        notes=tuple(f"left out: {fault}" for fault in hall.faults),
     )
 
 
-def _page(hall: Hall, model: Path | None, tell: Tell) -> Page:
+def _page(hall: Hall, model: Path | None, tell: Tell) -> Computed:
     """What `lidarcheck panels` computes of the same files."""
     from lidarcheck.calibration.panels import characterise
     from lidarcheck.calibration.panels_files import arrangements_of, provenance
-    from lidarcheck.calibration.panels_page import page
+    from lidarcheck.calibration.panels_page import document, page
     from lidarcheck.model import load_model
 
     sensor_model = None if model is None else load_model(model)
@@ -142,17 +143,14 @@ def _page(hall: Hall, model: Path | None, tell: Tell) -> Page:
     origin = {"measured": hall.frames, "ideal": hall.ideals, "simulated": simulated, "model": [model] if model else []}
     options = [word for kind, paths in list(origin.items())[1:] if paths for word in (f"--{kind}", *map(str, paths))]
     command = shlex.join(["lidarcheck", "panels", *map(str, hall.frames), *options, "--out", "DIRECTORY"])
-    return _laid_out(page(result, provenance(origin, command, None if model is None else 0)), result, hall.faults)
+    shown = _laid_out(page(result, provenance(origin, command, None if model is None else 0)), result)
+    return Computed(shown, document(result))
 
 
-def _laid_out(page: Page, result: PanelsResult, faults: Sequence[str]) -> NoisePage:
-    from dataclasses import replace
-
+def _laid_out(page: Page, result: PanelsResult) -> NoisePage:
     from lidarcheck.calibration.panels_page import overview
 
     first, second = page.sections[:2]
     own = tuple(section.figures for section in page.sections[2 : 2 + len(result.panels)])
-    left_out = tuple(f"Left out: {fault}" for fault in faults)
-    sections = (replace(first, words=(*first.words, *left_out)), *page.sections[1:])
-    table, figures = overview(result), (*second.figures, *first.figures)
-    return NoisePage(page.title, page.summary, sections, page.provenance, table, own, figures)
+    figures = (*second.figures, *first.figures)
+    return NoisePage(page.title, page.summary, page.sections, page.provenance, overview(result), own, figures)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from lidarcheck.calibration.figures import Cloud, Distribution
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.tui.core.ghosts import GhostPage, ghost_jobs, sign_scans
-from lidarcheck.tui.core.jobs import Job
+from lidarcheck.tui.core.jobs import Computed, Job
 from lidarcheck.tui.core.models import NONE, chosen_model, next_model
 from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.pages import MOVES, PageView, together
@@ -60,6 +60,10 @@ class Ghosts(PageView):
             for kind, figures in groupby(section.figures, type):
                 found += together(list(figures), 1 if kind is Cloud else most if kind is Distribution else 2)
         return found
+
+    def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
+        """The stripped points, or the fitted model."""
+        return _write(made.page, out, replace=True) if isinstance(made.page, GhostPage) else []
 
     def action_step(self, by: int) -> None:
         """From step to step of the extraction."""
@@ -134,15 +138,15 @@ def _least_of(text: str) -> float | None:
     return value or None
 
 
-def _write(page: GhostPage, directory: Path) -> list[str]:
-    """What the page leaves, in new files; their names. A file that is there is never replaced."""
+def _write(page: GhostPage, directory: Path, *, replace: bool = False) -> list[str]:
+    """What the page leaves, in files; their names. A file that is there is left as it is, unless `replace`."""
     from lidarcheck.calibration.ghost_files import stripped_name
     from lidarcheck.formats import save_scan
     from lidarcheck.model.rewrite import write_model
 
     names = [_MODEL_FILE] if page.fitted is not None else [stripped_name(name) for name in page.stripped]
     there = next((name for name in names if (directory / name).exists()), "")
-    if there:
+    if there and not replace:
         raise InputError("is there already", file=directory / there, fix="name another directory")
     try:
         directory.mkdir(exist_ok=True)
