@@ -142,3 +142,10 @@ def test_the_model_that_is_read_is_not_replaced(here, capsys):
     Path("SLIM.toml").rename("model.toml")
     said = failed(capsys, "fit", "1_25m.txt", "--ideal", "1_25m_ideal.txt", "--model", "model.toml", "--out", ".")
     assert "would replace a file of this command" in said
+
+
+def test_find_shows_its_steps(here, capsys):
+    assert main(["ghosts", "find", "1_25m.txt", "--steps"]) == 0
+    out = capsys.readouterr().out
+    assert "1_25m: step by step" in out
+    assert "the search at twice the range" in out

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
+from lidarcheck.tui.core.actions_ghosts import GHOSTS
 from lidarcheck.tui.core.actions_histograms import HISTOGRAMS
+from lidarcheck.tui.core.actions_noise import NOISE
 from lidarcheck.tui.core.actions_overview import OVERVIEW
 from lidarcheck.tui.core.actions_scenes import SCENES
 
@@ -33,7 +35,9 @@ SCREENS = {
     "histograms": Place(
         "Histograms", "f3", "H", "Hist", "vehicles, real against simulated", "vehicles compare", "distances"
     ),
+    "noise": Place("Noise", "f4", "N", "Noise", "range noise, detection and walk on panels", "panels", "panels"),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "ghosts": Place("Ghosts", "f6", "G", "Ghosts", "signs and their ghosts, step by step", "ghosts find", "ghosts"),
     "scenes": Place(
         "Scenes", "f7", "S", "Scenes", "whole frames, measured and simulated", "scenes compare", "measured"
     ),
@@ -58,7 +62,7 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *BLOOMING, *SCENES)
+ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *NOISE, *BLOOMING, *GHOSTS, *SCENES)
 
 
 def actions_of(screen: str) -> list[Action]:
