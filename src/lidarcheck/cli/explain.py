@@ -12,20 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.explain_files import (
-    MODEL,
-    PAGE,
-    REPORT,
-    check_directory,
-    check_not_read,
-    make_directory,
-    write_together,
-)
+from lidarcheck.cli.explain_files import check_directory, check_not_read, make_directory, write_together
 from lidarcheck.cli.explain_watch import JsonLines, watched
 from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import emit, hush, note, progress, stage
 from lidarcheck.errors import UsageError
+from lidarcheck.explain.places import KEPT, MODEL, PAGE, REPORT
 
 if TYPE_CHECKING:
     from lidarcheck.explain.case import Case
@@ -33,8 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["explain"]
 
-KEPT = ".explain"
-"""Where an interrupted run keeps what was done, in the output directory."""
 MOST_CASES = 100_000
 
 
@@ -86,7 +77,7 @@ def explain(
     if benchmark is not None:
         from lidarcheck.cli.explain_benchmark import benchmark as run
 
-        others = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
+        others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
         _refuse_beside("--benchmark", others | {"--progress": progress_as == "json"})
         return run(
             benchmark,

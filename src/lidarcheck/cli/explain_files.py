@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.explain.places import MODEL, PAGE, REPORT
 
 __all__ = ["MODEL", "PAGE", "REPORT", "check_directory", "check_not_read", "make_directory", "write_together"]
-
-REPORT, MODEL, PAGE = "report.json", "model.toml", "report.html"
 
 
 def check_directory(out: Path, case: Path) -> None:

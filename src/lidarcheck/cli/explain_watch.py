@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.cli.terminal import complain, note
+from lidarcheck.formats.table import clock_text
 
 if TYPE_CHECKING:
     from lidarcheck.explain.explanation import Step
@@ -63,13 +64,6 @@ class Pace:
         """`about 0:40 left`; empty while too little is done to say."""
         seconds = self.left_s
         return "" if seconds is None else f"about {clock_text(seconds)} left"
-
-
-def clock_text(seconds: float) -> str:
-    """`0:07`, `12:30`, `1:02:03`."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
 class JsonLines:
