@@ -21,7 +21,7 @@ def tui(
     /,
     *,
     screen: Annotated[
-        Literal["overview", "blooming", "goldens"] | None,
+        Literal["overview", "blooming", "explain", "goldens"] | None,
         Parameter(help="The screen to begin with; by default the last one."),
     ] = None,
     theme: Annotated[

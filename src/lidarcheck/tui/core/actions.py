@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
+from lidarcheck.tui.core.actions_explain import EXPLAIN
 from lidarcheck.tui.core.actions_goldens import GOLDENS
 from lidarcheck.tui.core.actions_overview import OVERVIEW
 
@@ -30,6 +31,7 @@ class Place(NamedTuple):
 SCREENS = {
     "overview": Place("Overview", "f2", "O", "Overview", "scenarios, verdicts and KPIs", "check", "goldens"),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "explain": Place("Explain", "f8", "E", "Explain", "which effect a model lacks", "explain", "model"),
     "goldens": Place("Goldens", "f9", "D", "Goldens", "what is proposed for the goldens", "review", "goldens"),
 }
 """The screens by their names, in the order of their keys."""
@@ -52,7 +54,7 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *BLOOMING, *GOLDENS)
+ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *BLOOMING, *EXPLAIN, *GOLDENS)
 
 
 def actions_of(screen: str) -> list[Action]:

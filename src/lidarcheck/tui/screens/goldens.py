@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 
@@ -20,8 +21,8 @@ from lidarcheck.tui.core.checks import Cancelled
 from lidarcheck.tui.core.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
 from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.goldens_accept import Accepting
-from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
+from lidarcheck.tui.widgets.lines import Line, Lines, line, wrapped
 
 __all__ = ["Goldens"]
 
@@ -73,19 +74,24 @@ class Goldens(Accepting):
         yield Lines("KPIs", label="k", id="proposed")
         yield Lines("Before you accept", label="b", id="against")
 
+    def on_resize(self, _event: events.Resize) -> None:
+        """What is wrapped is wrapped anew."""
+        self.draw()
+
     # What waits
 
     def project_changed(self) -> None:
         """Look at goldens and proposals, beside the interface."""
-        paths = [entry.path for entry in self.ours.project.of("scenario")]
+        ours = self.ours
+        paths = [entry.path for entry in ours.project.of("scenario")]
 
         def look() -> None:
             try:
                 found = [one for one in map(waiting, paths) if one is not None]
             except (OSError, ValueError) as error:
-                self.ours.soon(self.ours.say, f"goldens cannot be read: {error}")
+                ours.soon(ours.say, f"goldens cannot be read: {error}")
                 return
-            self.ours.soon(self._looked, found)
+            ours.soon(self._looked, found)
 
         threading.Thread(target=look, name="goldens", daemon=True).start()
 
@@ -118,8 +124,9 @@ class Goldens(Accepting):
         """All panes."""
         title = f"Proposals: {counted(len(self.waiting), 'scenario')} to review" if self.waiting else "Proposals"
         lines = [self._line(number, one) for number, one in enumerate(self.waiting)]
-        lines = lines or [line(f" {text}", "dim") for text in _EMPTY]
-        self.query_one("#proposals", Lines).show(lines, title=title, cursor=self.at if self.waiting else None)
+        pane = self.query_one("#proposals", Lines)
+        lines = lines or [part for text in _EMPTY for part in wrapped(text, pane.size.width, "dim")]
+        pane.show(lines, title=title, cursor=self.at if self.waiting else None)
         self._draw_kpis(self.chosen)
         self._draw_against(self.chosen)
 
@@ -149,11 +156,12 @@ class Goldens(Accepting):
             words = " no proposal yet: r runs all seeds and makes one" if one else ""
             pane.show([line(words, "dim")], title="KPIs")
             return
-        by_name, lines, cursor = {kpi.name: kpi for kpi in one.kpis}, [kpi_heading("proposed")], 1
+        room = name_room(pane.size.width)
+        by_name, lines, cursor = {kpi.name: kpi for kpi in one.kpis}, [kpi_heading("proposed", room)], 1
         for number, name in enumerate(names):
             cursor = len(lines) if number == self.kpi_at else cursor
             mark = "*" if name in self.marked else ">" if number == self.kpi_at else " "
-            lines += kpi_lines(kpi_line(by_name[name], one.share), mark)
+            lines += kpi_lines(kpi_line(by_name[name], one.share), mark, room)
         same = len(one.kpis) - len(names)
         if same:
             lines.append(line(f" {counted(same, 'KPI')} as the golden has it", "dim"))
@@ -164,12 +172,14 @@ class Goldens(Accepting):
         if one is None:
             lines: list[Line] = []
         elif one.fault:
-            lines = [line(f" {self.ours.inside(one.fault)}", "bad")]
+            lines = wrapped(self.ours.inside(one.fault), pane.size.width, "bad")
         elif one.found is None:
             lines = [line(" not reviewed yet: r runs all seeds and says what speaks against it", "dim")]
         else:
             said = [self.ours.inside(text) for text in objections(one.found)]
-            lines = [line(f" {text}") for text in said] or [line(" nothing speaks against it: a accepts", "good")]
+            lines = [part for text in said for part in wrapped(text, pane.size.width)] or [
+                line(" nothing speaks against it: a accepts", "good")
+            ]
         pane.show(lines)
 
     # The cursor and the marks
@@ -225,11 +235,9 @@ class Goldens(Accepting):
             return
         self.running = True
         self._stop.clear()
-        threading.Thread(target=self._run, args=(groups, names), name="review", daemon=True).start()
+        threading.Thread(target=self._run, args=(self.ours.soon, groups, names), name="review", daemon=True).start()
 
-    def _run(self, groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
-        soon = self.ours.soon
-
+    def _run(self, soon: Callable[..., object], groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
         def told(done: int, total: int, now: str) -> None:
             soon(self._progress, done, total, now)
 

@@ -15,7 +15,7 @@ from lidarcheck.tui.core.proposals import Waiting, changes, reasons
 from lidarcheck.tui.screens.base import View
 from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.lines import Line, line, wrapped
 
 __all__ = ["Accepting", "diff_lines"]
 
@@ -77,7 +77,10 @@ class Accepting(View):
         if not wanted or any(ALL in names or kpi.name in names for kpi in refused):
             self._ask_write(report, names, "")
             return
-        ask = AskText("Why is this accepted? The golden keeps the reason.", lines=[line(f" {text}") for text in wanted])
+        ask = AskText(
+            "Why is this accepted? The golden keeps the reason.",
+            lines=[part for text in wanted for part in wrapped(text, self.size.width)],
+        )
         self.app.push_screen(ask, lambda reason: self._reasoned(report, names, reason))
 
     def _reasoned(self, report: ReviewReport, names: Sequence[str], reason: str | None) -> None:
@@ -106,12 +109,16 @@ class Accepting(View):
             self.say("not accepted: nothing was written")
             return
 
+        ours = self.ours
+
         def write() -> None:
             # Another review may hold the lock for a while.
             try:
-                self.ours.soon(self._written, accept(report, names, reason=reason))
+                ours.soon(self._written, accept(report, names, reason=reason))
             except LidarcheckError as error:
-                self.ours.soon(self.say, error)
+                ours.soon(ours.say, error)
+            except OSError as error:
+                ours.soon(ours.say, f"error: cannot write: {error}")
 
         threading.Thread(target=write, name="accept", daemon=True).start()
 

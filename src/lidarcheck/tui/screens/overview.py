@@ -15,7 +15,7 @@ from textual.message import Message
 from lidarcheck.tui.core.checks import Cancelled, Outcome, Runs, against, run_scenarios
 from lidarcheck.tui.core.project import Entry
 from lidarcheck.tui.screens.base import View, bindings
-from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved
+from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 
@@ -150,12 +150,13 @@ class Overview(View):
             words = self.ours.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
             pane.show([line(f" {words}", "bad" if entry.fault else "dim")], title=entry.name)
             return
+        room = name_room(pane.size.width)
         lines = [line(f" {self.ours.inside(problem)}", "bad") for problem in outcome.problems]
         if outcome.kpis:
-            lines.append(kpi_heading("now"))
+            lines.append(kpi_heading("now", room))
         order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(moved(kpi))))
         for kpi in order:
-            lines += kpi_lines(kpi)
+            lines += kpi_lines(kpi, room=room)
         pane.show(lines, title=f"KPIs of {entry.path.stem}")
 
     # Actions
