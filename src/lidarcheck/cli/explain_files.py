@@ -7,11 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.explain.places import MODEL, PAGE, REPORT
 from lidarcheck.plots.outputs import make_directory, write_together
 
 __all__ = ["MODEL", "PAGE", "REPORT", "check_directory", "check_not_read", "make_directory", "write_together"]
-
-REPORT, MODEL, PAGE = "report.json", "model.toml", "report.html"
 
 
 def check_directory(out: Path, case: Path) -> None:
