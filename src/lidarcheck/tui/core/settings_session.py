@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,11 +15,13 @@ from lidarcheck.calibration.settings_edit import (
     with_distance,
     without_distance,
 )
+from lidarcheck.errors import UsageError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import (
     Setting,
     Settings,
     default_settings,
+    limits_of,
     load_settings,
     parse_settings,
     settings_content,
@@ -75,9 +78,10 @@ class SettingsSession(FileSession[Settings]):
         """Rows move by whole steps."""
         return self._each(rows, f"nudge {steps:+d}", lambda now: f"{now + steps:.10g}")
 
-    def add(self, distance_m: float) -> bool:
-        """Settings for one more distance, as those of the nearest one."""
-        return self._make(f"add {distance_m:g} m", lambda now: with_distance(now, distance_m))
+    def add(self, distance: str) -> bool:
+        """Settings for one more distance [m], as those of the nearest one."""
+        self._check("Distance", distance)
+        return self._make(f"add {distance} m", lambda now: with_distance(now, float(distance)))
 
     def remove(self, distance_m: float) -> bool:
         """No settings for a distance any more."""
@@ -89,8 +93,22 @@ class SettingsSession(FileSession[Settings]):
         self.there = True
         return number
 
+    def _check(self, key: str, value: str) -> None:
+        """Refuse what a key cannot have, with what it can."""
+        low, high = limits_of(self.axis)[key]
+        what, unit = ("a number", " m") if key == "Distance" else ("a whole number", "")
+        try:
+            number = float(value) if key == "Distance" else int(value)
+        except ValueError:
+            number = math.nan
+        if not low <= number <= high:
+            raise UsageError(f"{key} = {value} is out of range", fix=f"use {what} from {low:g} to {high:g}{unit}")
+
     def _each(self, rows: Sequence[int], what: str, new: Callable[[float], str]) -> bool:
+        self._check_editable()
         chosen = [self.rows()[row] for row in rows]
+        for row in chosen:
+            self._check(row[1], new(self.value(row)))
 
         def make(now: Settings) -> Settings:
             # A distance that moves is another name for its row: it comes last.

@@ -6,30 +6,25 @@ import time
 from typing import Any, ClassVar
 
 from textual import events
-from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Grid, Horizontal, Vertical
 
 from lidarcheck.formats.lut import Axis
 from lidarcheck.tui.core.lut_session import LutSession
-from lidarcheck.tui.screens.base import View, bindings
-from lidarcheck.tui.screens.blooming_draw import LEAST
+from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.blooming_editor import Editor
+from lidarcheck.tui.screens.blooming_panes import TILES, BloomingPanes
 from lidarcheck.tui.screens.blooming_plots import DEBOUNCE_S, BloomingPlots
 from lidarcheck.tui.screens.blooming_settings import SettingsEditor
 from lidarcheck.tui.screens.blooming_table import TableEditor
+from lidarcheck.tui.widgets.dialogs import AskText
 from lidarcheck.tui.widgets.lines import Lines
 
 __all__ = ["Blooming"]
 
 _TYPED = {**{digit: digit for digit in "0123456789e"}, "full_stop": "."}
-_TILES = ("profile", "profile2", "profile3", "profile4")
-_LEFT, _WIDE, _NARROW = 34, 150, 74
-"""Columns of the editor; from which on distances stand side by side; below which there is no room for a plot."""
-_GAP = 2
 
 
-class Blooming(View):
+class Blooming(BloomingPanes):
     """Two editors that share the left side, and the plots."""
 
     NAME = "blooming"
@@ -48,6 +43,7 @@ class Blooming(View):
         "v to the next feature. From 150 columns on up to three distances stand side by side, and < > is about the "
         "one that n and p go on from. V shows all four features of one distance, and goes back.",
     }
+    WORDS |= dict.fromkeys(TILES, WORDS["profile"])
     BINDINGS: ClassVar[list[Any]] = [
         *bindings("blooming"),
         *(Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")),
@@ -55,7 +51,6 @@ class Blooming(View):
         Binding("backspace", "rub_out", show=False),
         Binding("escape", "drop", show=False),
     ]
-    DEFAULT_CSS = f"Blooming #left {{ width: {_LEFT}; }} Blooming.alone #left {{ width: 1fr; }}"
 
     def __init__(self) -> None:
         super().__init__(id=self.NAME)
@@ -66,66 +61,16 @@ class Blooming(View):
         self._drawn_at = 0.0
         self._looked_back = False
 
-    def compose(self) -> ComposeResult:
-        """The editor on the left; curve and profiles on the right."""
-        with Horizontal():
-            with Vertical(id="left"):
-                yield Lines("Table", label="t", id="table")
-            with Vertical(id="right"):
-                yield Lines("Curve", label="u", id="curve")
-                with Grid(id="profiles"):
-                    for number, name in enumerate(_TILES, start=1):
-                        yield Lines("Profile", label="p" if number == 1 else str(number), id=name)
-
     def on_mount(self) -> None:
         """One clock, which sends nothing while nothing changes: a look at the files."""
         self.set_interval(2.0, self._look_at_disk)
-        for pane in (self.query_one("#curve", Lines), *self._all_tiles()):
+        for pane in (self.query_one("#curve", Lines), *self.all_tiles()):
             pane.when_resized = self.plots.later
-        self._arrange()
+        self.give_room()
 
     def on_resize(self, _event: events.Resize) -> None:
         """What there is room for."""
-        self._arrange()
-
-    # The panes
-
-    def _all_tiles(self) -> list[Lines]:
-        return [self.query_one(f"#{name}", Lines) for name in _TILES]
-
-    def tile_panes(self) -> list[Lines]:
-        """The panes of profiles that are seen."""
-        return [pane for pane in self._all_tiles() if pane.display]
-
-    def panes(self) -> list[Lines]:
-        """Those that are seen."""
-        return [pane for pane in super().panes() if self._is_seen(pane)]
-
-    def _is_seen(self, pane: Lines) -> bool:
-        around = [widget for widget in pane.ancestors_with_self if widget is not self and self in widget.ancestors]
-        return all(getattr(widget, "display", True) for widget in around)
-
-    def _arrange(self) -> None:
-        """Give each pane its room: all that there is for four features where it is little."""
-        width, height = self.size
-        plots, wide = self.plots, width >= _WIDE
-        plots.across = min(len(_TILES) - 1, (width - _LEFT + _GAP) // (LEAST[0] + _GAP)) if wide else 1
-        self.query_one("#left").display = wide or not plots.four
-        self.query_one("#right").display = plots.four or width >= _NARROW
-        self.set_class(width < _NARROW and not plots.four, "alone")
-        # A curve, and two plots below each other with their titles.
-        self.query_one("#curve").display = not plots.four or (wide and height >= 4 * (LEAST[1] + 1))
-        number = len(plots.tiles())
-        columns = number if not plots.four else 2 if width >= 2 * LEAST[0] else 1
-        grid = self.query_one("#profiles", Grid)
-        grid.styles.grid_gutter_vertical = _GAP if wide else 0
-        grid.styles.grid_size_columns, grid.styles.grid_size_rows = columns, max(number // columns, 1)
-        for at, pane in enumerate(self._all_tiles()):
-            pane.display = at < number
-        focused = self.app.focused
-        if isinstance(focused, Lines) and focused in super().panes() and not self._is_seen(focused):
-            self.panes()[0].focus()
-        plots.later()
+        self.give_room()
 
     # What is shown
 
@@ -153,13 +98,13 @@ class Blooming(View):
             if self.settings.session is not None and self.settings.session.found:
                 self.editor = self.settings
         self.plots.find()
-        self._arrange()
+        self.give_room()
         self.draw()
 
     def opened(self) -> None:
         """The screen is seen: profiles are read now and not before."""
         self.plots.opened()
-        self._arrange()
+        self.give_room()
         self.draw()
 
     def unsaved(self) -> int:
@@ -261,21 +206,25 @@ class Blooming(View):
 
     def action_settings(self) -> None:
         """The other editor."""
-        self.editor = self.table if self.editor is self.settings else self.settings
+        if self.editor is self.settings and self.query_one("#left").display:
+            self.editor = self.table
+        else:
+            self.editor = self.settings
         words = self.editor.session.read_only if self.editor.session is not None else ""
         if words:
             self.say(words, bad=True)
         elif self.editor.session is not None:
             self.say(self.ours.inside(str(self.editor.session.path)))
-        if self.plots.four:
+        if not self.query_one("#left").display:
             self.action_arrange()
+        self.query_one("#table", Lines).focus()
         self.draw()
 
     def action_add_distance(self) -> None:
-        """Settings of the distance shown."""
-        shown = self.plots.shown()
+        """Settings of one more distance."""
         if self._is_on_settings():
-            self.settings.add(None if shown is None else shown.cells.distance_m)
+            guess = self.plots.distance_in_words()
+            self.app.push_screen(AskText("Settings for which distance [m]?", guess), self.settings.add)
 
     def action_remove_distance(self) -> None:
         """No settings for the distance under the cursor."""
@@ -336,7 +285,7 @@ class Blooming(View):
 
     def _looked_for(self) -> None:
         self.plots.find()
-        self._arrange()
+        self.give_room()
         self.draw()
 
     def action_next_dataset(self, by: int) -> None:
@@ -358,7 +307,10 @@ class Blooming(View):
     def action_arrange(self) -> None:
         """All features of one distance, or one feature of several distances."""
         self.plots.four = not self.plots.four
-        self._arrange()
+        was_seen = self.query_one("#left").display
+        self.give_room()
+        if not was_seen and self.query_one("#left").display:
+            self.query_one("#table", Lines).focus()
 
     def closing(self) -> None:
         """Keep where the cursor was; journals stay where there are edits."""

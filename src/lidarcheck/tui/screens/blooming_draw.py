@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,8 +68,7 @@ def draw_profile(plots: BloomingPlots, pane: Lines, dataset: int, feature: int) 
 
 
 def _wrapped(words: str, room: int) -> list[Line]:
-    width = max(room - 2, 20)
-    return [line(f" {words[i : i + width]}", "bad") for i in range(0, len(words), width)]
+    return [line(f" {text}", "bad") for text in textwrap.wrap(words, max(room - 2, 20))]
 
 
 def _show(view: Blooming, pane: Lines, title: str, curves: Any, y_label: str, x_label: str, *, log: bool) -> None:

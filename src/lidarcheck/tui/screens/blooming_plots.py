@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -196,6 +197,15 @@ class BloomingPlots:
         """The setting that said where the target of the dataset under the hand is; None where none did."""
         shown = self.shown()
         return None if shown is None else shown.cells.setting
+
+    def distance_in_words(self) -> str:
+        """The distance of the dataset under the hand [m]: as read, else by its name; empty where neither tells."""
+        shown = self.shown()
+        if shown is not None:
+            return f"{shown.cells.distance_m:.1f}"
+        name = self.datasets[self.dataset].path.stem if self.datasets else ""
+        number = re.search(r"\d+(?:[._]\d+)?(?=m)", name)
+        return number[0].replace("_", ".") if number else ""
 
     def setting_in_words(self) -> str:
         """What settings have to do with the dataset under the hand."""

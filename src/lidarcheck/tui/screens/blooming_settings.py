@@ -122,12 +122,10 @@ class SettingsEditor(Editor[SettingsSession]):
         """There is nothing to smooth."""
         self.view.say("settings are not smoothed")
 
-    def add(self, distance_m: float | None) -> None:
-        """Settings of the distance that is shown, as those of the nearest one."""
-        if distance_m is None:
-            self.view.say("no distance is shown to add settings for")
-            return
-        self.edit(lambda session: session.add(round(distance_m, 1)))
+    def add(self, typed: str | None) -> None:
+        """Settings of a distance, as those of the nearest one."""
+        if typed:
+            self.edit(lambda session: session.add(typed))
 
     def remove(self) -> None:
         """No settings for the distance under the cursor."""
