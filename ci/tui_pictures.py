@@ -69,7 +69,7 @@ def sign(root: Path, model: Path, distance: str) -> None:
     scene = (ROOT / f"src/lidarcheck/scenes/builtin/sign_vertical_{distance}.toml").read_text(encoding="utf-8")
     materials = ROOT / "src/lidarcheck/scenes/materials.toml"
     file = model.with_name(f"{distance}.toml")
-    head = re.sub(r'^materials = .*$', f'materials = "{materials.as_posix()}"', scene, flags=re.MULTILINE)
+    head = re.sub(r"^materials = .*$", f'materials = "{materials.as_posix()}"', scene, flags=re.MULTILINE)
     file.write_text(head + "\n[scene.sampling]\nlayers = [170, 380]\npoints = [440, 520]\n", encoding="utf-8")
     ideal = root / "signs" / f"ideal_sign_{distance}.parquet"
     run("scene", file, "--out", ideal)
@@ -120,7 +120,7 @@ async def blooming(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """Some rows are raised towards what was measured."""
     plots = cast(Blooming, app.view).plots
     await until(pilot, lambda: plots.expected is not None)
-    await pilot.press(*("down",) * 14, "shift+down", "shift+down", "space", *("right_square_bracket",) * 2)
+    await pilot.press(*("down",) * 14, "shift+down", "shift+down", *("right_square_bracket",) * 2)
     await until(pilot, lambda: plots.expected is not None)
 
 
@@ -151,7 +151,7 @@ def draw(project: Path, name: str) -> None:
     async def session() -> str:
         app = LidarcheckApp(project, theme="dark", screen=screen)
         async with app.run_test(size=SIZE) as pilot:
-            await until(pilot, lambda: app.reads and app.view.NAME == screen)
+            await until(pilot, lambda: app.reads and screen == app.view.NAME)
             await settled(app, pilot)
             if name in PREPARE:
                 await PREPARE[name](app, pilot)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,12 +76,14 @@ class SettingsEditor(Editor[SettingsSession]):
     def lines(self) -> tuple[str, list[Line], bool]:
         """Each value with its limits; below, what they are for."""
         if self.session is None:
-            return "Settings", [line(f" {self.view.ours.inside(self.fault)}", "bad")], False
+            words = textwrap.wrap(self.view.ours.inside(self.fault), 32)
+            return "Settings", [line(f" {text}", "bad") for text in words], False
         self.within()
         session, here = self.session, self.view.plots.setting()
         rows = zip(session.rows(), session.edited(), strict=True)
         lines = [self._row(number, row, edited, here) for number, (row, edited) in enumerate(rows)]
         words = ["" if session.there else "no file: these are the defaults", self.view.plots.setting_in_words()]
+        words += [] if lines else ["no distance: A adds one"]
         notes = [line(f" {text}", "dim") for text in words if text]
         title = f"Settings {session.axis} {self.variant}{' *' if session.dirty else ''}"
         return title, [*lines, *notes], bool(lines)
