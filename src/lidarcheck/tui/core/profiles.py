@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import subprocess
+import sys
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +22,17 @@ if TYPE_CHECKING:
     from lidarcheck.formats.lut import Axis, LutTable
     from lidarcheck.formats.settings import Settings
 
-__all__ = ["Choice", "Dataset", "Profiles", "Shown", "datasets_of", "first_time", "retros_of", "variant_of"]
+__all__ = [
+    "Choice",
+    "Dataset",
+    "Profiles",
+    "Shown",
+    "compile_aside",
+    "datasets_of",
+    "first_time",
+    "retros_of",
+    "variant_of",
+]
 
 Key = tuple[Any, ...]
 
@@ -193,6 +206,21 @@ def first_time() -> bool:
     from lidarcheck.model.jit import cache_directory
 
     return not any(cache_directory().iterdir())
+
+
+_COMPILE = """from lidarcheck.calibration.blooming_response import response_of
+from lidarcheck.sensor import Sensor
+response_of(Sensor.of("SLIM"))"""
+
+
+def compile_aside() -> None:
+    """Compile the model's kernels in a process of their own, whose cache this one reads: in a thread of this process
+    it would hold the interpreter's lock, and keys would wait. Where that fails this process compiles them itself.
+    """
+    quiet = subprocess.DEVNULL
+    with contextlib.suppress(OSError):
+        command = [sys.executable, "-c", _COMPILE]
+        subprocess.run(command, check=False, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
 def _keep(kept: dict[Any, Any], key: Any, value: Any) -> None:

@@ -13,6 +13,7 @@ from lidarcheck.tui.core.profiles import (
     Dataset,
     Profiles,
     Shown,
+    compile_aside,
     datasets_of,
     first_time,
     retros_of,
@@ -282,6 +283,7 @@ class BloomingPlots:
             first = first_time()
             if first:
                 app.soon(self.view.say, _ONCE)
+                compile_aside()
             self._profiles.expected(choice, shown, table)
             if first:
                 app.soon(self.view.say, "the sensor model is compiled")
