@@ -1,10 +1,12 @@
 """Distances side by side, four features at once, and that nothing is computed twice."""
 
 import random
+import threading
 
 import pytest
 
 from lidarcheck.tui.core.history import Edit, History, edit_between
+from lidarcheck.tui.screens import blooming_plots
 from tui_kit import app_on, drive, make_project, says, sees, text_of, until
 
 WIDE, NARROW = (160, 50), (80, 24)
@@ -111,6 +113,30 @@ def test_the_curve_follows_at_once_and_several_cells_together(project):
         assert [change.row for change in view.session.diff()] == [0, 1, 2]
         await until(pilot, lambda: curve.text != before and "on disk" in curve.text)
         await until(pilot, lambda: view.plots.expected is not None)
+
+    drive(app_on(project, screen="blooming"), do, NARROW)
+
+
+def test_the_first_time_on_a_machine_is_said_and_compiled_aside(project, monkeypatch):
+    aside, measured = threading.Event(), []
+
+    def compile_aside():
+        measured.append("begun")
+        aside.wait(60)
+
+    monkeypatch.setattr(blooming_plots, "first_time", lambda: len(measured) == 0)
+    monkeypatch.setattr(blooming_plots, "compile_aside", compile_aside)
+
+    async def do(app, pilot):
+        await says(app, pilot, "the sensor model is compiled first, once on this machine")
+        await sees(app, pilot, "computing ...")
+        await sees(app, pilot, "69.0 m, 1/2")
+        await pilot.press("plus")
+        assert app.view.session.dirty
+        assert app.view.plots.expected is None
+        aside.set()
+        await until(pilot, lambda: app.view.plots.expected is not None)
+        await says(app, pilot, "the sensor model is compiled")
 
     drive(app_on(project, screen="blooming"), do, NARROW)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["DEBOUNCE_S", "BloomingPlots"]
 
 DEBOUNCE_S = 0.15
-_ONCE = "computing: the sensor model is compiled first, once on this machine, some ten seconds"
+_ONCE = "computing: the sensor model is compiled first, once on this machine; it takes a while"
 
 
 class BloomingPlots:
