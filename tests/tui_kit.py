@@ -152,11 +152,11 @@ def edit_until_killed(root, seed, say):
             session.save()
             say("saved", session.saved.content)
         elif chance < 0.4 and history.done:
-            say("doing", history.done[-1].applied(lut, back=True).content)
+            say("doing", history.last("undo").applied(lut.content, back=True))
             session.undo()
             say("done", session.current.content)
         elif chance < 0.5 and history.undone:
-            say("doing", history.undone[-1].applied(lut).content)
+            say("doing", history.last("redo").applied(lut.content))
             session.redo()
             say("done", session.current.content)
         else:
