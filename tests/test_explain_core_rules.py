@@ -7,9 +7,9 @@ import pytest
 
 from lidarcheck.effects import find
 from lidarcheck.errors import UsageError
-from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN, KIN_PART, Search, Trial, _beside_kin, _tried, are_kin
+from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, _beside_kin, _tried, are_kin
 from lidarcheck.explain.located_ranges import _walks
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
@@ -19,6 +19,17 @@ def trial(name: str, gain: float, before: float, after: float, change: float) ->
     probe = next(probe for probe in fixed_probes([name]) if not probe.variant)
     fit = Fit((probe,), (probe.start(),), 1.0, np.zeros((1, 3)))
     return Trial(name, 1, fit, gain, 1.0, before, after, change)
+
+
+def probe_of(name: str, variant: str = "") -> Probe:
+    return next(probe for probe in fixed_probes([name]) if probe.variant == variant)
+
+
+def test_what_turns_at_random_needs_more_beside_its_kin() -> None:
+    first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
+    found = Search(first.fit, first.fit, [first])
+    assert _beside_kin(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert _beside_kin(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
 
 
 def test_an_effect_must_hold_on_the_select_frames_where_it_shows_there() -> None:
@@ -40,10 +51,13 @@ def test_where_the_select_frames_cannot_show_it_an_effect_must_only_do_no_harm()
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert _beside_kin("range_scale", found) == pytest.approx(KIN_PART * 5000.0)
-    assert _beside_kin("fog", found) == 0.0
+    assert _beside_kin(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert _beside_kin(probe_of("fog"), found) == 0.0
     assert (
-        _beside_kin("range_scale", Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first])) == 0.0
+        _beside_kin(
+            probe_of("range_scale"), Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first])
+        )
+        == 0.0
     )
 
 
@@ -109,6 +123,6 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     with pytest.raises(UsageError):
         probe.effect(probe.start()).detector(sensor)
     lab = NarrowLab(sensor)
-    fit, after, _ = _tried((lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3))), probe)
+    fit, after, _ = _tried((lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0), probe)
     assert fit.possible == found
     assert np.isfinite(after) == found

@@ -38,6 +38,10 @@ KIN = (
 KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
+AT_RANDOM = ("random", "wander", "free phase")
+RANDOM_KIN_PART, _RANDOM_WORTH = 0.3, 2.0
+"""Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
+edges: they need this part beside their kin, and so many times the usual least part."""
 _PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
 _UNSEEN, _HARMLESS = 0.05, 0.02
@@ -182,17 +186,18 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
         one = order[i][1]
         if not alone.possible:
             continue
-        needed = max(1.3 * bench.level * one.chance, bench.worth, _beside_kin(one.probe.name, found))
+        worth = bench.worth * (_RANDOM_WORTH if one.probe.variant in AT_RANDOM else 1.0)
+        needed = max(1.3 * bench.level * one.chance, worth, _beside_kin(one.probe, found))
         gain = now.distance - alone.distance
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change))
         told(f"round {number}", i + 1, len(order))
     return trials
 
 
-def _beside_kin(name: str, found: Search) -> float:
+def _beside_kin(probe: Probe, found: Search) -> float:
     """What an effect must explain beside its kin among those that were accepted."""
-    gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(name, t.name)]
-    return KIN_PART * max(gains, default=0.0)
+    gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(probe.name, t.name)]
+    return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)
 
 
 def are_kin(one: str, other: str) -> bool:
