@@ -68,19 +68,37 @@ def check_pairing(frame: SceneFrame, measured: Pairing, simulated: Pairing) -> N
     """Refuse a measured frame of another scene: few echoes on surfaces, where the simulated ones are, and many behind.
 
     Fog and rain show echoes before the surfaces and none behind; they are compared, with a warning where they rule.
+    A simulated frame of another scene is refused as well.
     """
     own, other = (float(np.mean(pairing.of_surface)) for pairing in (measured, simulated))
+    _check_simulated(frame, simulated, own, other)
     if len(measured.of_surface) < FEWEST_ECHOES or other < COMPARABLE or own >= DOUBTFUL_ON_SURFACE:
         return
-    met = measured.distance_m[measured.echo_beam]
-    range_m = ranges(frame.measured)
-    behind = ~measured.of_surface & (range_m > np.where(met > 0.0, met, NEAR_SENSOR_M))
+    behind = _behind(frame.measured, measured)
     what = f"only {100.0 * own:.0f} % of the measured echoes lie within 2 m of a surface of their beam"
     what += f" ({100.0 * other:.0f} % of the simulated)"
     if float(np.mean(behind)) > MOST_BEHIND:
         what += f", and {100.0 * float(np.mean(behind)):.0f} % behind it, or where there is none: this is another scene"
         raise InputError(what, file=_name(frame.file), fix="name the ideal scan of the same frame, scene and pose")
     _log.warning("%s: %s: is it the same frame, scene and pose as the ideal scan?", frame.file or "measured", what)
+
+
+def _check_simulated(frame: SceneFrame, simulated: Pairing, own: float, other: float) -> None:
+    """Refuse a simulated frame of another scene; `own`, `other`: shares from a surface, measured and simulated."""
+    if len(simulated.of_surface) < FEWEST_ECHOES or own < COMPARABLE or other >= DOUBTFUL_ON_SURFACE:
+        return
+    behind = float(np.mean(_behind(frame.simulated, simulated)))
+    if behind > MOST_BEHIND:
+        what = f"only {100.0 * other:.0f} % of the simulated echoes lie within 2 m of a surface of their beam"
+        what += f" ({100.0 * own:.0f} % of the measured), and {100.0 * behind:.0f} % behind it, or where there is none:"
+        what += " this is another scene"
+        raise InputError(what, file=_name(frame.simulated_file), fix="simulate the ideal scan that --ideal names")
+
+
+def _behind(scan: Scan, pairing: Pairing) -> np.ndarray:
+    """Echoes behind all surfaces of their beam, or where there is none; shape (echoes,)."""
+    met = pairing.distance_m[pairing.echo_beam]
+    return np.asarray(~pairing.of_surface & (ranges(scan) > np.where(met > 0.0, met, NEAR_SENSOR_M)))
 
 
 def grouping(ideals: Sequence[IdealScan], by: str | None) -> str:

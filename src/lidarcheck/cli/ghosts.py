@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import JsonFile, Quiet, Seed
-from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts import GhostScan
+    from lidarcheck.cli.workflow_files import Writer
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan
     from lidarcheck.sensor import Sensor
@@ -65,10 +66,10 @@ def find(
     found = _found(scans, scenes, sensor_model, range_m, bright)
     others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
     page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed))
-    if out is not None:
-        _write_stripped(found, out)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
-    finish(page, document, out=out, json=json, plot=plot)
+    finish(page, document, out=out, json=json, plot=plot, files=_stripped(found))
+    for one in found if out is not None else ():
+        note(f"{out}/{_pcd(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
     return 0
 
 
@@ -90,11 +91,11 @@ def fit(
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)
     _check_numbers(scans, ideal=ideal)
+    check_twice(scans)
     _check_options(scans, (), bright, ideal, model, ())
     _check_places(out, json, (*scans, *ideal, model), [MODEL])
     from lidarcheck.calibration.ghost_fit import fit_ghosts
     from lidarcheck.calibration.ghost_fit_page import fit_document, fit_page
-    from lidarcheck.cli.explain_files import make_directory
     from lidarcheck.model.rewrite import write_model
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
@@ -104,9 +105,8 @@ def fit(
         fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
     others = _simulated(found, (), scenes, fitted.model, bright, seed)
     page = fit_page(fitted, others, _provenance(scans, ideal, (), model, seed))
-    make_directory(out)
-    write_model(model, fitted.model, out / MODEL)
-    finish(page, fit_document(fitted), out=out, json=json, plot=plot)
+    files = {MODEL: lambda place: write_model(model, fitted.model, place)}
+    finish(page, fit_document(fitted), out=out, json=json, plot=plot, files=files)
     note(f"{out / MODEL}: the model with retro_ghost")
     return 0
 
@@ -151,16 +151,7 @@ def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None
         check_writable(json, option="--json", besides=read)
     if out is None:
         return
-    check_out_dir(out, besides=(*read, json))
-    import os
-
-    places = {os.path.realpath(path) for path in read if path is not None}
-    for name in names:
-        place = out / name
-        if os.path.realpath(place) in places:
-            raise InputError("would replace a file of this command", file=place, fix="name another directory for --out")
-        if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
-            raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
+    check_out_dir(out, besides=(*read, json), files=names)
 
 
 def _names(scans: Sequence[Path]) -> list[str]:
@@ -275,15 +266,14 @@ def _simulated(
     return others
 
 
-def _write_stripped(found: Sequence[GhostScan], out: Path) -> None:
-    from lidarcheck.cli.explain_files import make_directory
+def _stripped(found: Sequence[GhostScan]) -> dict[str, Writer]:
+    """What writes the signs and ghosts of each scan, by the name of its file."""
     from lidarcheck.formats import save_scan
 
-    make_directory(out)
-    for one in found:
-        path = out / _pcd(one.name)
-        save_scan(one.stripped(), path)
-        note(f"{path}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
+    def writer(one: GhostScan) -> Writer:
+        return lambda place: save_scan(one.stripped(), place)
+
+    return {_pcd(one.name): writer(one) for one in found}
 
 
 def _provenance(

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from lidarcheck.cli.terminal import emit
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, UsageError
 
-__all__ = ["check_writable", "json_text", "write_result"]
+__all__ = ["alone", "as_it_was", "check_twice", "check_writable", "json_text", "write_result"]
 
 STANDARD_OUTPUT = "-"
+
+
+def check_twice(files: Iterable[Path]) -> None:
+    """Refuse a file that is named twice: it would count as two measurements."""
+    seen: set[str] = set()
+    for file in files:
+        place = os.path.realpath(file)
+        if place in seen:
+            raise UsageError(f"{file} is named twice", fix="name each file once")
+        seen.add(place)
 
 
 def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Path | None] = ()) -> None:
@@ -39,6 +50,35 @@ def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Pat
     if target.suffix.lower() == ".toml":
         # Scenarios, goldens and models, found by name, are not among the arguments; a report never is TOML.
         raise InputError("is the name of a scenario, golden or model", file=target, fix=f"name another for {option}")
+
+
+@contextlib.contextmanager
+def as_it_was(files: Iterable[Path]) -> Iterator[None]:
+    """The files are as they were when the block fails or is interrupted."""
+    old = {file: file.read_bytes() if file.is_file() else None for file in files}
+    try:
+        yield
+    except BaseException:
+        for file, content in old.items():
+            with contextlib.suppress(OSError):
+                if content is None:
+                    file.unlink(missing_ok=True)
+                else:
+                    file.write_bytes(content)
+        raise
+
+
+@contextlib.contextmanager
+def alone(file: Path, content: bytes) -> Iterator[None]:
+    """Nobody else edits the file while the block runs; refused where it no longer holds what was read of it."""
+    with file.open("rb") as stream:
+        with contextlib.suppress(ImportError, OSError):  # a system, or a file system, may have no locks
+            import fcntl
+
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        if file.read_bytes() != content:
+            raise InputError("was changed by somebody else meanwhile", file=file, fix="run the command again")
+        yield
 
 
 def write_result(path: str | Path, text: str) -> None:

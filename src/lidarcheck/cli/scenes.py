@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
@@ -84,8 +85,6 @@ def compare(
     if out is not None:
         check_out_dir(out, besides=inputs)
     if json is not None:
-        from lidarcheck.cli.outputs import check_writable
-
         check_writable(json, option="--json", besides=inputs)
     from lidarcheck.calibration.scene_compare import compare_scene
     from lidarcheck.calibration.scene_compare_checks import check_grouping
@@ -135,11 +134,7 @@ def _check_arguments(
         )
     if effects is not None and without:
         raise UsageError("--effects stands beside --without", fix="give the one or the other")
-    seen: set[Path] = set()
-    for file in (*measured, *ideal, *(simulated or ())):
-        if file in seen:
-            raise UsageError(f"{file} is named twice", fix="name each file once")
-        seen.add(file)
+    check_twice((*measured, *ideal, *(simulated or ())))
 
 
 def _model(path: Path, effects: Sequence[str] | None, without: Sequence[str] | None) -> Model:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.options import JsonFile, Quiet, Seed, Whole
 from lidarcheck.cli.outputs import check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.vehicles_files import Named, boxes, check_compare, check_merge, named
@@ -26,6 +26,7 @@ __all__ = ["compare", "merge"]
 
 SHEET = "distances.png"
 
+Object = Annotated[int, Whole, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")]
 Boxes = Annotated[
     list[str],
     Parameter(
@@ -49,7 +50,7 @@ def compare(
         Parameter(consume_multiple=True, negative=(), help="What the beams meet, one for each: with it by ObjectID."),
     ] = None,
     variant: Annotated[str | None, Parameter(help="SMART or SLIM: refuse frames of the other variant.")] = None,
-    object_: Annotated[int | None, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")] = None,
+    object_: Object | None = None,
     box: Boxes | None = None,
     out: Annotated[Path | None, Parameter(help="Directory for the page, the numbers and the pictures.")] = None,
     seed: Seed = 0,
@@ -64,9 +65,7 @@ def compare(
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
     inputs = [*(r.path for r in reals), *(s.path for s in shown), *ideals, model]
     if out is not None:
-        check_out_dir(out, besides=inputs)
-        if out.exists():
-            check_writable(out / SHEET, option="--out", besides=inputs)
+        check_out_dir(out, besides=[*inputs, json], files=[SHEET])
     if json is not None:
         check_writable(json, option="--json", besides=inputs)
     from lidarcheck.calibration.vehicles import vehicle_named
@@ -79,9 +78,10 @@ def compare(
         result = compare_vehicles(kind, pairs)
     files = {"real": _listed(reals), "simulated": _listed(shown) if shown else f"{model}, seed {seed}"}
     files |= {"ideal": ", ".join(map(str, ideals))} if ideals else {}
-    finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot)
+    sheet = {SHEET: lambda place: _save_sheet(result, place, plot)}
+    finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot, files=sheet)
     if out is not None:
-        _save_sheet(result, out / SHEET, plot)
+        note(f"{out / SHEET}: all distances")
     return 0
 
 
@@ -147,9 +147,7 @@ def _save_sheet(result: VehicleComparison, path: Path, plot: str | None) -> None
     columns = max(len(row) for row in rows)
     figures = [figure for row in rows for figure in row]
     kind = plot if plot is not None and plot in KINDS else "histogram"
-    with stage("drawing"):
-        save_sheet(figures, path, columns=columns, kind=kind)
-    note(f"{path}: all distances")
+    save_sheet(figures, path, columns=columns, kind=kind)
 
 
 def merge(
@@ -170,7 +168,7 @@ def merge(
     ideal: Annotated[
         Path | None, Parameter(help="What the beams meet: the vehicle is cut out by its ObjectID.")
     ] = None,
-    object_: Annotated[int | None, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")] = None,
+    object_: Object | None = None,
     box: Boxes | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,

@@ -8,10 +8,9 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import secrets
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,18 +18,27 @@ from cyclopts import Parameter
 
 from lidarcheck import __version__
 from lidarcheck.cli.command import ARGUMENTS
-from lidarcheck.cli.explain_files import make_directory, write_together
-from lidarcheck.cli.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.outputs import json_text, write_result
 from lidarcheck.cli.terminal import Column, emit, note, paragraphs, stage, table
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.cli.workflow_files import (
+    ALL,
+    PAGE,
+    PICTURES,
+    RESULT,
+    Folder,
+    Writer,
+    check_out_dir,
+    draw_pictures,
+    write_results,
+)
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
-__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Plot", "check_out_dir", "finish"]
+__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "finish"]
 
-PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
-ALL = "all"
+_PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.plots.panels` has the same, which a test holds."""
 
@@ -56,34 +64,22 @@ Plot = Annotated[
 ]
 
 
-def check_out_dir(out: Path, besides: Iterable[str | Path | None] = ()) -> None:
-    """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
-
-    `besides`: the files that the command reads or writes otherwise, which no result may replace.
-    """
-    if out.exists() and not out.is_dir():
-        raise InputError("is not a directory", file=out, fix="name a directory for --out")
-    where = Path(os.path.realpath(out))
-    new = not out.exists()
-    if new:
-        where = where.parent
-        if not where.is_dir():
-            raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
-    if not os.access(where, os.W_OK | os.X_OK):
-        raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
-    for name in () if new else (PAGE, RESULT):
-        check_writable(out / name, option="--out", besides=besides)
-    pictures = out / PICTURES
-    if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
-        raise InputError("cannot be replaced", file=pictures, fix="move it away, or choose another --out")
-
-
-def finish(page: Page, document: Any, *, out: Path | None, json: str | None, plot: str | None) -> None:
+def finish(
+    page: Page,
+    document: Any,
+    *,
+    out: Path | None,
+    json: str | None,
+    plot: str | None,
+    files: Mapping[str, Writer] | None = None,
+    folders: Mapping[str, Folder] | None = None,
+) -> None:
     """Show a workflow's result and write what was asked for.
 
     Standard output gets the summary and the tables, with `plot` the figures as well, unless `json` is `-`. `out` gets
-    `report.html`, `result.json` and `pictures/`, all or none; `json` the same text as `result.json`. `document`: what
-    `formats.plain` can turn into JSON.
+    `report.html`, `result.json` and `pictures/`, and what this workflow has besides, `files` and `folders`, all or
+    none, before anything is shown: who reads the output may go early. `json` gets the same text as `result.json`.
+    `document`: what `formats.plain` can turn into JSON.
     """
     if out is None:
         text = json_text(_record(page, document, ""))
@@ -93,7 +89,8 @@ def finish(page: Page, document: Any, *, out: Path | None, json: str | None, plo
         with stage("drawing"):
             html = page_html(page)
             text = json_text(_record(page, document, html))
-            _write(page, text, html, out, plot)
+            drawn = Folder(lambda place: draw_pictures(page.figures(), place, plot or "histogram"), _PICTURE)
+            write_results(out, text, html, files=files or {}, folders={PICTURES: drawn, **(folders or {})})
     if json is not None:
         write_result(json, text)
     if json != "-":
@@ -168,46 +165,3 @@ def _plain(dumb: bool) -> bool:
     """Whether the output can hold no more than ASCII."""
     encoding = (sys.stdout.encoding or "ascii").lower().replace("-", "")
     return dumb or not encoding.startswith("utf")
-
-
-def _write(page: Page, text: str, html: str, out: Path, plot: str | None) -> None:
-    """All files, or none: the pictures are drawn beside their place and take it together with the others."""
-    make_directory(out)
-    new = out / f".{PICTURES}.{secrets.token_hex(8)}.part"
-    try:
-        _draw_pictures(page.figures(), new, plot or "histogram")
-        write_together(
-            out,
-            {RESULT: lambda path: write_result(path, text), PAGE: lambda path: write_result(path, html)},
-        )
-        _replace_directory(new, out / PICTURES)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-
-
-def _draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
-    from lidarcheck.plots.figure_image import save_figure
-    from lidarcheck.plots.panels import kinds_of
-
-    if not figures:
-        return
-    directory.mkdir()
-    for number, figure in enumerate(figures, 1):
-        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
-            view = f"-{one}" if one in kinds_of(figure) else ""
-            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
-
-
-def _slug(title: str) -> str:
-    """A file's name from a title."""
-    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"
-
-
-def _replace_directory(new: Path, place: Path) -> None:
-    """Put the new pictures in the place of an earlier run's; files of other names there stay."""
-    place.mkdir(exist_ok=True)
-    for old in place.glob("[0-9][0-9]*-*.png"):
-        if old.name.partition("-")[0].isdigit():
-            old.unlink()
-    for picture in sorted(new.iterdir()) if new.is_dir() else ():
-        picture.replace(place / picture.name)

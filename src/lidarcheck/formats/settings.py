@@ -31,6 +31,7 @@ from lidarcheck.sensor import LAYERS, POINTS, VARIANTS
 __all__ = [
     "Setting",
     "Settings",
+    "check_settings",
     "default_settings",
     "find_settings",
     "load_settings",
@@ -178,15 +179,21 @@ def find_settings(directory: str | os.PathLike[str], axis: Axis, variant: Litera
     return load_settings(path if path.exists() else None, axis)
 
 
+def check_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
+    """Refuse settings that a file could not hold, as `save_settings` would: `ConfigError`."""
+    lines = LineIndex(Path(path))
+    document = {"settings": settings.document()}
+    validate(document, lines, _VerticalFile if settings.axis == "vertical" else _HorizontalFile)
+    _check_distances(settings.entries, lines)
+
+
 def save_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
     """Write settings with an indent of 2, atomic; unedited ones get the bytes of the file they were read from.
 
     `ConfigError` when a value is out of range.
     """
+    check_settings(settings, path)
     document = settings.document()
-    lines = LineIndex(Path(path))
-    validate({"settings": document}, lines, _VerticalFile if settings.axis == "vertical" else _HorizontalFile)
-    _check_distances(settings.entries, lines)
     if settings.content is not None and _values(settings.content.decode("utf-8-sig")) == document:
         write_bytes(path, settings.content)
         return

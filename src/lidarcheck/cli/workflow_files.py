@@ -1,0 +1,126 @@
+"""The files that a workflow leaves in `--out`: checked before the work, written all or none."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from lidarcheck.cli.explain_files import make_directory, write_together
+from lidarcheck.cli.outputs import as_it_was, check_writable, write_result
+from lidarcheck.errors import InputError
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.figures import Figure
+
+__all__ = ["ALL", "PAGE", "PICTURES", "RESULT", "Folder", "Writer", "check_out_dir", "draw_pictures", "write_results"]
+
+PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
+ALL = "all"
+Writer = Callable[[Path], object]
+
+
+class Folder(NamedTuple):
+    """A directory of results: `fill` puts its files into an empty one, `old` matches the names of an earlier run's."""
+
+    fill: Writer
+    old: re.Pattern[str]
+
+
+def check_out_dir(out: Path, besides: Iterable[str | Path | None] = (), *, files: Sequence[str] = ()) -> None:
+    """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
+
+    `besides`: the files that the command reads or writes otherwise, which no result may replace. `files`: names of
+    the results that are not every workflow's.
+    """
+    besides = list(besides)
+    if out.exists() and not out.is_dir():
+        raise InputError("is not a directory", file=out, fix="name a directory for --out")
+    where = Path(os.path.realpath(out))
+    new = not out.exists()
+    if new:
+        where = where.parent
+        if not where.is_dir():
+            raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
+    if not os.access(where, os.W_OK | os.X_OK):
+        raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
+    for name in () if new else (PAGE, RESULT):
+        check_writable(out / name, option="--out", besides=besides)
+    read = {os.path.realpath(path) for path in besides if path is not None and str(path) != "-"}
+    for name in files:
+        _check_file(out / name, read)
+    pictures = out / PICTURES
+    if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
+        raise InputError("cannot be replaced", file=pictures, fix="move it away, or choose another --out")
+
+
+def _check_file(place: Path, read: Iterable[str]) -> None:
+    if os.path.realpath(place) in read:
+        raise InputError("would replace a file of this command", file=place, fix="name another directory for --out")
+    if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
+        raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
+
+
+def write_results(
+    out: Path, text: str, html: str, *, files: Mapping[str, Writer], folders: Mapping[str, Folder]
+) -> None:
+    """Write the record, the page, and what is this workflow's own; on an error or interrupt all is as it was.
+
+    `files`: each is written in its place, in this order, since a model names its table from where it stands.
+    `folders`: each is filled beside its place and moved there last.
+    """
+    new = not out.exists()
+    make_directory(out)
+    stages = {name: out / f".{name}.{secrets.token_hex(8)}.part" for name in folders}
+    try:
+        with as_it_was([out / name for name in files]):
+            for name, write in files.items():
+                write(out / name)
+            for name, folder in folders.items():
+                stages[name].mkdir()
+                folder.fill(stages[name])
+            write_together(
+                out,
+                {RESULT: lambda path: write_result(path, text), PAGE: lambda path: write_result(path, html)},
+            )
+        for name, folder in folders.items():
+            _replace_directory(stages[name], out / name, folder.old)
+    finally:
+        for staged in stages.values():
+            shutil.rmtree(staged, ignore_errors=True)
+        if new:
+            with contextlib.suppress(OSError):  # it is not empty where all went well
+                out.rmdir()
+
+
+def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
+    """A PNG of each figure, as `kind` or in `all` the ways that it can be shown."""
+    from lidarcheck.plots.figure_image import save_figure
+    from lidarcheck.plots.panels import kinds_of
+
+    for number, figure in enumerate(figures, 1):
+        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
+            view = f"-{one}" if one in kinds_of(figure) else ""
+            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
+
+
+def _slug(title: str) -> str:
+    """A file's name from a title."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"
+
+
+def _replace_directory(new: Path, place: Path, old: re.Pattern[str]) -> None:
+    """Put the new files in the place of an earlier run's; files of other names there stay, and no empty one is made."""
+    files = sorted(new.iterdir())
+    if files:
+        place.mkdir(exist_ok=True)
+    for path in place.iterdir() if place.is_dir() else ():
+        if old.fullmatch(path.name):
+            path.unlink()
+    for path in files:
+        path.replace(place / path.name)
