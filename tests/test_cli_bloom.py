@@ -241,3 +241,41 @@ def test_settings_are_checked_without_writing_too(place, capsys):
     (place / name).write_text("[]")
     assert main(["bloom", "settings", name]) == 0
     assert "no distance has settings" in capsys.readouterr().out
+
+
+def test_ideal_scans_are_named_behind_one_option(place, capsys):
+    far, meets = sign_frame(199.0, "SLIM", 32)
+    save_scan(far, "far.txt")
+    save_ideal(meets, "far_ideal.txt")
+    show = ["bloom", "show", "scan.txt", "far.txt", "--model", "model.toml", "--json", "-", "-q"]
+    for ideals in (["--ideal", "ideal.txt", "far_ideal.txt"], ["--ideal", "ideal.txt", "--ideal", "far_ideal.txt"]):
+        assert main([*show, *ideals]) == 0
+        found = json.loads(capsys.readouterr().out)["result"]
+        assert [round(one["distance_m"]) for one in found] == [157, 199]
+
+
+@pytest.mark.parametrize("option", [("--signal", "1e8"), ("--settings", ".")])
+def test_two_ways_to_say_where_the_target_is_are_refused(place, option, capsys):
+    argv = ["scan.txt", "--ideal", "ideal.txt", "--model", "model.toml", *option]
+    assert main(["bloom", "show", *argv]) == 2
+    assert f"{option[0]} stands beside --ideal" in capsys.readouterr().err
+    assert main(["bloom", "fit", *argv, "--lut", "lut.ini", "--out", "out"]) == 2
+    assert f"{option[0]} stands beside --ideal" in capsys.readouterr().err
+
+
+def test_brightness_needs_a_target_that_is_known(place, capsys):
+    text = (place / "model.toml").read_text()
+    more = '\n[materials.20]\nname = "stud"\nreflectance = 0.5\nkind = "retro"\nretro_gain = 500.0\n'
+    (place / "model.toml").write_text(text + more)
+    argv = ["bloom", "fit", "scan.txt", "--ideal", "ideal.txt", "--free", "brightness", *FIT[3:]]
+    assert main(argv) == 2
+    assert "--free brightness does not say of which retro-reflector; name it with --target" in capsys.readouterr().err
+
+
+def test_a_target_alone_in_a_scan_may_not_be_cut(place, capsys):
+    scan, _ = sign_frame(69.0, "SLIM", 34)
+    save_scan(scan.take(scan.area > 3200), "alone.txt")
+    assert main(["bloom", "show", "alone.txt", "--model", "model.toml", "-q"]) == 2
+    err = capsys.readouterr().err
+    assert "the target is cut by the end of the scan" in err
+    assert "--ideal says which beams were fired" in err

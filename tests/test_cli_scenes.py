@@ -130,6 +130,8 @@ WRONG = {
     "real.pcd --ideal sim.pcd --model model.toml": "echoes, not an ideal scan",
     "ideal.parquet --ideal car_ideal.parquet --model model.toml": "this is an ideal scan, not echoes",
     "real.pcd --ideal ideal.parquet --model model.toml --scene city_stret": "city_street",
+    "real.pcd --ideal ideal.parquet --model model.toml --scene city_street": "not cast from the scene city_street: ",
+    "real.pcd --ideal ideal.parquet --model model.toml --sectors 1.5x4": "--sectors 1.5x4 is no grid",
 }
 
 

@@ -10,13 +10,14 @@ import numpy as np
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.pairing import Pairing, ranges
+from lidarcheck.rays import Caster, Rays
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.scene_compare import SceneFrame
 
-__all__ = ["GROUPINGS", "check_beams", "check_frame", "check_grouping", "check_pairing", "grouping"]
+__all__ = ["GROUPINGS", "check_beams", "check_frame", "check_grouping", "check_pairing", "check_scene", "grouping"]
 
 GROUPINGS = ("object", "material", "surface")
 DOUBTFUL_ON_SURFACE, COMPARABLE, MOST_BEHIND = 0.5, 0.6, 0.25
@@ -25,6 +26,9 @@ second; and behind all surfaces, above which it is of another scene."""
 NEAR_SENSOR_M = 15.0
 """An echo nearer than this on a beam that meets nothing may be fog or rain."""
 FEWEST_ECHOES = 100
+SAMPLED_BEAMS = 2000
+SAME_M, SAME_SHARE = 1.5, 0.02
+"""How far a surface may lie from where the scene at rest has it: sensor and objects may move while a frame is swept."""
 
 _log = logging.getLogger(__name__)
 
@@ -62,6 +66,22 @@ def check_beams(scan: Scan, ideal: IdealScan, side: str, file: str) -> None:
 
 def _span(layer: np.ndarray, point: np.ndarray) -> str:
     return f"layers {layer.min()} to {layer.max()} and points {point.min()} to {point.max()}"
+
+
+def check_scene(ideal: IdealScan, scene: Caster, name: str, file: str) -> None:
+    """Refuse a scene that the ideal scan was not cast from: its objects would have the names of others."""
+    rows = np.flatnonzero(ideal.distance_m > 0.0)
+    rows = rows[:: max(len(rows) // SAMPLED_BEAMS, 1)]
+    if not len(rows):
+        return
+    nothing = np.zeros(len(rows))
+    directions = beam_directions(ideal.layer[rows], ideal.point[rows])
+    rays = Rays(np.zeros((len(rows), 3)), directions, nothing, nothing.astype(np.int64))
+    there = ideal.distance_m[rows]
+    share = float(np.mean(np.abs(scene.cast(rays).distance_m - there) <= SAME_M + SAME_SHARE * there))
+    if share < DOUBTFUL_ON_SURFACE:
+        what = f"was not cast from the scene {name}: {100.0 * share:.0f} % of its beams meet something at that distance"
+        raise InputError(what, file=_name(file), fix="name its own scene with --scene, or leave that out")
 
 
 def check_pairing(frame: SceneFrame, measured: Pairing, simulated: Pairing) -> None:

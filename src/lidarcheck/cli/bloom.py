@@ -13,6 +13,7 @@ from lidarcheck.cli.bloom_inputs import (
     axis_of,
     bench_from,
     check_same_distance,
+    check_ways,
     free_of,
     measured_of,
     provenance_of,
@@ -47,6 +48,7 @@ ModelFile = Annotated[Path, Parameter(help="The sensor model, TOML: variant, pul
 Ideals = Annotated[
     list[Path] | None,
     Parameter(
+        consume_multiple=True,
         negative=(),
         help="The ideal scan of each scan, in their order, or one for all: tells the target's light beam by beam.",
     ),
@@ -72,7 +74,10 @@ def show(
     *,
     model: ModelFile,
     simulated: Annotated[
-        list[str] | None, Parameter(negative=(), help="Simulated scans, one for each measured one, in their order.")
+        list[str] | None,
+        Parameter(
+            consume_multiple=True, negative=(), help="Simulated scans, one for each measured one, in their order."
+        ),
     ] = None,
     lut: Annotated[Path | None, Parameter(help="A table: what the model is expected to show with it.")] = None,
     axis: AxisName = None,
@@ -88,7 +93,8 @@ def show(
 ) -> int:
     """Show the profiles of the bloom, real over simulated."""
     hush(quiet)
-    _check_outputs(out, json, [*scans, *(ideal or ()), model, lut])
+    check_ways(ideal, settings, signal)
+    _check_outputs(out, json, [*scans, *(simulated or ()), *(ideal or ()), model, lut])
     from lidarcheck.calibration.blooming import expected_profile, gather
     from lidarcheck.calibration.blooming_cells import profile_of
     from lidarcheck.calibration.blooming_operator import nodes_of
@@ -157,6 +163,7 @@ def fit(
 ) -> int:
     """Fit a blooming table to the profiles of all distances together."""
     hush(quiet)
+    check_ways(ideal, settings, signal)
     if out.resolve() == lut.resolve().parent:
         raise InputError("is the directory of --lut, which would be replaced", file=out, fix="name another for --out")
     _check_outputs(out, json, [*scans, *(ideal or ()), model, lut], [lut.name, MODEL])
@@ -175,6 +182,8 @@ def fit(
     given = load_lut(lut)
     with stage("reading"):
         bench = bench_from(model, axis_of(axis, measured), settings, target, signal)
+        if choice.brightness and bench.material is None and signal is None:
+            raise UsageError("--free brightness does not say of which retro-reflector", fix="name it with --target")
         cells = gather(measured, bench, reach_of(reach))
     with stage("fitting"):
         result = calibrate(cells, bench, given, free=choice, smoothness=smoothness)

@@ -18,6 +18,7 @@ __all__ = [
     "axis_of",
     "bench_from",
     "check_same_distance",
+    "check_ways",
     "free_of",
     "measured_of",
     "provenance_of",
@@ -67,6 +68,14 @@ def axis_of(axis: Axis | None, measured: Sequence[Measured]) -> Axis:
         return axis
     profiles = [one.path for one in measured if is_profile(one.path)]
     return (profile_axis(profiles[0]) if profiles else None) or "vertical"
+
+
+def check_ways(ideals: Sequence[Path] | None, settings: Path | None, signal: float | None) -> None:
+    """Refuse a second way to say what the ideal scan says already, which would be passed over without a word."""
+    for option, given in (("--signal", signal), ("--settings", settings)):
+        if ideals and given is not None:
+            what = f"{option} stands beside --ideal, which tells where the target is and, with the model, its light"
+            raise UsageError(what, fix="give the one or the other")
 
 
 def check_same_distance(real: Cells, simulated: Cells) -> None:

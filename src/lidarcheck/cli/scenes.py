@@ -96,7 +96,7 @@ def compare(
         scene_file = _scene(scene)
         names = {} if scene_file is None else dict(scene_file.scene.names)
         materials = {} if sensor_model is None else {n: m.name for n, m in sensor_model.materials.items()}
-    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, seed)
+    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
     chosen = [effect.name for effect in sensor_model.effects] if sensor_model else []
@@ -166,10 +166,12 @@ def _frames(
     simulated: Sequence[Path],
     model: Model | None,
     scene: SceneFile | None,
+    scene_name: str,
     seed: int,
 ) -> list[SceneFrame]:
     """The frames, read and simulated."""
     from lidarcheck.calibration.scene_compare import SceneFrame, simulated_frame
+    from lidarcheck.calibration.scene_compare_checks import check_scene
     from lidarcheck.formats import load_ideal, load_scan
     from lidarcheck.kpi.variant import check_variant, check_variants
 
@@ -178,6 +180,8 @@ def _frames(
         for number, (file, ideal_file) in enumerate(zip(measured, ideal, strict=True)):
             show(number, len(measured), file.name)
             scan, meets = load_scan(file), load_ideal(ideal_file)
+            if scene is not None:
+                check_scene(meets, scene.scene, scene_name, str(ideal_file))
             if model is None:
                 shown = load_scan(simulated[number])
                 check_variants(scan, shown, file)
