@@ -1,5 +1,6 @@
 """What workflows print and write: all of it, or nothing."""
 
+import errno
 import hashlib
 import json
 import re
@@ -135,6 +136,21 @@ def test_on_an_interrupt_the_files_of_a_workflow_are_as_they_were(tmp_path, befo
         return
     assert {path.name for path in out.rglob("*")} == {"model.toml", "panels", "panel_1_real.pcd"}
     assert {path.read_text() for path in out.rglob("*") if path.is_file()} == {"old"}
+
+
+def test_a_full_disk_is_said_of_the_place_that_a_picture_was_to_take(tmp_path, monkeypatch):
+    def full(_descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError) as caught:
+        finish(PAGE, {}, out=tmp_path / "out", json=None, plot=None)
+    (line,) = caught.value.lines()
+    assert line == (
+        f"error: {tmp_path}/out/pictures/01-range-residual-histogram.png: cannot write: No space left on device; "
+        "nothing was changed; free some space"
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_directory_that_cannot_be_written_is_refused_before_the_work(tmp_path):

@@ -82,8 +82,7 @@ def write_results(
             for name, write in files.items():
                 write(out / name)
             for name, folder in folders.items():
-                stages[name].mkdir()
-                folder.fill(stages[name])
+                _fill(folder, stages[name], out / name)
             write_together(
                 out,
                 {RESULT: lambda path: write_result(path, text), PAGE: lambda path: write_result(path, html)},
@@ -96,6 +95,17 @@ def write_results(
         if new:
             with contextlib.suppress(OSError):  # it is not empty where all went well
                 out.rmdir()
+
+
+def _fill(folder: Folder, staged: Path, place: Path) -> None:
+    """Fill the staged directory; an error names the file by the place that it was to take."""
+    staged.mkdir()
+    try:
+        folder.fill(staged)
+    except InputError as error:
+        if error.file is None or Path(error.file).parent != staged:
+            raise
+        raise InputError(error.what, file=place / Path(error.file).name, line=error.line, fix=error.fix) from error
 
 
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
