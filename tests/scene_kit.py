@@ -1,11 +1,12 @@
 """Measured frames of known truth from the independent generator, beside the package's ideal scan and model of them."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from hidden.chain import Nuisance, measure
-from hidden.places import LAYERS, POINT_RANGE, TABLE, arrange
+from hidden.places import ASPHALT, CAR, CONCRETE, LAYERS, POINT_RANGE, TABLE, Builder, arrange
 from hidden.rays import Beams, Hits, Rectangle, Scene, cast, directions
 from hidden.sensor import Echoes
 from lidarcheck.model import Model
@@ -13,6 +14,7 @@ from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor
 
 BEAMS = Beams.block(LAYERS, POINT_RANGE)
+CAR_M = (4.4, 1.8, 1.5)
 OTHER = 99
 """The material of an object that returns half of what its own material would."""
 
@@ -89,3 +91,29 @@ def objects_in(hits: Hits, least: int) -> list[int]:
     """Objects that at least so many beams meet, the ones seen most first."""
     numbers, counts = np.unique(hits.object_id[hits.rectangle >= 0], return_counts=True)
     return [int(n) for n in numbers[np.argsort(-counts)] if counts[numbers == n][0] >= least]
+
+
+def vehicle_scene(near_m: float, size_m=CAR_M, *, turn_deg: float = 0.0, azimuth_deg: float = 1.0, slope: float = 0.0):
+    """A road, a house, a pole and one vehicle whose near end is at a range; the vehicle is object 2."""
+    b = Builder(np.random.default_rng(0))
+    b.ground(ASPHALT)
+    b.box(near_m, azimuth_deg, size_m, CAR, turn_deg - azimuth_deg)
+    b.box(near_m + 3.0, -7.0, (0.25, 0.25, 6.0), CONCRETE, 0.0)
+    b.facade(1, 9.0, (20.0, 90.0), CONCRETE, 7.0)
+    rectangles = tuple(_bright(part) for part in b.rectangles)
+    return Scene(tuple(_tilted(part, slope) for part in rectangles), "street")
+
+
+def _bright(part: Rectangle) -> Rectangle:
+    # Asphalt fades before the vehicle; the ground must be seen to be fitted.
+    return replace(part, material=CONCRETE) if part.material == ASPHALT else part
+
+
+def _tilted(part: Rectangle, slope: float) -> Rectangle:
+    """The scene turned about Y: a road that climbs."""
+    c, s = math.cos(slope), math.sin(slope)
+
+    def turn(v):
+        return (c * v[0] - s * v[2], v[1], s * v[0] + c * v[2])
+
+    return replace(part, centre=turn(part.centre), along=turn(part.along), across=turn(part.across))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri
+from scipy.stats import kstest
 
 from analytic_scene import GROUND, WALL_AHEAD, Patch, PatchScene, around, box
 from lidarcheck import effects
@@ -176,6 +177,38 @@ def test_random_shaking_is_one_angle_per_column_of_the_rms_it_says():
     assert pitch[:960] == pytest.approx(pitch[1920:], abs=1e-9)
     assert pitch[:960].std() == pytest.approx(0.1, rel=0.1)
     assert abs(np.corrcoef(pitch[:959], pitch[1:960])[0, 1]) < 0.12
+
+
+def test_random_shaking_with_a_memory_is_correlated_and_of_the_same_rms():
+    ideal = PatchScene([Patch((0, 0, -1.8), **GROUND)]).ideal([100, 101, 102], np.arange(960))
+    values = {"pitch_deg": 0, "yaw_deg": 0, "random_deg": 0.1, "memory_columns": 4.0, "rigid": 0}
+    found = []
+    for seed in range(8):
+        out = aimed(ideal, known=around(ideal, None, seed=seed), vibration=values)
+        found.append((np.rad2deg(-np.arcsin(1.8 / out.distance_m)) - (ideal.layer - 259.5) * 0.05)[:960])
+    pitch = np.array(found)
+    assert pitch.std() == pytest.approx(0.1, rel=0.05)
+    for lag in (1, 4, 12):
+        assert np.mean(pitch[:, lag:] * pitch[:, :-lag]) / 0.01 == pytest.approx(np.exp(-lag / 4.0), abs=0.07)
+    few = np.flatnonzero(ideal.point % 7 < 3)
+    part = aimed(ideal.take(few), known=around(ideal.take(few), None, seed=7), vibration=values)
+    assert part.distance_m[ideal.point[few] % 7 == 1] == pytest.approx(
+        out.distance_m[few][ideal.point[few] % 7 == 1], rel=1e-4
+    )
+
+
+def test_every_frame_may_begin_the_swing_anew():
+    ideal = PatchScene([Patch((0, 0, -1.8), **GROUND)]).ideal([100, 101, 102], np.arange(960))
+    values = {"pitch_deg": 0.2, "yaw_deg": 0, "frequency_hz": 100, "random_deg": 0, "new_phase": 1, "rigid": 0}
+    swing = 2 * np.pi * 100 * sweep_time_s(np.arange(960))
+    phases = []
+    for seed in range(40):
+        out = aimed(ideal, known=around(ideal, None, seed=seed), vibration=values)
+        pitch = np.rad2deg(-np.arcsin(1.8 / out.distance_m)) - (ideal.layer - 259.5) * 0.05
+        part = np.linalg.lstsq(np.column_stack([np.sin(swing), np.cos(swing)]), pitch[:960], rcond=None)[0]
+        assert np.hypot(*part) == pytest.approx(0.2, rel=1e-3)
+        phases.append(np.arctan2(part[1], part[0]) / (2 * np.pi) % 1.0)
+    assert kstest(phases, "uniform").pvalue > 1e-3
 
 
 # Motion.

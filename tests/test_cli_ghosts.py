@@ -160,7 +160,14 @@ def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(here, verb, mo
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lidarcheck.cli.workflow_output.draw_pictures", interrupted)
+    monkeypatch.setattr("lidarcheck.plots.page_files.draw_pictures", interrupted)
     argv = ("1_25m.txt", "--ideal", "1_25m_ideal.txt", "--model", "SLIM.toml", "--out", "out", "-q")
     assert main(["ghosts", verb, *argv]) == 130
     assert not Path("out").exists()
+
+
+def test_find_shows_its_steps(here, capsys):
+    assert main(["ghosts", "find", "1_25m.txt", "--steps"]) == 0
+    out = capsys.readouterr().out
+    assert "1_25m: step by step" in out
+    assert "the search at twice the range" in out

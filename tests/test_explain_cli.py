@@ -11,10 +11,10 @@ import pytest
 from explain_kit import explanation, write_case
 from lidarcheck.cli import main
 from lidarcheck.cli.explain_files import write_together
-from lidarcheck.cli.explain_watch import Pace, clock_text, watched
+from lidarcheck.cli.explain_watch import JsonLines, Pace, clock_text, watched
 from lidarcheck.errors import InputError
 from lidarcheck.explain.case import load_case
-from lidarcheck.explain.explanation import Progress
+from lidarcheck.explain.explanation import Progress, Step
 from lidarcheck.explain.text import report_text, verdict_sentence
 from lidarcheck.model import load_model
 
@@ -47,9 +47,11 @@ class Workflow:
         self.answer = explanation
         self.fails = None
 
-    def explain(self, case, *, seed=0, exclude=(), jobs=1, tell=None, notebook=None):
+    def explain(self, case, *, seed=0, exclude=(), jobs=1, tell=None, hear=None, notebook=None):
         self.calls.append({"seed": seed, "exclude": exclude, "jobs": jobs, "kept": notebook.get("split")})
         tell("split", 1, 1)
+        if hear is not None:
+            hear(Step("split", "2 frames to fit"))
         notebook.put("split", [0, 1])
         tell("fit", 0, 2)
         if self.fails:
@@ -348,6 +350,31 @@ def test_progress_moves_on_a_terminal(monkeypatch, capsys):
     assert "fit" in err
     assert "2/4" in err
     assert "left" in err
+
+
+def test_progress_for_programs_is_a_line_of_json_each(case, workflow, capsys):
+    assert main(["explain", "case", "--out", "found", "--progress", "json"]) == 0
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert last == "found: report.json, model.toml, report.html"
+    said = [json.loads(line) for line in lines]
+    assert said[0] == {"steps": ["split", "fit"]}
+    assert [(one["step"], one.get("done"), one.get("found")) for one in said[1:]] == [
+        ("split", 1, None), ("split", None, "2 frames to fit"), ("fit", 0, None), ("fit", 2, None)]  # fmt: skip
+    assert [one["part"] for one in said if "part" in one] == [0.2, 0.2, 1.0]
+    assert {"of", "elapsed_s", "left_s"} <= said[1].keys()
+    assert main(["explain", "case", "--out", "found", "--progress", "json", "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
+    assert main(["explain", "--benchmark", "3", "--progress", "json"]) == 2
+    assert "--progress does not go with --benchmark" in capsys.readouterr().err
+
+
+def test_a_step_tells_its_beginning_and_its_end_and_not_every_turn(capsys):
+    lines = JsonLines({"fit": 1.0})
+    for done in range(1001):
+        lines.tell("fit", done, 1000)
+    said = [json.loads(line) for line in capsys.readouterr().err.splitlines()][1:]
+    assert (said[0]["done"], said[-1]["done"]) == (0, 1000)
+    assert len(said) < 500
 
 
 def test_quiet_progress_says_nothing(capsys):

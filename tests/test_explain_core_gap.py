@@ -84,7 +84,7 @@ def test_the_waterfall_goes_from_the_case_s_model_to_the_last_in_the_order_of_th
     scale = Scale.of(frames(model(OFFSET, DIM), 2), model(), 4)
     stages = [("", model()), ("signal_gain", model(DIM)), ("range_offset", model(DIM, OFFSET))]
     told: list[tuple[int, int]] = []
-    gap = gap_of(scale, stages, lambda i, n: told.append((i, n)))
+    gap = gap_of(scale, stages, lambda i, n, _gap: told.append((i, n)))
     assert [name for name, _ in gap.waterfall] == ["signal_gain", "range_offset"]
     one, two = (interval for _, interval in gap.waterfall)
     assert two == gap.after

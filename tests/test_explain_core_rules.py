@@ -81,7 +81,7 @@ class NarrowLab:
     """A laboratory that only applies what an effect does to the sensor."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self.model, self.measured, self.metric = Model(sensor), np.zeros(3), self
+        self.model, self.measured, self.metric, self.seeds = Model(sensor), np.zeros(3), self, 2
 
     def shows(self, model, seeds=None, *, nuisance=None):
         for effect in model.effects:
@@ -90,6 +90,9 @@ class NarrowLab:
 
     def distance(self, shown):
         return 1.0
+
+    def varies(self, shown):
+        return False
 
     def times(self, jacobian):
         return jacobian

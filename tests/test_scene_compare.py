@@ -155,6 +155,18 @@ def test_sectors_hold_every_beam_once(street):
     assert column[np.argmax(units.point)] == 4
 
 
+def test_the_sectors_that_stand_out_come_first_in_the_table(street):
+    _, _, ideal, scan, model = street
+    corner = (scan.layer > np.median(ideal.layer)) & (scan.point > np.median(ideal.point))
+    result = compared(scan.take(~corner), ideal, model, sectors=(4, 2))
+    table = page(result).sections[-1].tables[0]
+    assert sum(int(row[2]) for row in table.rows) == len(ideal)
+    strength = [float(row[-1] or 0.0) for row in table.rows]
+    assert strength[0] > 0.0
+    assert strength == sorted(strength, reverse=True)
+    assert float(table.rows[0][3]) < -50.0
+
+
 def ideal_of_rows(rows, **columns):
     layer, point, distance, material = (np.array(c) for c in zip(*rows, strict=True))
     return IdealScan(layer, point, distance, material, np.zeros(len(rows)), **columns)

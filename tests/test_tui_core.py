@@ -132,7 +132,7 @@ def test_an_edit_is_in_the_journal_before_it_counts(session, monkeypatch):
     assert len(session.history.done) == 1
     monkeypatch.undo()
     session.set("vertical", [1], "700")
-    assert [record.get("what") for record in read_journal(journal_of(session))] == [None, "set 500", "set 700"]
+    assert [record.get("edit") for record in read_journal(journal_of(session))] == [None, "set 500", "set 700"]
 
 
 def test_a_crash_brings_edits_back_with_their_history(session, lut):
@@ -197,7 +197,7 @@ def test_a_damaged_journal_is_put_aside_and_the_file_can_be_edited(session, lut)
     crash(session)
     path = journal_of(session)
     head, edit = path.read_text().splitlines()
-    path.write_text(f"{head}\n{edit.replace(chr(34) + 'after', chr(34) + 'afer')}\n")
+    path.write_text(f"{head}\n{edit.replace(chr(34) + 'old', chr(34) + 'odd')}\n")
     again = LutSession(lut, lut.parent)
     assert "the journal is damaged" in again.notice
     assert path.with_suffix(".damaged").exists()

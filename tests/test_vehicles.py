@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hidden.places import ASPHALT, CAR, CONCRETE, Builder
-from hidden.rays import Beams, Rectangle, Scene
+from hidden.rays import Beams, Scene
 from lidarcheck.calibration.figures import Cloud, Distribution
 from lidarcheck.calibration.vehicles import VEHICLES, Extent, extent_of, suggested_offset, vehicle_named
 from lidarcheck.calibration.vehicles_compare import Pair, compare_vehicles
@@ -19,42 +18,15 @@ from lidarcheck.formats import load_scan
 from lidarcheck.formats.recognise import write_table
 from lidarcheck.model import simulate
 from lidarcheck.scan import Scan
-from scene_kit import halved, hits_of, ideal_of, measured, model_of
+from scene_kit import halved, hits_of, ideal_of, measured, model_of, vehicle_scene
 
 BEAMS = Beams.block(range(170, 300, 2), range(400, 560, 2))
-CAR_M = (4.4, 1.8, 1.5)
-
-
-def scene_with(near_m: float, size_m=CAR_M, *, turn_deg: float = 0.0, azimuth_deg: float = 1.0, slope: float = 0.0):
-    """A road, a house, a pole and one vehicle whose near end is at a range; the vehicle is object 2."""
-    b = Builder(np.random.default_rng(0))
-    b.ground(ASPHALT)
-    b.box(near_m, azimuth_deg, size_m, CAR, turn_deg - azimuth_deg)
-    b.box(near_m + 3.0, -7.0, (0.25, 0.25, 6.0), CONCRETE, 0.0)
-    b.facade(1, 9.0, (20.0, 90.0), CONCRETE, 7.0)
-    rectangles = tuple(_bright(part) for part in b.rectangles)
-    return Scene(tuple(_tilted(part, slope) for part in rectangles), "street")
-
-
-def _bright(part: Rectangle) -> Rectangle:
-    # Asphalt fades before the vehicle; the ground must be seen to be fitted.
-    return replace(part, material=CONCRETE) if part.material == ASPHALT else part
-
-
-def _tilted(part: Rectangle, slope: float) -> Rectangle:
-    """The scene turned about Y: a road that climbs."""
-    c, s = math.cos(slope), math.sin(slope)
-
-    def turn(v):
-        return (c * v[0] - s * v[2], v[1], s * v[0] + c * v[2])
-
-    return replace(part, centre=turn(part.centre), along=turn(part.along), across=turn(part.across))
 
 
 @pytest.fixture(scope="module")
 def at_20m():
     """Scene, ideal scan, measured frame, model, true echoes of the vehicle."""
-    scene = scene_with(20.0)
+    scene = vehicle_scene(20.0)
     hits = hits_of(scene, BEAMS)
     return scene, ideal_of(hits, BEAMS), measured(scene, 1, beams=BEAMS), model_of()
 
@@ -70,7 +42,7 @@ def on_vehicle(ideal, scan) -> np.ndarray:
 
 @pytest.mark.parametrize(("near_m", "turn", "slope"), [(12.0, 0.0, 0.0), (20.0, 35.0, 0.0), (25.0, 90.0, 0.03)])
 def test_the_cluster_is_the_vehicle(near_m, turn, slope):
-    scene = scene_with(near_m, turn_deg=turn, slope=slope)
+    scene = vehicle_scene(near_m, turn_deg=turn, slope=slope)
     ideal = ideal_of(hits_of(scene, BEAMS), BEAMS)
     scan = measured(scene, 3, beams=BEAMS)
     true = on_vehicle(ideal, scan)
@@ -108,7 +80,7 @@ def test_a_file_of_the_vehicle_alone_is_taken_whole(at_20m):
 
 
 def test_a_known_distance_chooses_among_several():
-    near, far = scene_with(14.0, azimuth_deg=-2.0), scene_with(26.0, azimuth_deg=3.0)
+    near, far = vehicle_scene(14.0, azimuth_deg=-2.0), vehicle_scene(26.0, azimuth_deg=3.0)
     both = Scene((*near.rectangles, *(replace(r, object_id=9) for r in far.rectangles if r.object_id == 2)), "street")
     scan = measured(both, 2, beams=BEAMS)
     car = VEHICLES["car"]
@@ -192,7 +164,7 @@ def pair_of(scene, seed: int, model, *, table=None, with_ideal: bool = True, var
 
 def test_the_same_vehicle_differs_by_chance_alone(at_20m):
     model = at_20m[3]
-    pairs = [pair_of(scene_with(near), 4, model) for near in (40.0, 12.0, 20.0)]
+    pairs = [pair_of(vehicle_scene(near), 4, model) for near in (40.0, 12.0, 20.0)]
     result = compare_vehicles(VEHICLES["car"], pairs)
     assert [round(at.distance_m / 10) for at in result.distances] == [1, 2, 4]
     for at in result.distances:
@@ -218,7 +190,7 @@ def test_half_the_reflectance_shows_in_area_and_by_as_much(at_20m):
 
 def test_the_page_has_every_distance_and_feature(at_20m):
     model = at_20m[3]
-    result = compare_vehicles(VEHICLES["car"], [pair_of(scene_with(n), 4, model) for n in (12.0, 20.0)])
+    result = compare_vehicles(VEHICLES["car"], [pair_of(vehicle_scene(n), 4, model) for n in (12.0, 20.0)])
     shown = page(result)
     histograms = [f for f in shown.figures() if isinstance(f, Distribution)]
     assert [f.quantity for f in histograms] == ["PEAK", "AREA", "WIDTH"] * 2
@@ -231,7 +203,7 @@ def test_the_page_has_every_distance_and_feature(at_20m):
 def test_frames_that_do_not_match_are_refused(at_20m):
     scene, ideal, scan, model = at_20m
     car = VEHICLES["car"]
-    near = pair_of(scene_with(12.0), 1, model, with_ideal=False)
+    near = pair_of(vehicle_scene(12.0), 1, model, with_ideal=False)
     far = pair_of(scene, 1, model, with_ideal=False)
     with pytest.raises(InputError, match=r"real.pcd: its vehicle \(the cluster .* at X 1.*same distance"):
         compare_vehicles(car, [replace(near, simulated=far.simulated)])

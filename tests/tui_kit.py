@@ -110,6 +110,11 @@ def status(app):
     return app.bars.status[0]
 
 
+def written(directory):
+    """The files below a directory with their bytes."""
+    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
 def undated(app):
     """What is on the screen, with every time of day the same."""
     return re.sub(r"\d\d-\d\d \d\d:\d\d( +[\d.]+ s)?", "12-31 23:59", text_of(app))
@@ -147,11 +152,11 @@ def edit_until_killed(root, seed, say):
             session.save()
             say("saved", session.saved.content)
         elif chance < 0.4 and history.done:
-            say("doing", history.done[-1].applied(lut, back=True).content)
+            say("doing", history.last("undo").applied(lut.content, back=True))
             session.undo()
             say("done", session.current.content)
         elif chance < 0.5 and history.undone:
-            say("doing", history.undone[-1].applied(lut).content)
+            say("doing", history.last("redo").applied(lut.content))
             session.redo()
             say("done", session.current.content)
         else:

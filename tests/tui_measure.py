@@ -54,6 +54,24 @@ class Terminal:
         os.waitpid(self.child, 0)
 
 
+def edits(project):
+    """How many edits the journals hold: keys that were pressed are done when they are there."""
+    return sum(path.read_bytes().count(b'{"edit"') for path in (project / ".lidarcheck/tui").glob("*.journal"))
+
+
+def memory(terminal, project, most=10_000, burst=100):
+    """Memory after so many edits; the next keys are pressed when all before them are done."""
+    done, found = edits(project), {0: round(terminal.memory_mb(), 1)}
+    for number in range(burst, most + 1, burst):
+        terminal.press(b"+-" * (burst // 2), 0.05)
+        while edits(project) < done + number:
+            terminal.read(0.05)
+        if number in (most // 10, most // 5, most // 2, most):
+            terminal.read(1)
+            found[number] = round(terminal.memory_mb(), 1)
+    return found
+
+
 def main(project):
     start = time.monotonic()
     terminal = Terminal(project, "--screen", "overview")
@@ -68,18 +86,12 @@ def main(project):
         f"key while a run goes on: median {statistics.median(waits):.0f}, 95 % {waits[int(0.95 * len(waits))]:.0f} ms"
     )
     terminal.press(b"x", 4)
-    terminal.press(b"\x1bOR", 12)
+    terminal.press(b"\x1b[15~", 12)
     print(f"idle on blooming: {len(terminal.read(6)[0])} bytes in 6 s")
     for name, keys in (("a nudge", b"+"), ("a typed value and Enter", b"455\r")):
         terminal.press(b"\x1b[B", 1.5)
         print(f"{name}: {len(terminal.press(keys, 2.5)[0])} bytes")
-    before = terminal.memory_mb()
-    for number in range(100):
-        terminal.press(b"+-" * 50, 0.3)
-        if number == 19:
-            middle = terminal.memory_mb()
-    terminal.read(5)
-    print(f"memory: {before:.1f} MB, after 2 000 edits {middle:.1f}, after 10 000 {terminal.memory_mb():.1f}")
+    print(f"memory [MB] after edits: {memory(terminal, project)}")
     terminal.stop()
 
 

@@ -12,6 +12,7 @@ from lidarcheck.calibration.blooming_response import FEATURES, GATE_M
 from lidarcheck.calibration.blooming_target import STEP, Own, Target, lines_and_places
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
+from lidarcheck.formats.settings import Setting
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
@@ -37,7 +38,8 @@ class Cells:
     not known; `echoes`: how many of them have one at the target's range. `value`: means of PEAK, AREA and WIDTH [ns]
     over those, NaN where not known. `range_m`: their mean range. `target`, `other`: S that a beam has of the target
     and of other surfaces at its range without any bloom. `sources`: the bright beams on each line, `line` which of
-    those lines a cell is on. `left_out`: beams near a surface close to the target's range.
+    those lines a cell is on. `left_out`: beams near a surface close to the target's range. `setting`: the one that
+    said where the target is, None where none did.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Cells:
     line: IntArray
     sources: tuple[Sources, ...]
     left_out: int = 0
+    setting: Setting | None = None
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -144,7 +147,7 @@ def cells_of_scan(scan: Scan, target: Target, axis: Axis, *, own: Own | None = N
         value=np.column_stack([mean(scan.peak), mean(scan.area), mean(scan.width_ns)]).reshape(n, len(FEATURES)),
         range_m=mean(scan.range_m),
         target=of_beams(own.target), other=of_beams(own.other), line=line[keep][first].astype(np.int64),
-        sources=sources, left_out=int(own.left_out.sum()),
+        sources=sources, left_out=int(own.left_out.sum()), setting=target.setting,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.figures import Cloud, Course, Curve, Distribution, Figure, Page, Section, Table
+from lidarcheck.calibration.ghost_steps import steps_section
 from lidarcheck.calibration.ghosts import GHOST, SIGN, GhostScan, Sign
 from lidarcheck.kpi.distances import wasserstein
 
@@ -18,16 +19,26 @@ FloatArray = npt.NDArray[np.float64]
 
 NAMES = {SIGN: "sign", GHOST: "ghost"}
 COLUMNS = {"area": "AREA", "peak": "PEAK"}
+_ROWS = ("rows", "ghost_rows", "searched", "clusters")
 
 
 def find_page(
-    found: Sequence[GhostScan], simulated: Sequence[GhostScan] = (), provenance: Mapping[str, str] | None = None
+    found: Sequence[GhostScan],
+    simulated: Sequence[GhostScan] = (),
+    provenance: Mapping[str, str] | None = None,
+    *,
+    steps: bool = False,
 ) -> Page:
-    """What was found in each dataset; `simulated`: the same of simulated scans, one a dataset, or none."""
+    """What was found in each dataset; `simulated`: the same of simulated scans, one a dataset, or none.
+
+    `steps`: also what each step of the extraction holds.
+    """
+    tables, courses = (_signs_table(found), _ratios_table(found)), tuple(_courses(found, simulated))
     sections = [
-        Section("Signs and ghosts", tables=(_signs_table(found), _ratios_table(found)), figures=tuple(_courses(found))),
+        Section("Signs and ghosts", tables=tables, figures=courses),
         *(_compared(found, simulated) if simulated else ()),
         *(_dataset(one, None if not simulated else simulated[i]) for i, one in enumerate(found)),
+        *(steps_section(one) for one in found if steps),
     ]
     return Page("Signs and ghosts", _summary(found), tuple(sections), provenance or {})
 
@@ -50,7 +61,7 @@ def find_document(found: Sequence[GhostScan]) -> list[dict[str, Any]]:
 
 
 def _sign_document(one: GhostScan, sign: Sign) -> dict[str, Any]:
-    values = {name: getattr(sign, name) for name in sign.__dataclass_fields__ if name not in ("rows", "ghost_rows")}
+    values = {name: getattr(sign, name) for name in sign.__dataclass_fields__ if name not in _ROWS}
     counts = {"echoes": len(sign.rows), "ghosts": len(sign.ghost_rows)}
     medians = {
         f"{label}_{column}_median": float(np.median(getattr(one.scan, column)[rows])) if len(rows) else None
@@ -115,47 +126,87 @@ def _median(values: FloatArray, rows: npt.NDArray[np.int64]) -> str:
     return f"{np.median(values[rows]):.0f}" if len(rows) else "-"
 
 
-def _courses(found: Sequence[GhostScan]) -> list[Figure]:
-    """How often a ghost is seen, and how bright it is, over the sign's range; for datasets at several ranges."""
-    signs = sorted(_each(found), key=lambda entry: entry[2].range_m)
-    if len(signs) < 2:
+def _courses(found: Sequence[GhostScan], simulated: Sequence[GhostScan]) -> list[Figure]:
+    """How often a ghost is seen, how bright it is, and ghost over sign, over the sign's range; for several signs."""
+    sides = {"real": _by_range(found), "simulated": _by_range(simulated)}
+    if len(sides["real"]) < 2:
         return []
-    x = np.array([sign.range_m for *_, sign in signs])
+    column, at = sides["real"][0][0].brightness.column, "range of the sign [m]"
+    shown = {name: signs for name, signs in sides.items() if signs}
+    return [
+        Course("Beams of the sign with a ghost", at, "share", tuple(_shares(n, s) for n, s in shown.items())),
+        Course(
+            f"{column} of the ghosts", at, f"median {column}", tuple(_medians(n, s) for n, s in shown.items()),
+            log_y=True,
+        ),
+        Course("Ghost over sign: count and strength", at, "ratio", _over_sign(shown, _STRENGTHS), log_y=True),
+        Course("Ghost over sign: range and size", at, "ratio", _over_sign(shown, _LENGTHS)),
+    ]  # fmt: skip
+
+
+_STRENGTHS = {"count": "count_ratio", "AREA": "area_ratio", "PEAK": "peak_ratio"}
+_LENGTHS = {"range": "range_ratio", "size": "size_ratio"}
+_Signs = list[tuple[GhostScan, int, Sign]]
+
+
+def _by_range(found: Sequence[GhostScan]) -> _Signs:
+    return sorted(_each(found), key=lambda entry: entry[2].range_m)
+
+
+def _ranges(signs: _Signs) -> FloatArray:
+    return np.array([sign.range_m for *_, sign in signs])
+
+
+def _shares(name: str, signs: _Signs) -> Curve:
     seen, low, high = (
         np.array([getattr(s, f) for *_, s in signs]) for f in ("fraction", "fraction_low", "fraction_high")
     )
+    return Curve(name, _ranges(signs), seen, low, high)
+
+
+def _medians(name: str, signs: _Signs) -> Curve:
+    """With the quartiles as the interval."""
     area = [one.brightness.values[sign.ghost_rows] for one, _, sign in signs]
     quartiles = [np.array([np.quantile(a, q) if len(a) else np.nan for a in area]) for q in (0.5, 0.25, 0.75)]
-    column, at = signs[0][0].brightness.column, "range of the sign [m]"
-    return [
-        Course("Beams of the sign with a ghost", at, "share", (Curve("real", x, seen, low, high),)),
-        Course(
-            f"{column} of the ghosts", "range of the sign [m]", f"median {column}", (Curve("real", x, *quartiles),),
-            log_y=True,
-        ),
-    ]  # fmt: skip
+    return Curve(name, _ranges(signs), *quartiles)
+
+
+def _over_sign(sides: Mapping[str, _Signs], ratios: Mapping[str, str]) -> tuple[Curve, ...]:
+    """A curve for each ratio and side; zeros, as of a sign without ghost, are gaps: they have no logarithm."""
+    curves = []
+    for side, signs in sides.items():
+        for name, field in ratios.items():
+            values = np.array([getattr(sign.ratio, field) for *_, sign in signs])
+            label = f"{side}, {name}" if len(sides) > 1 else name
+            curves.append(Curve(label, _ranges(signs), np.where(values > 0.0, values, np.nan)))
+    return tuple(curves)
 
 
 def _dataset(one: GhostScan, simulated: GhostScan | None) -> Section:
     told = one.brightness
     words = [f"Bright is {told.column} from {told.above:.0f} on ({told.why}). {'; '.join(one.notes)}".strip()]
-    figures: list[Figure] = []
+    both: list[Figure] = []
+    compared: list[Figure] = []
     present = [c for c, name in COLUMNS.items() if name not in one.scan.defaulted] or ["amplitude"]
     for column in present:
         quantity = COLUMNS.get(column, told.column)
-        both = {name: one.values(label, column) for label, name in NAMES.items()}
-        figures.append(
-            Distribution(f"{one.name}: {quantity} of sign and ghost", quantity, "", _filled(both), log_x=True)
-        )
-        if simulated is not None:
-            for label, name in NAMES.items():
-                samples = {"real": one.values(label, column), "simulated": simulated.values(label, column)}
-                if all(len(values) for values in samples.values()):
-                    figures.append(Distribution(f"{one.name}: {quantity} of the {name}", quantity, "", samples))
+        samples = _filled({name: one.values(label, column) for label, name in NAMES.items()})
+        both.append(Distribution(f"{one.name}: {quantity} of sign and ghost", quantity, "", samples, log_x=True))
+        compared += _side_by_side(one, simulated, column, quantity) if simulated is not None else []
     xyz = np.column_stack([one.scan.x_m, one.scan.y_m, one.scan.z_m])
     groups = _filled({name: xyz[one.label == label] for label, name in NAMES.items()})
-    figures.append(Cloud(f"{one.name}: sign and ghost", groups))
-    return Section(one.name, tuple(words), figures=tuple(figures))
+    cloud = Cloud(f"{one.name}: sign and ghost", groups)
+    return Section(one.name, tuple(words), figures=(*both, *compared, cloud))
+
+
+def _side_by_side(one: GhostScan, simulated: GhostScan, column: str, quantity: str) -> list[Figure]:
+    """Sign and ghost, each real against simulated where both have echoes of it."""
+    figures: list[Figure] = []
+    for label, name in NAMES.items():
+        samples = {"real": one.values(label, column), "simulated": simulated.values(label, column)}
+        if all(len(values) for values in samples.values()):
+            figures.append(Distribution(f"{one.name}: {quantity} of the {name}", quantity, "", samples))
+    return figures
 
 
 def _filled(samples: dict[str, FloatArray]) -> dict[str, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,8 @@ class GhostEchoes:
     `rows`: its echoes, none where there is no ghost; `offset_m`: where most of them stand beyond twice the target's
     range, NaN without any; `beams`: beams in the target's core; `seen`: those of them with an echo there, of a ghost
     or not; `chance`: how probable as many echoes are by chance, 0 … 1; `why`: what speaks against a ghost, empty for
-    one.
+    one. `searched`: the echoes that stand where a ghost may; `clusters`: those of them that lie densely, the largest
+    first.
     """
 
     rows: IndexArray
@@ -47,7 +48,14 @@ class GhostEchoes:
     beams: int
     seen: int
     chance: float
-    why: str = ""
+    why: str
+    searched: IndexArray
+    clusters: tuple[IndexArray, ...]
+
+    def among(self, around: IndexArray) -> GhostEchoes:
+        """The same as rows of the table of which the rows `around` were looked at."""
+        clusters = tuple(around[rows] for rows in self.clusters)
+        return replace(self, rows=around[self.rows], searched=around[self.searched], clusters=clusters)
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,8 @@ def search_ghost(echoes: Echoes, patch: Patch, target: IndexArray, *, view_m: fl
     beams = int(np.count_nonzero(patch.core))
     inside = (behind.offset_m >= SEARCH_M[0]) & (behind.offset_m <= SEARCH_M[1])
     sure = ~_continues(echoes, patch, behind)
-    centre, tolerance = _densest(behind.offset_m[inside & (sure if np.any(inside & sure) else inside)])
+    looked_at = behind.take(inside & (sure if np.any(inside & sure) else inside))
+    centre, tolerance, parts = _densest(looked_at.offset_m)
     at = np.abs(behind.offset_m - centre) <= tolerance
     near = _one_a_beam(behind.take(at), centre)
     tells = ~_continues(echoes, patch, near) if _edge_shows_more(near, patch) else np.ones(len(near.rows), bool)
@@ -84,10 +93,12 @@ def search_ghost(echoes: Echoes, patch: Patch, target: IndexArray, *, view_m: fl
     chance = _chance(int(np.count_nonzero(~at)), telling, tolerance, view_m - patch.range_m)
     seen = int(np.count_nonzero(near.core))
     why = _against(telling, trials * chance, echoes.amplitude[near.rows[tells]], _of_returns(echoes, target))
+    searched, clusters = np.sort(behind.rows[inside]), tuple(looked_at.rows[part] for part in parts)
     if why:
-        return GhostEchoes(np.zeros(0, dtype=np.int64), float("nan"), beams, seen, chance, why)
+        nothing = np.zeros(0, dtype=np.int64)
+        return GhostEchoes(nothing, float("nan"), beams, seen, chance, why, searched, clusters)
     rows = near.rows[tells | _as_bright(echoes.amplitude[near.rows], tells)]
-    return GhostEchoes(np.sort(rows), centre, beams, seen, chance)
+    return GhostEchoes(np.sort(rows), centre, beams, seen, chance, "", searched, clusters)
 
 
 def _behind(echoes: Echoes, patch: Patch, target: IndexArray) -> _Behind:
@@ -100,19 +111,24 @@ def _behind(echoes: Echoes, patch: Patch, target: IndexArray) -> _Behind:
     return _Behind(rows, i[rows], j[rows], range_m[rows] - 2.0 * own, patch.core[i[rows], j[rows]])
 
 
-def _densest(offset_m: FloatArray) -> tuple[float, float]:
-    """Where the offsets (m,) lie most densely, and how far around it they belong there; NaN and the least for none."""
+def _densest(offset_m: FloatArray) -> tuple[float, float, list[IndexArray]]:
+    """Where the offsets (m,) lie most densely, how far around it they belong there, and all that lie densely (DBSCAN).
+
+    NaN and the least distance for none.
+    """
     if not len(offset_m):
-        return float("nan"), LEAST_TOLERANCE_M
+        return float("nan"), LEAST_TOLERANCE_M, []
     from sklearn.cluster import DBSCAN
 
     label = DBSCAN(eps=LINK_M, min_samples=FEWEST_GHOSTS).fit(offset_m[:, None]).labels_
     if label.max() < 0:
-        return float(offset_m[0]), LEAST_TOLERANCE_M
-    most = offset_m[label == np.argmax(np.bincount(label[label >= 0]))]
+        return float(offset_m[0]), LEAST_TOLERANCE_M, []
+    counts = np.bincount(label[label >= 0])
+    parts = [np.flatnonzero(label == i) for i in np.argsort(-counts, kind="stable")]
+    most = offset_m[parts[0]]
     centre = typical(most)
     width = 1.48 * float(np.median(np.abs(most - centre)))
-    return centre, float(np.clip(4.0 * width, LEAST_TOLERANCE_M, MOST_TOLERANCE_M))
+    return centre, float(np.clip(4.0 * width, LEAST_TOLERANCE_M, MOST_TOLERANCE_M)), parts
 
 
 def _of_returns(echoes: Echoes, target: IndexArray) -> FloatArray:

@@ -19,7 +19,7 @@ from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["Arrangement", "Frame", "PanelSettings", "PanelsResult", "characterise", "panel_scan", "same_scene"]
 
-Progress = Callable[[int, int, str], None]
+Progress = Callable[[int, int, str], object]
 
 MOST_SURVEYED = 16
 MOST_HELD = 4_000_000

@@ -16,7 +16,7 @@ from lidarcheck.calibration.panels_noise import NoiseSide, WalkCurve, features_o
 from lidarcheck.calibration.panels_samples import PanelSamples
 from lidarcheck.kpi.scatter import RangeScatter
 
-__all__ = ["document", "page"]
+__all__ = ["document", "overview", "page"]
 
 FloatArray = npt.NDArray[np.float64]
 MOST_SHOWN = 20_000
@@ -26,7 +26,7 @@ REAL, SIMULATED = "real", "simulated"
 
 
 def page(result: PanelsResult, provenance: Mapping[str, str] | None = None) -> Page:
-    """Verdict, tables and figures."""
+    """Verdict, tables and figures: two sections of all panels, then one of each, in their order, then the rest."""
     sections = (
         Section("Panels", _found_words(result), (_found_table(result),), (_cloud(result),)),
         Section("What they show", _side_words(result), tuple(_tables(result)), tuple(_courses(result))),
@@ -136,6 +136,25 @@ def _found_table(result: PanelsResult) -> Table:
     return Table("", header, rows, right)
 
 
+def overview(result: PanelsResult) -> Table:
+    """Each panel in a line: where it is, how large, how many echoes it has and how often it is detected."""
+    header = ("no.", "range [m]", "size [m]", "of", "echoes", "seen [%]", "95 %")
+    some = result.noise[0].simulated is not None
+    rows = []
+    for panel, noise in zip(result.panels, result.noise, strict=True):
+        own = (str(panel.number), f"{panel.range_m:.2f}", f"{panel.width_m:.2f} x {panel.height_m:.2f}")
+        sides = [side for side in (noise.measured, noise.simulated) if side is not None]
+        seen = [text for side in sides for text in _detection(side)]
+        rows.append((*own, _of(result, panel) or "-", str(noise.measured.echoes), *seen))
+    more = ("simulated [%]", "95 % of it") if some else ()
+    return Table("", (*header, *more), tuple(rows), tuple(name for name in (*header, *more) if name != "of"))
+
+
+def _detection(side: NoiseSide) -> tuple[str, str]:
+    """How often it is detected, and the interval [%]."""
+    return f"{100 * side.detection:.2f}", f"{100 * side.detection_low:.2f} ... {100 * side.detection_high:.2f}"
+
+
 def _tables(result: PanelsResult) -> Iterator[Table]:
     header = (
         "panel",
@@ -162,11 +181,9 @@ def _features(result: PanelsResult) -> tuple[str, ...]:
 
 
 def _figures_of(side: NoiseSide, features: tuple[str, ...]) -> tuple[str, ...]:
-    interval = f"{100 * side.detection_low:.2f} ... {100 * side.detection_high:.2f}"
     lengths = (_noise_m(side), side.bias_m, side.plane_robust_m)
     return (
-        f"{100 * side.detection:.2f}",
-        interval,
+        *_detection(side),
         *(_number(1000 * length, 1) for length in lengths),
         *(_number(side.means.get(name, math.nan), 1) for name in features),
     )

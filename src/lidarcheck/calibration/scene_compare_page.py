@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarcheck.calibration.figures import Cloud, Course, Curve, Figure, Grid, Page, Section, Table
 from lidarcheck.calibration.scene_compare import SceneComparison
+from lidarcheck.calibration.scene_compare_parts import SectorMap
 from lidarcheck.calibration.scene_compare_rank import FALSE_ALARMS
 from lidarcheck.kpi.overlap import Overlap
 from lidarcheck.sensor import elevation_deg
@@ -153,8 +154,42 @@ def _sectors(result: SceneComparison) -> Section:
     )
     rows, columns = s.beams.shape
     standing = int(np.count_nonzero(np.nan_to_num(s.strength) > 0.0))
-    words = f"{columns} by {rows} sectors, {standing} of which stand out by themselves."
-    return Section("By sector", (words,), (), figures)
+    words = [f"{columns} by {rows} sectors, {standing} of which stand out by themselves."]
+    table = _sector_table(s)
+    left = int(np.count_nonzero(s.beams)) - len(table.rows)
+    words += [f"The {len(table.rows)} that stand out most; result.json has {left} more."] if left else []
+    return Section("By sector", tuple(words), (table,), figures)
+
+
+def _sector_table(s: SectorMap) -> Table:
+    """The sectors that stand out most, then those with most beams."""
+    strength = np.nan_to_num(s.strength)
+    order = np.lexsort((-s.beams.ravel(), -strength.ravel()))[:MOST_PARTS]
+    header = (
+        "azimuth [deg]",
+        "elevation [deg]",
+        "beams",
+        "echoes [%]",
+        "range [cm]",
+        "AREA ratio",
+        "stray",
+        "strength",
+    )
+    rows = []
+    for i, j in zip(*np.unravel_index(order, s.beams.shape), strict=True):
+        if not s.beams[i, j]:
+            continue
+        place = (f"{e[k]:.1f} to {e[k + 1]:.1f}" for e, k in ((s.azimuth_deg, j), (s.elevation_deg, i)))
+        values = (100.0 * s.echo_difference, 100.0 * s.range_bias_m, s.area_ratio, s.stray_difference)
+        rows.append(
+            (
+                *place,
+                str(s.beams[i, j]),
+                *_numbers(*(float(value[i, j]) for value in values)),
+                _number(float(strength[i, j])) if strength[i, j] else "",
+            )
+        )
+    return Table("Measured minus simulated", header, tuple(rows), right=header)
 
 
 def _numbers(*values: float) -> tuple[str, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +14,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.formats.config_words import nearest
 from lidarcheck.scenes.vehicles import CAR_M, TRUCK_M, VAN_M
 
-__all__ = ["VEHICLES", "Extent", "Vehicle", "extent_of", "suggested_offset", "vehicle_named"]
+__all__ = ["VEHICLES", "Extent", "Vehicle", "distance_in_name", "extent_of", "suggested_offset", "vehicle_named"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -22,6 +24,7 @@ TOLERANCE_M, HEIGHT_TOLERANCE_M = 0.3, 0.1
 SEEN_WIDTH = 0.85
 """Of the smallest width, how much must be seen: a part may be hidden or dark."""
 LEAST_DEPTH_M = 0.3
+_IN_NAME = re.compile(r"(?<![\d.])(\d{1,3}(?:\.\d+)?)\s?m(?![a-z0-9])", re.IGNORECASE)
 BESIDE, GAP_M, STEP_M = 1.25, 0.5, 0.5
 
 
@@ -79,6 +82,12 @@ class Extent:
     def words(self) -> str:
         """As a size."""
         return f"{self.long_m:.1f} x {self.short_m:.1f} x {self.height_m:.1f} m"
+
+
+def distance_in_name(path: Path) -> float | None:
+    """The distance [m] that a file's name says, a number before an m as in car_25m.pcd; None where there is not one."""
+    found = _IN_NAME.findall(path.stem)
+    return float(found[0]) if len(found) == 1 and float(found[0]) > 0.0 else None
 
 
 def vehicle_named(name: str) -> Vehicle:

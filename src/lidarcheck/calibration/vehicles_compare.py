@@ -20,7 +20,7 @@ from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["FEATURES", "AtDistance", "Pair", "VehicleComparison", "compare_vehicles", "stand_apart"]
+__all__ = ["FEATURES", "AtDistance", "Pair", "VehicleComparison", "compare_vehicles", "joined", "stand_apart"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -64,8 +64,8 @@ class AtDistance:
 
     `detection_ratio`: beams with an echo, real over simulated; `detection_real`, `detection_simulated`: of the beams
     that meet the vehicle, the share with an echo from it, NaN without the ideal scan. `features`: by name; `ks_chance`:
-    what `ks` passes by chance in one case of twenty. `samples`: by feature, real and simulated values; `clouds`:
-    positions, real and simulated, shape (n, 3) [m].
+    what `ks` passes by chance in one case of twenty. `samples`: by feature, real and simulated values; `cuts`:
+    the vehicle's echoes, real and simulated.
     """
 
     distance_m: float
@@ -77,7 +77,12 @@ class AtDistance:
     features: Mapping[str, FeatureGap]
     ks_chance: Mapping[str, float]
     samples: Mapping[str, tuple[FloatArray, FloatArray]]
-    clouds: tuple[FloatArray, FloatArray]
+    cuts: tuple[Cut, Cut]
+
+    @property
+    def clouds(self) -> tuple[FloatArray, FloatArray]:
+        """Positions, real and simulated, shape (n, 3) [m]."""
+        return self.cuts[0].xyz_m, self.cuts[1].xyz_m
 
 
 @dataclass(frozen=True)
@@ -90,11 +95,11 @@ class VehicleComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """The result for JSON, without the samples and points."""
-        distances = [replace(at, samples={}, clouds=(np.zeros(0), np.zeros(0))) for at in self.distances]
-        document: dict[str, Any] = plain(replace(self, distances=tuple(distances)))
-        for at in document["distances"]:
-            del at["samples"], at["clouds"]
-        return document
+        distances = [
+            {name: plain(value) for name, value in vars(at).items() if name not in ("samples", "cuts")}
+            for at in self.distances
+        ]
+        return {"vehicle": self.vehicle, "distances": distances, "left_out": plain(self.left_out)}
 
 
 def compare_vehicles(vehicle: Vehicle, pairs: Sequence[Pair]) -> VehicleComparison:
@@ -108,6 +113,13 @@ def compare_vehicles(vehicle: Vehicle, pairs: Sequence[Pair]) -> VehicleComparis
     left_out: dict[str, str] = {}
     distances = [_at_distance(vehicle, pair, left_out) for pair in pairs]
     return VehicleComparison(vehicle.name, tuple(sorted(distances, key=lambda at: at.distance_m)), left_out)
+
+
+def joined(parts: Sequence[VehicleComparison]) -> VehicleComparison:
+    """Comparisons of one kind of vehicle at some distances, one or more, as one of all of them."""
+    left_out = {name: why for part in parts for name, why in part.left_out.items()}
+    distances = sorted((at for part in parts for at in part.distances), key=lambda at: at.distance_m)
+    return VehicleComparison(parts[0].vehicle, tuple(distances), left_out)
 
 
 def _at_distance(vehicle: Vehicle, pair: Pair, left_out: dict[str, str]) -> AtDistance:
@@ -127,7 +139,7 @@ def _at_distance(vehicle: Vehicle, pair: Pair, left_out: dict[str, str]) -> AtDi
         features={name: feature_gap(*both, unit=FEATURES[name][1]) for name, both in samples.items()},
         ks_chance={name: KS_95 * math.sqrt(1.0 / len(r) + 1.0 / len(s)) for name, (r, s) in samples.items()},
         samples=samples,
-        clouds=(real.xyz_m, simulated.xyz_m),
+        cuts=(real, simulated),
     )
 
 

@@ -19,7 +19,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.scans import SCAN_COLUMNS
 from lidarcheck.formats.table import Table as Columns
 
-__all__ = ["MARK", "Merged", "merge_page", "merge_vehicles"]
+__all__ = ["MARK", "Merged", "Placed", "merge_page", "merge_vehicles", "place_vehicles"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -60,6 +60,26 @@ class Merged:
         return xyz[: self.n_real], xyz[self.n_real :]
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Where the simulated points go: `moved_m`, shape (n, 3); the other fields are those of `Merged`."""
+
+    moved_m: FloatArray
+    aligned_m: FloatArray
+    offset_m: tuple[float, float]
+    suggested_m: tuple[float, float]
+
+
+def place_vehicles(
+    real: Cut, simulated: Cut, vehicle: Vehicle | None = None, *, x_m: float | None = None, y_m: float | None = None
+) -> Placed:
+    """Lay the simulated vehicle's centroid on the real one's and move it by the offset, as `merge_vehicles` says."""
+    suggested = suggested_offset(vehicle, real.xyz_m, simulated.xyz_m)
+    offset = (suggested[0] if x_m is None else x_m, suggested[1] if y_m is None else y_m)
+    aligned = np.subtract(real.centroid_m, simulated.centroid_m)
+    return Placed(simulated.xyz_m + aligned + np.array([*offset, 0.0]), aligned, offset, suggested)
+
+
 def merge_vehicles(
     real: Cut,
     simulated: Cut,
@@ -74,15 +94,13 @@ def merge_vehicles(
     `x_m`, `y_m`: the offset along X (forward) and Y (left); what is not given is as suggested, 0 and so far to the
     right that they stand beside each other. A column that only one of the scans has is 0 for the other: see `filled`.
     """
-    one, other = real.xyz_m, simulated.xyz_m
-    suggested = suggested_offset(vehicle, one, other)
-    offset = (suggested[0] if x_m is None else x_m, suggested[1] if y_m is None else y_m)
-    aligned = np.subtract(real.centroid_m, simulated.centroid_m)
-    moved = other + aligned + np.array([*offset, 0.0])
+    placed = place_vehicles(real, simulated, vehicle, x_m=x_m, y_m=y_m)
+    one, moved, aligned = real.xyz_m, placed.moved_m, placed.aligned_m
+    offset, suggested = placed.offset_m, placed.suggested_m
     columns, filled = _columns(real, simulated, files)
     for i, name in enumerate("XYZ"):
         columns[name] = np.concatenate([one[:, i], moved[:, i]])
-    columns[MARK] = np.repeat(np.array([0, 1], dtype=np.int32), [len(one), len(other)])
+    columns[MARK] = np.repeat(np.array([0, 1], dtype=np.int32), [len(one), len(moved)])
     if stand_apart(real, simulated):
         far = f"{real.distance_m:.1f} m and {simulated.distance_m:.1f} m"
         _log.warning("the vehicles stood elsewhere, at %s: is it one distance and pose?", far)
@@ -92,7 +110,7 @@ def merge_vehicles(
     if offset[1] > 0.0:
         _log.warning("the simulated vehicle stands left of the real one, since Y points to the left")
     return Merged(
-        len(one), len(other), real.how, simulated.how, (float(aligned[0]), float(aligned[1]), float(aligned[2])),
+        len(one), len(moved), real.how, simulated.how, (float(aligned[0]), float(aligned[1]), float(aligned[2])),
         offset, suggested, overlaps, filled, Columns(columns),
     )  # fmt: skip
 

@@ -27,9 +27,9 @@ from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.cli.workflow_files import Writer
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
+    from lidarcheck.plots.page_files import Writer
 
 __all__ = ["fit", "settings", "show"]
 

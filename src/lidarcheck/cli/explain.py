@@ -8,24 +8,17 @@ import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.explain_files import (
-    MODEL,
-    PAGE,
-    REPORT,
-    check_directory,
-    check_not_read,
-    make_directory,
-    write_together,
-)
-from lidarcheck.cli.explain_watch import watched
+from lidarcheck.cli.explain_files import check_directory, check_not_read, make_directory, write_together
+from lidarcheck.cli.explain_watch import JsonLines, watched
 from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import emit, hush, note, progress, stage
 from lidarcheck.errors import UsageError
+from lidarcheck.explain.places import KEPT, MODEL, PAGE, REPORT
 
 if TYPE_CHECKING:
     from lidarcheck.explain.case import Case
@@ -33,8 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["explain"]
 
-KEPT = ".explain"
-"""Where an interrupted run keeps what was done, in the output directory."""
 MOST_CASES = 100_000
 
 
@@ -72,6 +63,10 @@ def explain(
     generator: Annotated[
         Path | None, Parameter(help="Of --benchmark: the package that makes the cases, by default tests/hidden.")
     ] = None,
+    progress_as: Annotated[
+        Literal["text", "json"],
+        Parameter(name="--progress", help="How progress is said: text, or json for programs, a line each."),
+    ] = "text",
     only: Annotated[
         str | None, Parameter(help="Of --benchmark: only one kind of case, as single, pair, null, left_out or alien.")
     ] = None,
@@ -82,7 +77,8 @@ def explain(
     if benchmark is not None:
         from lidarcheck.cli.explain_benchmark import benchmark as run
 
-        _refuse_beside("--benchmark", {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html})
+        others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
+        _refuse_beside("--benchmark", others | {"--progress": progress_as == "json"})
         return run(
             benchmark,
             seed=seed,
@@ -102,7 +98,8 @@ def explain(
     names = _effects(exclude or ())
     loaded = _checked(case, out, json, into)
     with _interruptible(out):
-        found = _explained(loaded, out, seed, names, jobs, quiet, no_html)
+        watch = _watched(quiet, progress_as == "json")
+        found = _explained(loaded, out, seed, names, jobs, watch, no_html)
     _show(found, loaded, json)
     note(f"{out}: {REPORT}, {MODEL}{'' if no_html else f', {PAGE}'}")
     if into is not None:
@@ -167,20 +164,33 @@ def _check_new(scenario: Path) -> None:
             raise UsageError(f"{place} is there already", fix="give the scenario another name with --into")
 
 
+@contextlib.contextmanager
+def _watched(quiet: bool, as_json: bool) -> Iterator[tuple[Any, Any]]:
+    """Who is told how far the work is, and who hears what it finds."""
+    from lidarcheck.explain.workflow import PROGRESS
+
+    if as_json:
+        lines = JsonLines(PROGRESS.shares, quiet=quiet)
+        yield lines.tell, lines.hear
+    else:
+        with watched(PROGRESS.shares, quiet=quiet) as tell:
+            yield tell, None
+
+
 def _explained(
-    loaded: Case, out: Path, seed: int, exclude: tuple[str, ...], jobs: int | None, quiet: bool, no_html: bool
+    loaded: Case, out: Path, seed: int, exclude: tuple[str, ...], jobs: int | None, watch: Any, no_html: bool
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
     from lidarcheck.explain.notebook import Notebook, notebook_key
-    from lidarcheck.explain.workflow import PROGRESS
     from lidarcheck.explain.workflow import explain as run
 
     key = notebook_key(loaded.hashes, loaded.model, seed, exclude)
     with Notebook(out / KEPT, key) as notebook:
         if len(notebook):
             note(f"going on with what an interrupted run left in {out / KEPT}")
-        with watched(PROGRESS.shares, quiet=quiet) as tell:
-            found = run(loaded, seed=seed, exclude=exclude, jobs=jobs or _cores(), tell=tell, notebook=notebook)
+        with watch as (tell, hear):
+            cores = jobs or _cores()
+            found = run(loaded, seed=seed, exclude=exclude, jobs=cores, tell=tell, hear=hear, notebook=notebook)
         with stage("writing"):
             _write(found, loaded, out, no_html)
         notebook.discard()

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lidarcheck.cli.terminal import note
+from lidarcheck.cli.terminal import complain, note
+from lidarcheck.formats.table import clock_text
 
-__all__ = ["Pace", "clock_text", "watched"]
+if TYPE_CHECKING:
+    from lidarcheck.explain.explanation import Step
+
+__all__ = ["JsonLines", "Pace", "clock_text", "watched"]
 
 _SAYABLE = 0.02
 """Share of the work from which on its pace says something about the rest."""
+_EVERY_S = 0.2
 _AT_ONCE_S = 0.5
 """What is there so soon was done by an earlier run, and says nothing about the pace of this one."""
 
@@ -59,11 +66,40 @@ class Pace:
         return "" if seconds is None else f"about {clock_text(seconds)} left"
 
 
-def clock_text(seconds: float) -> str:
-    """`0:07`, `12:30`, `1:02:03`."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+class JsonLines:
+    """What a program that runs this one is told: lines of JSON on standard error, each with the key `step`.
+
+    A step that is done: `found`, in words. Else how far it is: `done`, `of`, `part` of the whole work, `elapsed_s`,
+    `left_s` (null while too little is done to say).
+    """
+
+    def __init__(self, shares: Mapping[str, float], *, quiet: bool = False) -> None:
+        self._pace = Pace(shares)
+        self._quiet = quiet
+        self._guard = threading.Lock()
+        self._last: tuple[str, float] = ("", -math.inf)
+        self._say({"steps": list(shares)})
+
+    def tell(self, step: str, done: int, of: int) -> None:
+        """How far a step is: its beginning and its end, and in between five times a second at most."""
+        with self._guard:
+            self._pace.tell(step, done, of)
+            elapsed = self._pace.elapsed_s
+            if done < of and self._last[0] == step and elapsed - self._last[1] < _EVERY_S:
+                return
+            self._last = (step, elapsed)
+            left = self._pace.left_s
+            at = {"part": round(self._pace.part, 4), "elapsed_s": round(elapsed, 1)}
+            self._say({"step": step, "done": done, "of": of, **at, "left_s": None if left is None else round(left, 1)})
+
+    def hear(self, step: Step) -> None:
+        """What a step has found."""
+        with self._guard:
+            self._say({"step": step.name, "found": step.words})
+
+    def _say(self, document: Mapping[str, Any]) -> None:
+        if not self._quiet:
+            complain(json.dumps(document))
 
 
 @contextlib.contextmanager

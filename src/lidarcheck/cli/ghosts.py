@@ -14,14 +14,12 @@ from lidarcheck.cli.options import JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts import GhostScan
-    from lidarcheck.cli.workflow_files import Writer
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan
-    from lidarcheck.sensor import Sensor
 
 __all__ = ["find", "fit"]
 
@@ -50,6 +48,9 @@ def find(
     bright: Annotated[
         float | None, Parameter(help="The least AREA (else INTENSITY, ...) of a sign; by the sensor if not given.")
     ] = None,
+    steps: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="Also show what each step of the extraction holds.")
+    ] = False,
     seed: Seed = 0,
     plot: Plot | None = None,
     json: JsonFile | None = None,
@@ -59,17 +60,20 @@ def find(
     hush(quiet)
     _check_numbers(scans, ideal=ideal, simulated=simulated)
     _check_options(scans, range_m, bright, ideal, model, simulated)
-    _check_places(out, json, (*scans, *ideal, *simulated, model), [_pcd(name) for name in _names(scans)])
+    from lidarcheck.calibration.ghost_files import dataset_names, stripped_files, stripped_name
     from lidarcheck.calibration.ghost_page import find_document, find_page
+
+    _check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
     found = _found(scans, scenes, sensor_model, range_m, bright)
     others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
-    page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed))
+    page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed), steps=steps)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
-    finish(page, document, out=out, json=json, plot=plot, files=_stripped(found))
+    files = stripped_files({one.name: one.stripped() for one in found})
+    finish(page, document, out=out, json=json, plot=plot, files=files)
     for one in found if out is not None else ():
-        note(f"{out}/{_pcd(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
+        note(f"{out}/{stripped_name(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
     return 0
 
 
@@ -154,31 +158,10 @@ def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None
     check_out_dir(out, besides=(*read, json), files=names)
 
 
-def _names(scans: Sequence[Path]) -> list[str]:
-    """A name for each dataset: that of its file without suffix, numbered where several have the same."""
-    stems = [path.name.split(".")[0] or path.name for path in scans]
-    seen: dict[str, int] = {}
-    names = []
-    for stem in stems:
-        seen[stem] = seen.get(stem, 0) + 1
-        names.append(stem if stems.count(stem) == 1 else f"{stem}_{seen[stem]}")
-    return names
-
-
-def _pcd(name: str) -> str:
-    return f"{name}_ghosts.pcd"
-
-
 def _model_of(path: Path | None) -> Model | None:
-    from lidarcheck.model import load_model
+    from lidarcheck.calibration.ghost_files import load_ghost_model
 
-    if path is None:
-        return None
-    model = load_model(path)
-    if model.external is not None:
-        what = "is an external model, whose sensor is not known"
-        raise InputError(what, file=path, fix="name a model of the built-in sensor")
-    return model
+    return None if path is None else load_ghost_model(path)
 
 
 def _ideals_of(paths: Sequence[Path]) -> list[IdealScan]:
@@ -196,48 +179,16 @@ def _found(
     bright: float | None,
 ) -> list[GhostScan]:
     """What each scan shows, and refused where it is not what the ideal scans and the model say."""
-    from lidarcheck.calibration.ghost_data import check_expected
-    from lidarcheck.calibration.ghosts import find_ghosts
-    from lidarcheck.formats import load_scan
+    from lidarcheck.calibration.ghost_files import dataset_names, find_in
 
     found = []
-    sensor = None if model is None else model.sensor
     with progress("looking at") as show:
-        for i, (path, name) in enumerate(zip(scans, _names(scans), strict=True)):
+        for i, (path, name) in enumerate(zip(scans, dataset_names(scans), strict=True)):
             show(i, len(scans), path.name)
-            scan = load_scan(path)
-            _check_variant(path, scan, sensor)
             expected = range_m if len(range_m) == 1 else range_m[i : i + 1]
-            view = _view(ideals[i]) if ideals else None
-            try:
-                one = find_ghosts(scan, name=name, sensor=sensor, above=bright, expected_m=expected, view=view)
-                if ideals and model is not None:
-                    check_expected(one, ideals[i], model)
-            except InputError as error:
-                raise InputError(error.what, file=path, line=error.line, fix=error.fix) from error
-            found.append(one)
+            ideal = ideals[i] if ideals else None
+            found.append(find_in(path, name, ideal=ideal, model=model, expected_m=expected, bright=bright))
     return found
-
-
-def _check_variant(path: Path, scan: object, sensor: Sensor | None) -> None:
-    """Refuse a scan of another variant than the model's."""
-    from lidarcheck.kpi.variant import above_saturation, other_variant
-    from lidarcheck.scan import Scan
-
-    assert isinstance(scan, Scan)
-    if sensor is None or "PEAK" in scan.defaulted or not len(scan):
-        return
-    fault = above_saturation(scan, sensor, path)
-    if fault is not None:
-        raise fault
-    other = other_variant([scan], sensor)
-    if other:
-        raise InputError(other, file=path, fix="name the model of the variant that measured")
-
-
-def _view(ideal: IdealScan) -> tuple[int, int, int, int]:
-    """First and last layer, first and last point that were fired."""
-    return (int(ideal.layer.min()), int(ideal.layer.max()), int(ideal.point.min()), int(ideal.point.max()))
 
 
 def _simulated(
@@ -249,31 +200,18 @@ def _simulated(
     seed: int,
 ) -> list[GhostScan]:
     """The same search in simulated scans: those of `paths`, or of the ideal scans; none without either."""
+    from lidarcheck.calibration.ghost_files import find_simulated
     from lidarcheck.calibration.ghosts import find_ghosts
     from lidarcheck.formats import load_scan
-    from lidarcheck.model import simulate
 
     others = []
     for i, one in enumerate(found):
         if paths:
-            scan, where = load_scan(paths[i]), str(paths[i])
+            others.append(find_ghosts(load_scan(paths[i]), name=str(paths[i]), sensor=one.sensor, above=bright))
         elif ideals and model is not None:
             with stage(f"simulating {one.name}"):
-                scan, where = simulate(ideals[i], model, seed=seed), f"the simulation of {one.name}"
-        else:
-            return []
-        others.append(find_ghosts(scan, name=where, sensor=one.sensor, above=bright))
+                others.append(find_simulated(one, ideals[i], model, bright=bright, seed=seed))
     return others
-
-
-def _stripped(found: Sequence[GhostScan]) -> dict[str, Writer]:
-    """What writes the signs and ghosts of each scan, by the name of its file."""
-    from lidarcheck.formats import save_scan
-
-    def writer(one: GhostScan) -> Writer:
-        return lambda place: save_scan(one.stripped(), place)
-
-    return {_pcd(one.name): writer(one) for one in found}
 
 
 def _provenance(

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import MAX_SEED, JsonFile, Quiet, Seed, Whole
+from lidarcheck.cli.options import JsonFile, Quiet, Seed, Whole
 from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress
 from lidarcheck.cli.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.panels import Arrangement, Frame, PanelsResult
+    from lidarcheck.calibration.panels import PanelsResult
     from lidarcheck.calibration.panels_samples import PanelSamples
-    from lidarcheck.model import Model
-    from lidarcheck.scan import IdealScan
 
 __all__ = ["panels"]
 
@@ -94,18 +90,19 @@ def panels(
     _check_places(out, json, read)
 
     from lidarcheck.calibration.panels import characterise
+    from lidarcheck.calibration.panels_files import arrangements_of, provenance
     from lidarcheck.calibration.panels_page import document, page
     from lidarcheck.model import load_model
 
     sensor_model = None if model is None else load_model(model)
     names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
     with progress("panels:") as show:
-        arrangements = _arrangements(measured, ideals, frames, sensor_model, seed)
+        arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed)
         result = characterise(arrangements, settings, materials=names, progress=show)
     origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
-    found = page(result, _provenance(origin, seed if model else None))
+    made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)
     saved = Folder(lambda place: _save(result, place, format), _SAVED)
-    finish(found, document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
+    finish(page(result, made), document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
     note(f"{out / DIRECTORY}: {len(_samples(result))} files of the panels' echoes")
     return 0
 
@@ -144,62 +141,6 @@ def _check_places(out: Path, json: str | None, read: list[Path]) -> None:
         raise InputError("lies where the panels are written", file=inside, fix="choose another --out")
 
 
-def _arrangements(
-    measured: Sequence[Path], ideals: list[Path], simulated: list[Path], model: Model | None, seed: int
-) -> Iterator[Arrangement]:
-    """The frames by the scene that they show: those of ideal scans that say the same belong together."""
-    from lidarcheck.calibration.panels import Arrangement
-
-    real = [_frame(path) for path in measured]
-    if len(ideals) < 2:
-        from lidarcheck.formats import load_ideal
-
-        scene = load_ideal(ideals[0]) if ideals else None
-        made = (
-            [_frame(path) for path in simulated] if scene is None or model is None else _made(scene, model, seed, real)
-        )
-        yield Arrangement(scene, real, made)
-        return
-    for scene, members in _scenes(ideals):
-        if model is not None:
-            made = _made(scene, model, seed + members[0], [real[i] for i in members])
-        else:
-            made = [_frame(simulated[i]) for i in members] if simulated else []
-        yield Arrangement(scene, [real[i] for i in members], made)
-
-
-def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
-    """The scenes that differ, each with the numbers of its ideal scans."""
-    from lidarcheck.calibration.panels import same_scene
-    from lidarcheck.formats import load_ideal
-
-    scenes: list[tuple[IdealScan, list[int]]] = []
-    for i, path in enumerate(ideals):
-        one = load_ideal(path)
-        members = next((members for other, members in scenes if same_scene(one, other)), None)
-        if members is None:
-            scenes.append((one, [i]))
-        else:
-            members.append(i)
-    return scenes
-
-
-def _frame(path: Path) -> Frame:
-    from lidarcheck.calibration.panels import Frame
-    from lidarcheck.formats import load_scan
-
-    return Frame(str(path), partial(load_scan, path))
-
-
-def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[Frame]) -> list[Frame]:
-    """As many simulated frames as real ones, the seed counted up."""
-    from lidarcheck.calibration.panels import Frame
-    from lidarcheck.model import simulate
-
-    seeds = [(seed + i) % (MAX_SEED + 1) for i, _ in enumerate(real)]
-    return [Frame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
-
-
 def _save(result: PanelsResult, place: Path, suffix: str) -> None:
     """A file of echoes for each panel and side."""
     from lidarcheck.calibration.panels import panel_scan
@@ -217,15 +158,3 @@ def _samples(result: PanelsResult) -> list[tuple[str, PanelSamples]]:
         for panel, sample in zip(result.panels, samples, strict=False)
         if len(sample.scan)
     ]
-
-
-def _provenance(origin: Mapping[str, Sequence[Path]], seed: int | None) -> dict[str, str]:
-    """The files with the beginnings of their SHA-256, and the command."""
-    said = {
-        kind: ", ".join(f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}" for path in paths)
-        for kind, paths in origin.items()
-        if paths
-    }
-    if seed is not None:
-        said["seed"] = f"{seed}, counted up"
-    return {**said, "command": shlex.join(["lidarcheck", *sys.argv[1:]])}

@@ -7,6 +7,7 @@ import math
 from lidarcheck.cli.check_text import unit_text
 from lidarcheck.cli.terminal import Column, table
 from lidarcheck.harness.review import KpiReview, ReviewReport, ScenarioReview
+from lidarcheck.harness.review_words import objections, verdict_word
 
 __all__ = ["review_text"]
 
@@ -28,7 +29,7 @@ def review_text(report: ReviewReport, *, hint: bool) -> str:
     if not open_ones:
         return f"{lines[0]}; nothing to accept\n"
     rows = [row for found in open_ones for row in _rows(found)]
-    lines += [line for found in open_ones for line in _objections(found)]
+    lines += [line for found in open_ones for line in objections(found)]
     if hint:
         names = " ".join(found.name for found in open_ones)
         reason = any(found.needs_reason or any(kpi.needs_reason for kpi in found.kpis) for found in open_ones)
@@ -42,21 +43,11 @@ def _rows(found: ScenarioReview) -> list[tuple[str, ...]]:
 
 
 def _row(kpi: KpiReview) -> tuple[str, ...]:
-    verdict = "new" if kpi.old is None else "dropped" if kpi.new is None else kpi.verdict.value
     old = math.nan if kpi.old is None else kpi.old.reference.mean
     new = math.nan if kpi.new is None else kpi.new.reference.mean
     either = kpi.new or kpi.old
     unit = unit_text(either.spec.unit) if either else ""
-    return (f"  {kpi.name}", verdict, _number(old), _number(new), _number(kpi.delta, "+"), unit)
-
-
-def _objections(found: ScenarioReview) -> list[str]:
-    lines = [f"{found.name}: {text}" for text in found.notes]
-    lines += [f"{found.name}: needs a reason: {text}" for text in found.needs_reason]
-    for kpi in found.kpis:
-        lines += [f"{found.name}, {kpi.name}: cannot be accepted: {text}" for text in kpi.refused]
-        lines += [f"{found.name}, {kpi.name}: needs a reason: {text}" for text in kpi.needs_reason]
-    return lines
+    return (f"  {kpi.name}", verdict_word(kpi), _number(old), _number(new), _number(kpi.delta, "+"), unit)
 
 
 def _number(value: float, sign: str = "") -> str:

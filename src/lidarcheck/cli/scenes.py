@@ -89,6 +89,7 @@ def compare(
     from lidarcheck.calibration.scene_compare import compare_scene
     from lidarcheck.calibration.scene_compare_checks import check_grouping
     from lidarcheck.calibration.scene_compare_page import page
+    from lidarcheck.calibration.scene_compare_read import provenance_of
 
     check_grouping(by)
     with stage("reading"):
@@ -99,10 +100,7 @@ def compare(
     frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
-    chosen = [effect.name for effect in sensor_model.effects] if sensor_model else []
-    files = {f"frame {i}": f"{m}, ideal {d}" for i, (m, d) in enumerate(zip(measured, ideal, strict=True), 1)}
-    files |= {"model": f"{model}, effects: {', '.join(chosen) or 'none'}, seed {seed}"} if model else {}
-    files |= {"simulated": ", ".join(map(str, simulated))} if simulated else {}
+    files = provenance_of(list(zip(measured, ideal, strict=True)), sensor_model, simulated or (), seed=seed)
     finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot)
     return 0
 
@@ -170,26 +168,21 @@ def _frames(
     seed: int,
 ) -> list[SceneFrame]:
     """The frames, read and simulated."""
-    from lidarcheck.calibration.scene_compare import SceneFrame, simulated_frame
-    from lidarcheck.calibration.scene_compare_checks import check_scene
-    from lidarcheck.formats import load_ideal, load_scan
-    from lidarcheck.kpi.variant import check_variant, check_variants
+    from lidarcheck.calibration.scene_compare_read import read_frame
 
     frames = []
     with progress("frame") as show:
         for number, (file, ideal_file) in enumerate(zip(measured, ideal, strict=True)):
             show(number, len(measured), file.name)
-            scan, meets = load_scan(file), load_ideal(ideal_file)
-            if scene is not None:
-                check_scene(meets, scene.scene, scene_name, str(ideal_file))
-            if model is None:
-                shown = load_scan(simulated[number])
-                check_variants(scan, shown, file)
-                frames.append(SceneFrame(scan, meets, shown, None, str(file), str(ideal_file), str(simulated[number])))
-                continue
-            if model.external is None:
-                check_variant(scan, model.sensor, file)
-            caster = None if scene is None else scene.scene
-            files = {"file": str(file), "ideal_file": str(ideal_file)}
-            frames.append(simulated_frame(scan, meets, model, seed=seed, number=number, scene=caster, **files))
+            frame = read_frame(
+                file,
+                ideal_file,
+                model=model,
+                simulated=simulated[number] if model is None else None,
+                scene=None if scene is None else scene.scene,
+                scene_name=scene_name,
+                seed=seed,
+                number=number,
+            )
+            frames.append(frame)
     return frames

@@ -21,7 +21,8 @@ def tui(
     /,
     *,
     screen: Annotated[
-        Literal["overview", "blooming"] | None, Parameter(help="The screen to begin with; by default the last one.")
+        Literal["overview", "histograms", "noise", "blooming", "ghosts", "scenes", "explain", "goldens"] | None,
+        Parameter(help="The screen to begin with; by default the last one."),
     ] = None,
     theme: Annotated[
         Literal["dark", "light", "high-contrast", "plain"] | None,

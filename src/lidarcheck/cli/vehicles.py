@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,17 +13,13 @@ from lidarcheck.cli.outputs import check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.vehicles_files import Named, boxes, check_compare, check_merge, named
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
-from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.vehicles_compare import Pair, VehicleComparison
+    from lidarcheck.calibration.vehicles_compare import Pair
     from lidarcheck.calibration.vehicles_cut import Box, Source
-    from lidarcheck.model import Model
     from lidarcheck.scan import IdealScan
 
 __all__ = ["compare", "merge"]
-
-SHEET = "distances.png"
 
 Object = Annotated[int, Whole, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")]
 Boxes = Annotated[
@@ -64,6 +59,8 @@ def compare(
     ideals, cuts = ideal or [], boxes(box or [])
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
     inputs = [*(r.path for r in reals), *(s.path for s in shown), *ideals, model]
+    from lidarcheck.plots.vehicle_sheet import SHEET, save_distances
+
     if out is not None:
         check_out_dir(out, besides=[*inputs, json], files=[SHEET])
     if json is not None:
@@ -71,22 +68,18 @@ def compare(
     from lidarcheck.calibration.vehicles import vehicle_named
     from lidarcheck.calibration.vehicles_compare import compare_vehicles
     from lidarcheck.calibration.vehicles_page import page
+    from lidarcheck.calibration.vehicles_read import provenance_of
 
     kind = vehicle_named(vehicle)
     pairs = _read_pairs(reals, shown, model, ideals, variant, object_, cuts, seed)
     with stage("comparing"):
         result = compare_vehicles(kind, pairs)
-    files = {"real": _listed(reals), "simulated": _listed(shown) if shown else f"{model}, seed {seed}"}
-    files |= {"ideal": ", ".join(map(str, ideals))} if ideals else {}
-    sheet = {SHEET: lambda place: _save_sheet(result, place, plot)}
+    files = provenance_of([r.path for r in reals], [s.path for s in shown], ideals, model, seed=seed)
+    sheet = {SHEET: lambda place: save_distances(result, place, plot or "histogram")}
     finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot, files=sheet)
     if out is not None:
         note(f"{out / SHEET}: all distances")
     return 0
-
-
-def _listed(files: Sequence[Named]) -> str:
-    return ", ".join(str(file.path) for file in files)
 
 
 def _read_pairs(
@@ -99,55 +92,32 @@ def _read_pairs(
     box: Sequence[Box],
     seed: int,
 ) -> list[Pair]:
-    from lidarcheck.calibration.vehicles_compare import Pair
-    from lidarcheck.calibration.vehicles_cut import Source
-    from lidarcheck.formats import load_ideal, load_scan
-    from lidarcheck.kpi.variant import check_variant, check_variants
-    from lidarcheck.model import load_model, simulate
+    from lidarcheck.calibration.vehicles_read import check_model, read_pair
+    from lidarcheck.model import load_model
     from lidarcheck.sensor import Sensor
 
     sensor_model = None if model is None else load_model(model)
-    sensor = None if variant is None else Sensor.of(variant)
-    _check_model(sensor_model, variant)
+    if variant is not None:
+        Sensor.of(variant)
+    check_model(sensor_model, variant)
     pairs = []
     with progress("frame") as show:
         for i, frame in enumerate(real):
             show(i, len(real), frame.path.name)
-            scan = load_scan(frame.path)
-            meets = load_ideal(ideal[i]) if ideal else None
-            other = str(simulated[i].path) if simulated else str(model)
-            distance = frame.distance_m or (simulated[i].distance_m if simulated else None)
-            if sensor_model is not None and meets is not None:
-                if sensor_model.external is None:
-                    check_variant(scan, sensor_model.sensor, frame.path)
-                shown = simulate(meets, sensor_model, seed=seed, frame=i)
-            else:
-                shown = load_scan(simulated[i].path)
-            for side, file in ((scan, str(frame.path)), (shown, other)):
-                if sensor is not None:
-                    check_variant(side, sensor, file, "variant")
-            check_variants(scan, shown, frame.path)
-            own = Source(meets, object_, box[i if len(box) > 1 else 0] if box else None, distance, str(frame.path))
-            pairs.append(Pair(scan, shown, own, replace(own, file=other), meets))
+            pair = read_pair(
+                frame.path,
+                simulated[i].path if simulated else None,
+                ideal[i] if ideal else None,
+                sensor_model,
+                distance_m=frame.distance_m or (simulated[i].distance_m if simulated else None),
+                variant=variant,
+                object_id=object_,
+                box=box[i if len(box) > 1 else 0] if box else None,
+                seed=seed,
+                number=i,
+            )
+            pairs.append(pair)
     return pairs
-
-
-def _check_model(model: Model | None, variant: str | None) -> None:
-    if model is not None and variant is not None and model.external is None and model.sensor.variant != variant:
-        what = f"the model is of {model.sensor.variant}, not {variant}"
-        raise UsageError(what, file=model.file, fix="name the model of the variant, or leave out --variant")
-
-
-def _save_sheet(result: VehicleComparison, path: Path, plot: str | None) -> None:
-    """All distances by all features in one picture."""
-    from lidarcheck.calibration.vehicles_page import distributions
-    from lidarcheck.plots.figure_image import KINDS, save_sheet
-
-    rows = distributions(result)
-    columns = max(len(row) for row in rows)
-    figures = [figure for row in rows for figure in row]
-    kind = plot if plot is not None and plot in KINDS else "histogram"
-    save_sheet(figures, path, columns=columns, kind=kind)
 
 
 def merge(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles_cut import Box
 
 __all__ = ["Named", "boxes", "check_compare", "check_merge", "named"]
-
-IN_NAME = re.compile(r"(?<![\d.])(\d{1,3}(?:\.\d+)?)\s?m(?![a-z0-9])", re.IGNORECASE)
 
 
 class Named(NamedTuple):
@@ -35,8 +32,9 @@ def named(text: str) -> Named:
             what = f"{text} names no distance" if math.isnan(value) else f"{distance} m is out of range"
             raise UsageError(what, fix="write FILE@25, a distance above 0, up to 300 m")
         return Named(Path(name), value)
-    found = IN_NAME.findall(Path(text).stem)
-    return Named(Path(text), float(found[0]) if len(found) == 1 and float(found[0]) > 0.0 else None)
+    from lidarcheck.calibration.vehicles import distance_in_name
+
+    return Named(Path(text), distance_in_name(Path(text)))
 
 
 def _number(text: str) -> float:

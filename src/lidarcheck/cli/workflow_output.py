@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -16,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck import __version__
 from lidarcheck.cli.command import ARGUMENTS
-from lidarcheck.cli.outputs import json_text, write_result
+from lidarcheck.cli.outputs import write_result
 from lidarcheck.cli.terminal import Column, emit, note, paragraphs, stage, table
-from lidarcheck.cli.workflow_files import (
+from lidarcheck.errors import UsageError
+from lidarcheck.plots.page_files import (
     ALL,
     PAGE,
     PICTURES,
@@ -28,17 +26,15 @@ from lidarcheck.cli.workflow_files import (
     Folder,
     Writer,
     check_out_dir,
-    draw_pictures,
-    write_results,
+    page_text,
+    write_page,
 )
-from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
 __all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "finish"]
 
-_PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.plots.panels` has the same, which a test holds."""
 
@@ -82,34 +78,18 @@ def finish(
     `document`: what `formats.plain` can turn into JSON.
     """
     if out is None:
-        text = json_text(_record(page, document, ""))
+        text = page_text(page, document, command=_command())
     else:
-        from lidarcheck.plots.page_html import page_html
-
         with stage("drawing"):
-            html = page_html(page)
-            text = json_text(_record(page, document, html))
-            drawn = Folder(lambda place: draw_pictures(page.figures(), place, plot or "histogram"), _PICTURE)
-            write_results(out, text, html, files=files or {}, folders={PICTURES: drawn, **(folders or {})})
+            text = write_page(
+                page, document, out, command=_command(), kind=plot or "histogram", files=files, folders=folders
+            )
     if json is not None:
         write_result(json, text)
     if json != "-":
         _show(page, plot)
     if out is not None:
         note(f"{out}: {PAGE}, {RESULT}{f', {PICTURES}/' if page.figures() else ''}")
-
-
-def _record(page: Page, document: Any, html: str) -> dict[str, Any]:
-    """The result with what it is of: what `lidarcheck report` reads. The page's hash says which one belongs to it."""
-    return {
-        "workflow": _command() or page.title,
-        "title": page.title,
-        "lidarcheck": __version__,
-        "summary": page.summary,
-        "result": document,
-        "provenance": dict(page.provenance),
-        "page": {"file": PAGE, "sha256": hashlib.sha256(html.encode()).hexdigest()} if html else None,
-    }
 
 
 def _command() -> str:

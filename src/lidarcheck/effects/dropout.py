@@ -14,16 +14,20 @@ __all__ = ["Dropout"]
 class Dropout(ReadoutEffect):
     """Beams lose their echo at random, whatever its strength.
 
-    Each beam loses all its echoes with probability `share`, independently: packets lost on the way, or a readout that
-    skips. Measured sensors keep more than 99.5 % of strong echoes. Identity at 0, nothing left at 1.
+    Blocks of `block_points` point columns by `block_layers` layers lose all their echoes with probability `share`,
+    independently: single beams that a readout skips, with blocks of one, or packets lost on the way. Measured sensors
+    keep more than 99.5 % of strong echoes. Identity at 0, nothing left at 1.
     """
 
     name = "dropout"
 
     share: float = parameter("", low=0.0, high=1.0, typical=0.02, meaning="probability that a beam loses its echoes")
+    block_points: int = parameter("", low=1, high=1000, typical=1, whole=True, meaning="point columns of a block")
+    block_layers: int = parameter("", low=1, high=1000, typical=1, whole=True, meaning="layers of a block")
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Leave out the beams that are lost."""
         if self.share == 0.0:
             return scan
-        return scan.take(around.uniforms(scan.layer, scan.point)[:, 0] >= self.share)
+        block = scan.layer // self.block_layers, scan.point // self.block_points
+        return scan.take(around.uniforms(*block)[:, 0] >= self.share)

@@ -12,6 +12,7 @@ from lidarcheck.effects.base import AimEffect, Surroundings, parameter
 from lidarcheck.effects.draws import normals
 from lidarcheck.rays import sweep_time_s
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["Vibration"]
 
@@ -21,10 +22,11 @@ class Vibration(AimEffect):
     """The beam's direction shakes from point column to point column.
 
     A column fired t after the sweep's start looks up by pitch(t) = `pitch_deg` sin(2 pi f t + phase) + g and to the
-    left by yaw(t) = `yaw_deg` sin(2 pi f t + phase + yaw phase) + h, where g and h are Gaussian, independent from
-    column to column, of standard deviation `random_deg`; the echo is still reported on the nominal (layer, point). With
-    `rigid` 1 the sensor turns as a body, with 0 the angles add to each beam's azimuth and elevation. Engines and roads
-    shake a car's body at 5 to 200 Hz by some hundredths of a degree. Identity at pitch, yaw and random 0.
+    left by yaw(t) = `yaw_deg` sin(2 pi f t + phase + yaw phase) + h, where g and h are Gaussian, of standard deviation
+    `random_deg`, and their correlation falls by e over `memory_columns` columns; the echo is still reported on the
+    nominal (layer, point). With `new_phase` 1 each frame adds a phase of its own, uniform over the circle. With `rigid`
+    1 the sensor turns as a body, with 0 the angles add to each beam's azimuth and elevation. Engines and roads shake a
+    car's body at 5 to 200 Hz by some hundredths of a degree. Identity at pitch, yaw and random 0.
     """
 
     name = "vibration"
@@ -35,6 +37,10 @@ class Vibration(AimEffect):
     phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="phase at the sweep's start")
     yaw_phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="yaw's lead over pitch")
     random_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.01, meaning="random part, rms per column")
+    memory_columns: float = parameter(
+        "columns", low=0.0, high=960.0, typical=0.0, meaning="over which the random part stays alike"
+    )
+    new_phase: int = parameter("", low=0, high=1, typical=0, whole=True, meaning="1: every frame has another phase")
     rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
@@ -51,10 +57,27 @@ class Vibration(AimEffect):
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Yaw and pitch of those point columns, shape (n,) each."""
         columns, column = np.unique(point, return_inverse=True)
-        swing = 2.0 * np.pi * self.frequency_hz * sweep_time_s(columns) + np.deg2rad(self.phase_deg)
+        phase = np.deg2rad(self.phase_deg)
+        if self.new_phase:
+            # A layer beyond the sensor's own: what a frame has once is drawn apart from what columns have.
+            phase = phase + 2.0 * np.pi * around.uniforms([LAYERS], [0])[0, 0]
+        swing = 2.0 * np.pi * self.frequency_hz * sweep_time_s(columns) + phase
         pitch = self.pitch_deg * np.sin(swing)
         yaw = self.yaw_deg * np.sin(swing + np.deg2rad(self.yaw_phase_deg))
         if self.random_deg > 0.0:
-            scatter = normals(around.uniforms(np.zeros(len(columns), dtype=np.int32), columns, 2))
+            scatter = self._scatter(columns, around)
             pitch, yaw = pitch + self.random_deg * scatter[:, 0], yaw + self.random_deg * scatter[:, 1]
         return yaw[column], pitch[column]
+
+    def _scatter(self, columns: npt.NDArray[np.int32], around: Surroundings) -> npt.NDArray[np.float64]:
+        """The random part of pitch and yaw in standard deviations, shape (n, 2)."""
+        if self.memory_columns == 0.0:
+            return normals(around.uniforms(np.zeros(len(columns), dtype=np.int32), columns, 2))
+        from scipy.signal import lfilter
+
+        # All columns from 0 on, so that a column's angle does not depend on which others are looked at.
+        every = np.arange(max(POINTS, int(columns.max(initial=0)) + 1))
+        kicks = normals(around.uniforms(np.zeros(len(every), dtype=np.int32), every, 2))
+        keep = float(np.exp(-1.0 / self.memory_columns))
+        kicks[1:] *= np.sqrt(1.0 - keep**2)
+        return np.asarray(lfilter([1.0], [1.0, -keep], kicks, axis=0)[columns])

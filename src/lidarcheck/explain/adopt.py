@@ -5,12 +5,12 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-from lidarcheck.model.rewrite import WrittenModel, placeless, write_model
+from lidarcheck.model.rewrite import WrittenModel, placeless, rewritten_text, write_model
 from lidarcheck.model.spec import Model
 from lidarcheck.model.text import effect_lines, shown_value, steps
 from lidarcheck.sensor import Material
 
-__all__ = ["WrittenModel", "model_diff", "write_model"]
+__all__ = ["WrittenModel", "model_diff", "rewritten_text", "write_model"]
 
 
 def model_diff(before: Model, after: Model) -> list[str]:

@@ -261,9 +261,12 @@ _STRIPES = (
     Free("columns", 0.4, log=True),
 )  # fmt: skip
 _TREMBLE = (Free("random_deg", _LOG, log=True),)
+_WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
+    ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.05, "memory_columns": 5.0}, _WANDER),
+    ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.08, "memory_columns": 25.0}, _WANDER),
     (
         "fog",
         "far overlap",

@@ -29,7 +29,7 @@ from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "load_case"]
+__all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
 CASE_FILE = "case.toml"
 FEWEST_FRAMES = 3
@@ -95,6 +95,16 @@ def load_case(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES)
     for name, why in left_out.items():
         _log.warning("%s is left out: %s", name, why)
     return Case(file.parent, model, model_file, tuple(frames), left_out, hashes)
+
+
+def case_model(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES) -> Path:
+    """The model's file of a case, of which only `case.toml` and the model are read; raises as `load_case` does."""
+    file = _case_file(Path(directory))
+    data, lines = parse_toml(file)
+    table = validate(data, lines, _CaseTable)
+    _check_places(table, lines, fewest)
+    _built_in(file.parent / table.model)
+    return file.parent / table.model
 
 
 def _case_file(place: Path) -> Path:

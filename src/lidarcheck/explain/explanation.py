@@ -15,6 +15,7 @@ __all__ = [
     "Explanation",
     "Finding",
     "Gap",
+    "Hearer",
     "Interval",
     "Progress",
     "Standout",
@@ -130,6 +131,8 @@ class Step:
 
 Teller = Callable[[str, int, int], object]
 """Told (step, done, of) while the workflow runs; called often."""
+Hearer = Callable[[Step], object]
+"""Hears what was found while the workflow runs, in words."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 Shows = Callable[..., FloatArray | None]
 
 _CLEAR = 3.0
+_LEAPS = (6.0, 3.0)
+"""How many steps at once numbers are tried larger and smaller where slopes say nothing."""
 _FLIPS = 0.7
 """So much a summary changes when single beams' echoes come out otherwise."""
 
@@ -68,10 +70,13 @@ def fit(
     rounds: int = 3,
     nuisance: Nuisance | None = None,
     model: Model | None = None,
+    leaps: bool = False,
+    slopes: FloatArray | None = None,
 ) -> Fit:
     """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is.
 
-    `model`: what the effects are added to, the lab's own where None.
+    `model`: what the effects are added to, the lab's own where None. `leaps`: also search by trying, where a model that
+    strikes at random has no slopes. `slopes`: a Jacobian from near by, to begin with.
     """
     nuisance, basis = nuisance or Nuisance(), model or lab.model
     ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
@@ -86,7 +91,11 @@ def fit(
             return None  # no sensor or no effect has such numbers
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
-    end, shown, jacobian = _descend(lab, shows, start, rounds)
+    end, shown, jacobian = _descend(lab, shows, start, rounds, slopes)
+    if shown is not None and lab.varies(shown):
+        shown = shows(end)
+        if leaps and shown is not None:
+            end, shown = _climb(lab, shows, end, shown)
     distance = np.inf if shown is None else lab.distance(shown)
     nothing = np.zeros((1, len(lab.measured)))
     return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
@@ -116,9 +125,9 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
     # What is not looked at is left out of the covariance too: given all the rest, these alone would say little.
     rows = np.flatnonzero(seen.any(axis=1))
     metric = Metric(lab.bare.diagonal[rows], lab.bare.factors[rows])
+    # No longer steps: the limits would cut them. Once, since such small errors act in proportion.
+    jacobian = (_jacobian(shows, x, shown, (1.0, -1.0)) * seen)[rows]
     for _ in range(rounds):
-        # No longer steps: the limits would cut them.
-        jacobian = (_jacobian(shows, x, shown, (1.0, -1.0)) * seen)[rows]
         curvature, slope = _slopes(metric, jacobian, (lab.measured - shown.mean(axis=0))[rows])
         for damping in (1.0, 3.0, 10.0):
             step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
@@ -152,28 +161,68 @@ def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
 
 
 def _descend(
-    lab: Lab, shows: Shows, at: FloatArray, rounds: int
+    lab: Lab, shows: Shows, at: FloatArray, rounds: int, jacobian: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible."""
-    shown = shows(at)
+    """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible.
+
+    A Jacobian takes a simulation or more for each number: between rounds it is only corrected by what a step has
+    changed (Broyden 1965), and taken anew where that leads no further.
+    """
+    shown = shows(at, lab.seeds)
     if shown is None:
         return at, None, None
-    best, damping, jacobian = lab.distance(shown), 0.1, None
+    best, damping, taken = lab.distance(shown), 0.1, False
     for _ in range(rounds if len(at) else 0):
-        jacobian = _jacobian(shows, at, shown)
-        curvature, slope = _slopes(lab.metric, jacobian, lab.measured - shown.mean(axis=0))
+        if jacobian is None:
+            jacobian, taken = _jacobian(shows, at, shown), True
         before = best
-        for _ in range(3):
-            step = _step(curvature, slope, damping)
-            trial = shows(at + step)
-            distance = np.inf if trial is None else lab.distance(trial)
-            if trial is not None and distance < best:
-                at, shown, best, damping = at + step, trial, distance, damping * 0.3
-                break
-            damping = damping * 10.0 + 0.3
+        step, there, best, damping = _stepped(lab, shows, (at, shown, best), jacobian, damping)
+        if there is not None:
+            change = _clear(there.mean(axis=0) - shown.mean(axis=0) - jacobian @ step)
+            jacobian = jacobian + np.outer(change, step) / max(float(step @ step), 1e-12)
+            at, shown = at + step, there
         if before - best < max(2.0, 0.004 * before):
-            break
+            if taken:
+                break
+            jacobian, damping = None, 0.1
+        taken = False
     return at, shown, jacobian
+
+
+def _stepped(
+    lab: Lab, shows: Shows, now: tuple[FloatArray, FloatArray, float], jacobian: FloatArray, damping: float
+) -> tuple[FloatArray, FloatArray | None, float, float]:
+    """The first step that leads nearer, what is shown there, None without such a step; the distance and the damping."""
+    at, shown, best = now
+    curvature, slope = _slopes(lab.metric, jacobian, lab.measured - shown.mean(axis=0))
+    for _ in range(3):
+        step = _step(curvature, slope, damping)
+        trial = shows(at + step, lab.seeds)
+        distance = np.inf if trial is None else lab.distance(trial)
+        if trial is not None and distance < best:
+            return step, trial, distance, damping * 0.3
+        damping = damping * 10.0 + 0.3
+    return np.zeros(len(at)), None, best, damping
+
+
+def _clear(change: FloatArray) -> FloatArray:
+    """A change without what single beams make that flip."""
+    return np.where(np.abs(change) > _FLIPS, change, 0.0)
+
+
+def _climb(lab: Lab, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What strikes at random moves no mean, and so has no slope to go down: try each number larger and smaller."""
+    best = lab.distance(shown)
+    for length in _LEAPS:
+        for j in range(len(at)):
+            for way in (length, -length):
+                there = at.copy()
+                there[j] += way
+                other = shows(there)
+                if other is not None and (distance := lab.distance(other)) < best:
+                    at, shown, best = there, other, distance
+                    break
+    return at, shown
 
 
 def _slopes(metric: Metric, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -208,7 +257,7 @@ def _jacobian(
             if other is None:
                 continue
             change = other[0] - shown[0]
-            found[:, j] = np.where(np.abs(change) > _FLIPS, change, 0.0) / length
+            found[:, j] = _clear(change) / length
             if np.abs(change).max(initial=0.0) > _CLEAR:
                 break
     return found

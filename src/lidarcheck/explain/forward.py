@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,8 @@ _LISTED = 0.1
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
 _DOUBTFUL = 10.0
+_HOPELESS = 0.2
+"""What alone explains less than this part of what is needed is not fitted together with the rest."""
 _WEAKER = 3
 """So often a start that no sensor can have is made half as strong."""
 SMALL = 4.0
@@ -104,7 +106,7 @@ class Trial:
         unseen = self.select_change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
         holds = better > 0.05 * self.gain or unseen
         own = next(e for e in self.fit.effects() if e.name == self.name)
-        return self.gain > self.needed and holds and not is_usual_error(own)
+        return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
 
 
 @dataclass
@@ -174,7 +176,8 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
 
     probes = [one.probe.scaled(scale) for scale, one in order]
     trials = []
-    tried = bench.crew.map(_tried, (lab, bench.select, now, shown), probes)
+    least = max(1.3 * bench.level, bench.worth)
+    tried = bench.crew.map(_tried, (lab, bench.select, now, shown, least), probes)
     for i, (alone, after, change) in enumerate(tried):
         one = order[i][1]
         if not alone.possible:
@@ -197,14 +200,14 @@ def are_kin(one: str, other: str) -> bool:
     return one != other and any(one in kin and other in kin for kin in KIN)
 
 
-def _tried(shared: tuple[Lab, Lab, Fit, FloatArray], probe: Probe) -> tuple[Fit, float, float]:
+def _tried(shared: tuple[Lab, Lab, Fit, FloatArray, float], probe: Probe) -> tuple[Fit, float, float]:
     """The fit with one more effect, how far it is on the select frames, and how far it moves them."""
-    lab, select, now, before = shared
-    found = fit_next(lab, now, probe)
+    lab, select, now, before, least = shared
+    found = fit_next(lab, now, probe, least)
     for _ in range(_WEAKER):
         if not found.possible:
             probe = probe.scaled(0.5)
-            found = fit_next(lab, now, probe)
+            found = fit_next(lab, now, probe, least)
     if not found.possible:
         return found, np.inf, 0.0
     shown = select_shown(select, found)
@@ -212,18 +215,27 @@ def _tried(shared: tuple[Lab, Lab, Fit, FloatArray], probe: Probe) -> tuple[Fit,
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
-    """The best start of each of the best effects, with the factor on its strength."""
+    """The best start of each kind of each of the best effects, with the factor on its strength.
+
+    Every kind of an effect that is fitted at all: what one that strikes at random changes with one seed says little of
+    what it explains.
+    """
     residual = bench.lab.measured - now.shown.mean(axis=0)
     best: dict[tuple[str, str], tuple[float, float, Screened]] = {}
+    worth: dict[str, float] = {}
     for one in screened:
         if one.probe.name in now.names():
             continue
         gain, scale = one.gain(bench.lab, residual)
         key = (one.probe.name, one.probe.variant)
-        if gain / one.chance > bench.level and gain > best.get(key, (0.0,))[0]:
+        if gain > best.get(key, (-1.0,))[0]:
             best[key] = (gain, scale, one)
-    order = sorted(best.values(), key=lambda found: -found[0])[:REFINED]
-    return [(scale, one) for gain, scale, one in order if gain > NEARLY * order[0][0]]
+        if gain / one.chance > bench.level:
+            worth[one.probe.name] = max(gain, worth.get(one.probe.name, 0.0))
+    names = sorted(worth, key=lambda name: -worth[name])[:REFINED]
+    names = [name for name in names if worth[name] > NEARLY * worth[names[0]]]
+    order = sorted((found for found in best.values() if found[2].probe.name in names), key=lambda found: -found[0])
+    return [(scale if gain > 0.0 else 1.0, one) for gain, scale, one in order]
 
 
 def select_distance(select: Lab, at: Fit) -> float:
@@ -238,13 +250,19 @@ def select_shown(select: Lab, at: Fit) -> FloatArray:
     return select.shows(at.model(select.model), nuisance=at.nuisance)
 
 
-def fit_next(lab: Lab, now: Fit, probe: Probe) -> Fit:
-    """The probe's own parameters first, then all together."""
+def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
+    """The probe's own parameters first, then all together where it may gain `least`."""
     x = probe.start()
     if not now.probes:
-        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance)
-    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model))
-    return fit(lab, [*now.probes, probe], [*now.x, alone.x[0]], rounds=1, nuisance=now.nuisance)
+        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
+    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model), leaps=True)
+    probes, start = (*now.probes, probe), (*now.x, alone.x[0])
+    if not alone.possible or now.distance - alone.distance < _HOPELESS * least:
+        return replace(alone, probes=probes, x=start, jacobian=None)
+    slopes = None
+    if now.jacobian is not None and alone.jacobian is not None:
+        slopes = np.column_stack([now.jacobian, alone.jacobian])
+    return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
 
 
 def backward(bench: Bench, now: Fit, told: Told) -> Fit:
@@ -252,7 +270,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     lab = bench.lab
     if not now.probes:
         return now
-    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance))
+    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance, slopes=now.jacobian))
     while now.probes:
         without = []
         for fewer in bench.crew.map(_without, (lab, now), range(len(now.probes))):

@@ -161,7 +161,8 @@ def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins:
     return np.bincount(place[1:], np.where(same, height * np.diff(value), 0.0), bins).astype(np.float64)
 
 
-Told = Callable[[int, int], object]
+Told = Callable[[int, int, float], object]
+"""Told (stages done, of how many with the floor, the last one's gap)."""
 
 
 def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None) -> Gap:
@@ -185,7 +186,7 @@ def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None 
         totals.append(_interval(found.mean(), [one.mean() for one in drawn]))
         parts.append(found)
         if told is not None:
-            told(i + 1, len(stages) + 1)
+            told(i + 1, len(stages) + 1, totals[-1].value)
     last = scale.simulated(stages[-1][1], 9100, _SEEDS)
     others = scale.simulated(stages[-1][1], 9200, 6)
     floors = np.array([scale.distance(other, last) for other in others])

@@ -29,6 +29,9 @@ FLOOR_SEEDS = 20
 FLOOR_DRAWS = 120
 CHECK_DRAWS = 48
 _KEPT = 6
+_SEEDS_OF_RANDOM = 4
+_VARIES = 0.04
+"""Mean logarithm of the variance, beyond that of the case's own model, from which on a model strikes at random."""
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
 
@@ -95,6 +98,8 @@ class Lab:
         self._paired: dict[int, FloatArray] = {}
         self._plain = {k: self._simulated(model, k, Nuisance()) for k in range(seeds)}
         self.metric, self.bare = _metrics(self)
+        kinds = [(name.feature, name.covariate) for name in self.summaries.names]
+        self._kind = np.unique(np.array([" by ".join(kind) for kind in kinds]), return_inverse=True)[1]
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
 
@@ -155,12 +160,15 @@ class Lab:
         """The model's summaries, a row a seed, shape (seeds, n_summaries); the seeds are the same for every model.
 
         What chance does to the case's own model with a seed is taken off, since it does nearly the same to a model
-        that differs a little.
+        that differs a little. Of a model that strikes at random two seeds tell little: without `seeds` it gets more.
         """
-        rows = [
-            self.summaries.of(self.sights(model, k, nuisance)) - self._chance(k) for k in range(seeds or self.seeds)
-        ]
-        return np.array(rows)
+        rows = np.array([self._shown(model, k, nuisance) for k in range(seeds or self.seeds)])
+        if seeds is None and self.varies(rows):
+            rows = np.array([*rows, *(self._shown(model, k, nuisance) for k in range(len(rows), _SEEDS_OF_RANDOM))])
+        return rows
+
+    def _shown(self, model: Model, seed: int, nuisance: Nuisance | None) -> FloatArray:
+        return self.summaries.of(self.sights(model, seed, nuisance)) - self._chance(seed)
 
     def plain_base(self, k: int) -> FloatArray:
         """The summaries of the case's own model with a seed, not compressed."""
@@ -174,16 +182,34 @@ class Lab:
     def distance(self, shown: FloatArray, measured: FloatArray | None = None, metric: Metric | None = None) -> float:
         """How far a model's summaries, a row a seed, are from the measured ones, without the noise of the seeds.
 
-        The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out. `metric`:
-        the one that forgives nuisances by default.
+        The mean over pairs of seeds of r_i' C^-1 r_j: the noise of two seeds is independent and falls out. Where the
+        model itself varies more from seed to seed than C says (see `_own_variance`), as one that strikes at random
+        does, residuals count by that, and its logarithm is added, as the likelihood has it. `metric`: the one that
+        forgives nuisances by default.
         """
         metric = metric or self.metric
         r = (self.measured if measured is None else measured) - np.atleast_2d(shown)
         n = len(r)
         if n == 1:
             return metric.square(r[0])
+        variance = self._own_variance(np.atleast_2d(shown))
+        r = r / np.sqrt(variance)
         total = metric.square(r.sum(axis=0)) - sum(metric.square(row) for row in r)
-        return total / (n * (n - 1))
+        return float(total / (n * (n - 1)) + np.sum(np.log(variance)))
+
+    def varies(self, shown: FloatArray) -> bool:
+        """Whether a model's summaries vary of themselves, as those of one that strikes at random do."""
+        return len(shown) > 1 and float(np.mean(np.log(self._own_variance(shown)))) > _VARIES
+
+    def _own_variance(self, shown: FloatArray) -> FloatArray:
+        """By how much a model's summaries vary more than those of the case's own model, at least 1, (n_summaries,).
+
+        The mean over summaries of a kind, since few seeds tell little of one. The seeds of the case's own model, which
+        were taken off, add a variance of 1 where they have become independent; that is not the model's own.
+        """
+        spread = np.var(shown, axis=0, ddof=1)
+        mean = np.bincount(self._kind, spread) / np.bincount(self._kind)
+        return np.asarray(np.maximum(mean - 1.0, 1.0)[self._kind])
 
 
 def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from lidarcheck.effects.base import make
 from lidarcheck.explain.candidates import Free, Probe, free_of
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located_losses import loss_probes
 from lidarcheck.explain.located_ranges import range_probes
 from lidarcheck.explain.nuisances import beside
 
@@ -55,6 +56,8 @@ def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
         found += _patches(lab, dimming)
     if "vibration" in wanted:
         found += _rhythms(lab)
+    if "dropout" in wanted:
+        found += loss_probes(lab)
     found += range_probes(lab, wanted)
     if "motion" in wanted:
         found += _movers(lab)
@@ -259,6 +262,8 @@ def _rhythms(lab: Lab) -> list[Probe]:
                     "random_deg": 0.0}  # fmt: skip
         free = (*free_of("vibration"), Free("frequency_hz", 0.05, log=True), Free("phase_deg", 15.0))
         found.append(Probe("vibration", settings, free))
+        # The same rhythm, begun anew in every frame.
+        found.append(Probe("vibration", settings, free[:-1], {"new_phase": 1}, "free phase"))
     return found
 
 

@@ -7,8 +7,11 @@ from collections.abc import Collection
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.aiming import rays_of
+from lidarcheck.explain.beams import key_of
 from lidarcheck.explain.candidates import Free, Probe, free_of
 from lidarcheck.explain.lab import Lab
+from lidarcheck.rays import sweep_time_s
 
 __all__ = ["range_probes"]
 
@@ -34,8 +37,34 @@ def range_probes(lab: Lab, names: Collection[str]) -> list[Probe]:
         y, x = _medians(range_m, residual)
         fraction = float(np.clip(np.sum(x * y) / np.sum(x * x), -0.05, 0.05))
         found.append(Probe("range_scale", {"fraction": fraction}, free_of("range_scale")))
+    if "motion" in names:
+        found += _ahead(lab)
     if "walk_error" in names:
         found += _walks(*_medians(np.log10(area), residual)[::-1])
+    return found
+
+
+def _ahead(lab: Lab) -> list[Probe]:
+    """A sensor that drives: the velocity along X by which ranges have shortened when each column is fired."""
+    measured, expected = lab.measured_sights, lab.summaries.expected
+    used = measured.detected & expected.known & ~expected.at_edge & (expected.spread[:, 0] < 0.5)
+    way_s = _driving_s(lab)[used]
+    if not np.any(way_s > 0.0):
+        return []
+    residual = measured.feature[used, 0] - expected.mean[used, 0]
+    velocity = -float(np.median(residual[way_s > 0.0] / way_s[way_s > 0.0]))
+    settings = {"forward_m_s": float(np.clip(velocity, -60.0, 60.0)), "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": 0.0}
+    return [Probe("motion", settings, free_of("motion"))] if velocity else []
+
+
+def _driving_s(lab: Lab) -> FloatArray:
+    """How much shorter each beam's range gets per 1 m/s along X, from the ideal scan's time to the beam's; (n,)."""
+    found = np.zeros(len(lab.beams))
+    for number, frame in enumerate(lab.frames):
+        ideal = frame.ideal
+        passed_s = sweep_time_s(ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
+        place = np.searchsorted(lab.beams.key, key_of(number, ideal.layer, ideal.point))
+        found[place] = passed_s * rays_of(ideal).direction[:, 0]
     return found
 
 

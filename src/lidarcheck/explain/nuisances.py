@@ -112,32 +112,45 @@ def _scaled(reflectance: float, errors: float) -> float:
     return min(float(f"{reflectance * np.exp(REFLECTANCE_ERROR * errors):.5g}"), 1.0) if errors else reflectance
 
 
-def is_usual_error(effect: Effect) -> bool:
-    """Whether an effect is no more than what gain, a table entry or the pose may be off without being worth a name."""
-    values = effect.settings()
+def is_usual_error(effect: Effect, besides: Nuisance | None = None) -> bool:
+    """Whether an effect is no more than what gain, a table entry or the pose may be off without being worth a name.
 
-    def within(name: str, error: float, *, ratio: bool = False) -> bool:
-        value = float(values[name])
-        off = abs(np.log(max(value, 1e-9))) if ratio else abs(value)
-        return bool(off <= LIMIT * error)
-
+    `besides`: the nuisance that was fitted before it, of which the effect is a further part.
+    """
+    values, off = effect.settings(), besides or Nuisance()
     if effect.name == "signal_gain":
-        return within("gain", GAIN_ERROR, ratio=True)
+        common = REFLECTANCE_ERROR * float(np.mean([*off.materials.values()])) if off.materials else 0.0
+        return _within(np.log(max(float(values["gain"]), 1e-9)) + common, GAIN_ERROR)
     if effect.name == "material_reflectance":
-        return within("factor", REFLECTANCE_ERROR, ratio=True)
-    return effect.name == "boresight" and all(
-        within(name, POSE_ERROR_DEG) for name in ("yaw_deg", "pitch_deg", "roll_deg")
-    )
+        own = REFLECTANCE_ERROR * off.materials.get(int(values["material_id"]), 0.0)
+        return _within(np.log(max(float(values["factor"]), 1e-9)) + own, REFLECTANCE_ERROR)
+    if effect.name != "boresight":
+        return False
+    turned = {"yaw_deg": off.yaw * POSE_ERROR_DEG, "pitch_deg": off.pitch * POSE_ERROR_DEG, "roll_deg": 0.0}
+    return all(_within(float(values[name]) + turn, POSE_ERROR_DEG) for name, turn in turned.items())
+
+
+def _within(value: float, error: float) -> bool:
+    return bool(abs(value) <= LIMIT * error)
 
 
 def axes_of(materials: Sequence[int], effects: Sequence[Effect] = ()) -> list[str | int]:
     """The axes along which a nuisance is fitted beside some effects: yaw, pitch, and the materials by number.
 
-    What an effect says of itself is no nuisance: the pose beside a boresight error, a material beside its own.
+    What an effect says of itself is no nuisance: the pose beside a boresight error or where the view turns at random,
+    a material beside its own.
     """
-    posed = any(effect.name == "boresight" for effect in effects)
+    posed = any(effect.name == "boresight" or _turns_at_random(effect) for effect in effects)
     named = {e.settings()["material_id"] for e in effects if e.name == "material_reflectance"}
     return [*([] if posed else ["yaw", "pitch"]), *(i for i in materials if i not in named)]
+
+
+def _turns_at_random(effect: Effect) -> bool:
+    """Whether the view is turned otherwise in each frame, so that a few frames have a mean pose by chance."""
+    if effect.name != "vibration":
+        return False
+    values = effect.settings()
+    return bool(values["new_phase"]) or float(values["random_deg"]) > 0.0
 
 
 def at(axes: Sequence[str | int], x: FloatArray, *, gain: bool = True) -> Nuisance:

@@ -24,5 +24,5 @@ def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tupl
     there = fit(lab, now.probes, now.x, rounds=0, nuisance=now.nuisance)
     best = fit(lab, now.probes, now.x, rounds=3, nuisance=now.nuisance)
     best = fit_nuisance(lab, best, rounds=2)
-    again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance)
+    again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
     return lab, min((there, best, again), key=lambda one: one.distance)

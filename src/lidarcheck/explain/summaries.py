@@ -70,6 +70,12 @@ class Summaries:
         self._fine = _sums(fine_divisions(beams), len(beams))
         self._columns = _lines(beams)
         self._pose = _pose_weights(beams, self.expected)
+        self._named = [
+            _named([_STATISTICS[j] for j in _MEANS], self._coarse),
+            _named(_STATISTICS[4:8], self._scattered),
+            _named(("range", "area", "detected"), self._fine),
+            _named(_EXTRAS, self._coarse),
+        ]
         self._strips = next(d for d in coarse if d.covariate == "point")
         raw = [self._sum(sights) for sights in fresh]
         self.names = raw[0][1]
@@ -95,9 +101,9 @@ class Summaries:
     def _sum(self, sights: Sights) -> tuple[FloatArray, list[Summary]]:
         value, weight = _statistics(sights, self.expected)
         parts = [
-            self._means(value[:, _MEANS], weight[:, _MEANS], self._coarse, [_STATISTICS[j] for j in _MEANS]),
-            self._means(value[:, 4:8], weight[:, 4:8], self._scattered, _STATISTICS[4:8]),
-            self._means(value[:, [0, 1, 8]], weight[:, [0, 1, 8]], self._fine, ("range", "area", "detected")),
+            (_means(value[:, _MEANS], weight[:, _MEANS], self._coarse), self._named[0]),
+            (_means(value[:, 4:8], weight[:, 4:8], self._scattered), self._named[1]),
+            (_means(value[:, [0, 1, 8]], weight[:, [0, 1, 8]], self._fine), self._named[2]),
             self._posed(value[:, 0], weight[:, 0]),
             self._column_spreads(sights, value, weight),
             self._extra_counts(sights),
@@ -105,14 +111,6 @@ class Summaries:
         ]
         values = np.concatenate([part[0] for part in parts])
         return values, [name for part in parts for name in part[1]]
-
-    def _means(
-        self, value: FloatArray, weight: FloatArray, sums: _Sums, names: Sequence[str]
-    ) -> tuple[FloatArray, list[Summary]]:
-        total = sums.matrix @ value  # type: ignore[operator]
-        noise = np.sqrt(np.maximum(sums.matrix @ weight, 1.0))  # type: ignore[operator]
-        z = total / noise
-        return z.T.ravel(), [Summary(name, *where) for name in names for where in sums.bins]
 
     def _posed(self, value: FloatArray, weight: FloatArray) -> tuple[FloatArray, list[Summary]]:
         """Range residuals along the slope of the surfaces: where the beams look beside where they should."""
@@ -157,8 +155,19 @@ class Summaries:
         kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
         np.add.at(counts, (beam, kind), 1.0)
         total = self._coarse.matrix @ counts  # type: ignore[operator]
-        names = [Summary(name, *where) for name in _EXTRAS for where in self._coarse.bins]
-        return total.T.ravel(), names
+        return total.T.ravel(), self._named[3]
+
+
+def _named(features: Sequence[str], sums: _Sums) -> list[Summary]:
+    """The summaries of some features over all bins."""
+    return [Summary(feature, *where) for feature in features for where in sums.bins]
+
+
+def _means(value: FloatArray, weight: FloatArray, sums: _Sums) -> FloatArray:
+    """Standardised sums over the bins of values with variances `weight`, shapes (n, features); feature by feature."""
+    total = sums.matrix @ value  # type: ignore[operator]
+    noise = np.sqrt(np.maximum(sums.matrix @ weight, 1.0))  # type: ignore[operator]
+    return np.asarray((total / noise).T.ravel())
 
 
 def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from lidarcheck.explain.explanation import Candidate, Explanation, Finding, Gap, Interval
 
-__all__ = ["report_text", "verdict_sentence"]
+__all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
 
 NARROWEST, WIDEST = 60, 100
 SHOWN_CANDIDATES = 12
@@ -17,22 +17,28 @@ SHOWN_PLACES = 10
 
 def report_text(explanation: Explanation, *, width: int = 80, diff: Sequence[str] = ()) -> str:
     """The whole report, no line longer than `width` (60 at least) but those of `diff`, the model's change, as given."""
+    (_, verdict), *rest = report_sections(explanation, width=width, diff=diff).items()
+    sections = ["\n".join(verdict), *("\n".join([title, "-" * len(title), *lines]) for title, lines in rest)]
+    return "\n\n".join(sections) + "\n"
+
+
+def report_sections(explanation: Explanation, *, width: int = 80, diff: Sequence[str] = ()) -> dict[str, list[str]]:
+    """The lines of the report's sections by their titles, the verdict first; what has no line is left out."""
     width = min(max(width, NARROWEST), WIDEST)
-    sections = [
-        _paragraph(verdict_sentence(explanation), width, ""),
-        _section(
-            "What is missing", [line for i, f in enumerate(explanation.findings, 1) for line in _finding(i, f, width)]
-        ),
-        _section("Gap on frames that no fit has seen", _gap(explanation.gap, width)),
-        _section("Where model and measurement disagree", _places(explanation, width)),
-        _section("Candidates", _candidates(explanation.candidates, width)),
-        _section("Not testable on these scenes", _named(explanation.not_testable.items(), width)),
-        _section("Left out", _named(explanation.left_out.items(), width)),
-        _section("What changes in the model", list(diff)),
-        _section("Steps", _named(((step.name, step.words) for step in explanation.steps), width)),
-        _section("To repeat it", _repeat(explanation, width)),
-    ]
-    return "\n\n".join(section for section in sections if section) + "\n"
+    findings = enumerate(explanation.findings, 1)
+    sections = {
+        "Verdict": _paragraph(verdict_sentence(explanation), width, "").split("\n"),
+        "What is missing": [line for i, finding in findings for line in _finding(i, finding, width)],
+        "Gap on frames that no fit has seen": _gap(explanation.gap, width),
+        "Where model and measurement disagree": _places(explanation, width),
+        "Candidates": _candidates(explanation.candidates, width),
+        "Not testable on these scenes": _named(explanation.not_testable.items(), width),
+        "Left out": _named(explanation.left_out.items(), width),
+        "What changes in the model": list(diff),
+        "Steps": _named(((step.name, step.words) for step in explanation.steps), width),
+        "To repeat it": _repeat(explanation, width),
+    }
+    return {title: lines for title, lines in sections.items() if lines}
 
 
 def verdict_sentence(explanation: Explanation) -> str:
@@ -85,7 +91,7 @@ def _gap(gap: Gap, width: int) -> list[str]:
     room = width - label - number - span - 7
     lines = [
         f"{name[:label].ljust(label)}  {_number(one.value).rjust(number)}  {_span(one).ljust(span)} "
-        f"{_bar(one.value, gap.floor.value, most, room)}".rstrip()
+        f"{gap_bar(one.value, gap.floor.value, most, room)}".rstrip()
         for name, one in rows
     ]
     lines.append(
@@ -96,7 +102,8 @@ def _gap(gap: Gap, width: int) -> list[str]:
     return [part for line in lines for part in (textwrap.wrap(line, width) if len(line) > width else [line])]
 
 
-def _bar(value: float, floor: float, most: float, room: int) -> str:
+def gap_bar(value: float, floor: float, most: float, room: int) -> str:
+    """A bar from 0 to `most` over `room` places, the floor's place marked; empty where there is no room for one."""
     if room < 8 or most <= 0.0 or not math.isfinite(value):
         return ""
     cells = ["#"] * round(max(value, 0.0) / most * room)
@@ -148,10 +155,6 @@ def _repeat(explanation: Explanation, width: int) -> list[str]:
     lines += [f"seeds: {seeds}"] if seeds else []
     lines += [f"SHA-256 of {len(explanation.hashes)} files in report.json"] if explanation.hashes else []
     return [part for line in lines for part in textwrap.wrap(line, width, subsequent_indent="  ")]
-
-
-def _section(title: str, lines: Sequence[str]) -> str:
-    return "\n".join([title, "-" * len(title), *lines]) if lines else ""
 
 
 def _named(items: Iterable[tuple[str, str]], width: int) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from lidarcheck.explain.explanation import (
     Explanation,
     Finding,
     Gap,
+    Hearer,
     Progress,
     Standout,
     Step,
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
 __all__ = ["PROGRESS", "Answer", "Run", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
+_HEARD_PLACES = 5
+"""So many of what stands out are told while the work goes on; the report has all."""
 
 PROGRESS = Progress(
     {
@@ -64,20 +67,22 @@ def explain(
     exclude: Sequence[str] = (),
     jobs: int = 1,
     tell: Teller | None = None,
+    hear: Hearer | None = None,
     notebook: Notebook | None = None,
 ) -> Explanation:
     """Explain a case; the same case and seed give the same answer, for any number of jobs.
 
-    `exclude`: effects that are not to be named. `tell` hears (step, done, of). `notebook` keeps what was done, so that
+    `exclude`: effects that are not to be named. `tell` hears (step, done, of), `hear` what
+    is found, in words, as soon as it is there. `notebook` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
     with Crew(jobs, notebook) as crew:
-        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent))
+        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent, hear or _deaf))
 
 
 def _explain(case: Case, run: Run) -> Explanation:
     """The method, a step a line."""
-    split = split_frames(case.frames)
+    split = run.split(case)
     bench = run.measure_residuals_and_floor(split)
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
@@ -93,6 +98,10 @@ def _explain(case: Case, run: Run) -> Explanation:
 
 
 def _silent(_step: str, _done: int, _of: int) -> None:
+    return None
+
+
+def _deaf(_step: Step) -> None:
     return None
 
 
@@ -127,6 +136,19 @@ class Run:
     exclude: tuple[str, ...]
     crew: Crew
     tell: Teller
+    hear: Hearer = _deaf
+    steps: list[Step] = field(default_factory=list)
+
+    def did(self, name: str, words: str) -> None:
+        """A step of the report has been done."""
+        self.steps.append(Step(name, words))
+        self.hear(self.steps[-1])
+
+    def split(self, case: Case) -> Split:
+        """Which frames serve for what."""
+        found = split_frames(case.frames)
+        self.did("split", found.words())
+        return found
 
     def measure_residuals_and_floor(self, split: Split) -> Bench:
         """Residuals of every beam, their summaries, and how far these vary where nothing is missing."""
@@ -136,6 +158,9 @@ class Run:
         select = later()
         self.tell("residuals and floor", 2, 2)
         start = lab.distance(np.zeros((1, len(lab.measured))))
+        self.did("residuals", f"{len(lab.beams)} beams in {len(lab.summaries)} summaries")
+        floor = lab.floor_distance
+        self.did("noise floor", f"distance {start:.0f} before any fit, {floor:.0f} where nothing is missing")
         return Bench(lab, select, 0.0, start, self.crew)
 
     def find_where(self, bench: Bench) -> tuple[Standout, ...]:
@@ -143,7 +168,11 @@ class Run:
         lab = bench.lab
         largest = np.abs(lab.check).max(axis=1)
         level = float(np.quantile(largest, 0.95))
-        return standouts(lab.summaries.names, lab.measured_plain, level)
+        found = standouts(lab.summaries.names, lab.measured_plain, level)
+        self.did("where", f"{len(found)} summaries stand out")
+        for one in found[:_HEARD_PLACES]:
+            self.hear(Step("stands out", one.words))
+        return found
 
     def screen_candidates(self, bench: Bench) -> tuple[list[Screened], Bench]:
         """What every effect would change, and how large a gain chance makes of all of them."""
@@ -156,6 +185,11 @@ class Run:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
         found = find_effects(bench, screened, lambda step, i, n: self.tell("fit", *_part(step, i, n)))
         self.tell("fit", 1, 1)
+        now, level = found.fit, bench.level
+        self.did("candidates", f"{len(found.trials)} fitted; chance gains up to {level:.1f} times its mean")
+        self.did("fit", f"{', '.join(now.names()) or 'nothing'} accepted; distance {now.distance:.0f}")
+        self.did("nuisances", f"within their usual errors: {'; '.join(now.nuisance.words()) or 'none'}")
+        self.did("select", f"distance {select_distance(bench.select, now):.0f} on the select frames")
         return found
 
     def find_equivalents(self, bench: Bench, search: Search, closed: Closure) -> Mapping[str, tuple[str, ...]]:
@@ -197,6 +231,21 @@ class Run:
         unknown: Description | None,
     ) -> Answer:
         """No gap, explained by name, or unknown."""
+        answer = self._answer(bench, search, closed, equals, last, unknown)
+        self.did("unknown", answer.words or "nothing is left that needs a description")
+        for one in answer.findings:
+            self.hear(Step("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
+        return answer
+
+    def _answer(
+        self,
+        bench: Bench,
+        search: Search,
+        closed: Closure,
+        equals: Mapping[str, tuple[str, ...]],
+        last: tuple[Lab, Fit] | None,
+        unknown: Description | None,
+    ) -> Answer:
         if unknown is not None:
             depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
             finding = Finding("unknown", {}, min(max(1.0 - closed.share, 0.0), 1.0), (), depends, "", unknown.effects)
@@ -220,7 +269,15 @@ class Run:
     def verify(self, split: Split, answer: Answer) -> Gap:
         """The gap before, after each effect, and its floor, on frames that nothing above has seen."""
         scale = Scale.of(split.verify, self.model, 2 * self.seed + 3)
-        return gap_of(scale, answer.stages, lambda i, n: self.tell("verification", i, n))
+        names = ("before", *(name for name, _ in answer.stages[1:]))
+
+        def told(i: int, n: int, gap: float) -> None:
+            self.tell("verification", i, n)
+            self.hear(Step("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
+
+        gap = gap_of(scale, answer.stages, told)
+        self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
+        return gap
 
     def report(
         self,
@@ -234,27 +291,13 @@ class Run:
         gap: Gap,
     ) -> Explanation:
         """Everything together."""
-        nuisance = "; ".join(search.fit.nuisance.words()) or "none"
-        floor, left = bench.lab.floor_distance, search.fit.distance
-        steps = (
-            Step("split", split.words()),
-            Step("residuals", f"{len(bench.lab.beams)} beams in {len(bench.lab.summaries)} summaries"),
-            Step("noise floor", f"distance {bench.start:.0f} before any fit, {floor:.0f} where nothing is missing"),
-            Step("where", f"{len(where)} summaries stand out"),
-            Step("candidates", f"{len(search.trials)} fitted; chance gains up to {bench.level:.1f} times its mean"),
-            Step("fit", f"{', '.join(search.fit.names()) or 'nothing'} accepted; distance {left:.0f}"),
-            Step("nuisances", f"within their usual errors: {nuisance}"),
-            Step("select", f"distance {select_distance(bench.select, search.fit):.0f} on the select frames"),
-            Step("unknown", answer.words or "nothing is left that needs a description"),
-            Step("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after"),
-        )
         return Explanation(
             verdict=answer.verdict,
             findings=answer.findings,
             not_testable=untestable,
             gap=gap,
             model=answer.stages[-1][1],
-            steps=steps,
+            steps=tuple(self.steps),
             where=where,
             candidates=candidates_table(bench, search, answer.verdict),
             split=split.numbers(),

@@ -34,8 +34,11 @@ __all__ = [
     "check_settings",
     "default_settings",
     "find_settings",
+    "limits_of",
     "load_settings",
+    "parse_settings",
     "save_settings",
+    "settings_content",
     "settings_name",
 ]
 
@@ -162,7 +165,11 @@ def load_settings(path: str | os.PathLike[str] | None, axis: Axis | None = None)
     if path is None:
         return default_settings(axis or "vertical")
     file = Path(path)
-    content = read_source(file, pipes=True)
+    return parse_settings(read_source(file, pipes=True), file, axis)
+
+
+def parse_settings(content: bytes, file: Path, axis: Axis | None = None) -> Settings:
+    """The settings in a file's bytes; axis and errors as for `load_settings`."""
     data, lines = _parse(decode_text(content, file), file)
     found = _axis_of(data, file, axis)
     if axis is not None and found != axis:
@@ -192,12 +199,26 @@ def save_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
 
     `ConfigError` when a value is out of range.
     """
-    check_settings(settings, path)
+    write_bytes(path, settings_content(settings, Path(path)))
+
+
+def settings_content(settings: Settings, file: Path) -> bytes:
+    """The bytes that `save_settings` writes to a file; errors as there."""
+    check_settings(settings, file)
     document = settings.document()
     if settings.content is not None and _values(settings.content.decode("utf-8-sig")) == document:
-        write_bytes(path, settings.content)
-        return
-    write_bytes(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode("utf-8"))
+        return settings.content
+    return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def limits_of(axis: Axis) -> dict[str, tuple[float, float]]:
+    """The smallest and the largest value that each key of a file may have, in the order of the keys."""
+    fields = (_Vertical if axis == "vertical" else _Horizontal).model_fields
+    found = {}
+    for name in _NAMES[axis]:
+        ends = {type(limit).__name__: limit for limit in fields[name].metadata}
+        found[name] = (float(ends["Ge"].ge), float(ends["Le"].le))
+    return found
 
 
 def _parse(text: str, file: Path) -> tuple[list[Any], LineIndex]:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 
-__all__ = ["Table", "TextLayout", "check_names", "counted", "quoted"]
+__all__ = ["Table", "TextLayout", "check_names", "clock_text", "counted", "quoted"]
 
 Column = npt.NDArray[Any]
 NUMBER_KINDS = "biuf"
@@ -132,3 +132,10 @@ def _repeated(names: Iterable[str]) -> str | None:
             return name
         seen.add(name.casefold())
     return None
+
+
+def clock_text(seconds: float) -> str:
+    """`0:07`, `12:30`, `1:02:03`."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

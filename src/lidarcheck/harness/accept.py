@@ -13,11 +13,11 @@ from pathlib import Path
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.harness.golden import Golden, KpiGolden
-from lidarcheck.harness.golden_file import load_golden, save_golden
+from lidarcheck.harness.golden_file import dump_golden, load_golden, save_golden
 from lidarcheck.harness.layout import Layout, layout_of, make_directory, select
 from lidarcheck.harness.review import KpiReview, ReviewReport, ScenarioReview, file_hash
 
-__all__ = ["ALL", "accept", "release"]
+__all__ = ["ALL", "accept", "preview", "reject", "release"]
 
 ALL = "all"
 _LOCK_TIMEOUT_S = 30.0
@@ -29,22 +29,30 @@ def accept(report: ReviewReport, names: Collection[str], *, reason: str = "") ->
     `UsageError`, with nothing written, for an unknown name, for what needs a reason and has none, for what cannot be
     accepted at all, and for a golden that has changed since the review. `reason`: one line that the golden carries.
     """
-    reason = " ".join(reason.split())
-    chosen = [(found, _chosen(found, names)) for found in report.scenarios if not found.settled]
-    _refuse_unknown(report, names)
-    chosen = [(found, kpis) for found, kpis in chosen if kpis or (ALL in names and _only_restated(found))]
-    faults = [fault for found, kpis in chosen for fault in _faults(found, kpis, reason)]
-    if faults:
-        more = f" (and {len(faults) - 3} more)" if len(faults) > 3 else ""
-        hard = any(kpi.refused for _, kpis in chosen for kpi in kpis)
-        fix = "change the scenario or the model" if hard else "put it right, or say why with --reason"
-        raise UsageError(f"not accepted: {'; '.join(faults[:3])}{more}", fix=fix)
+    reason, chosen = _acceptable(report, names, reason)
     with contextlib.ExitStack() as stack:
         for layout in dict.fromkeys(found.layout for found, _ in chosen):
             stack.enter_context(_lock(layout))
         for found, _ in chosen:
             _refuse_changed(found)
         return [_write(found, kpis, reason) for found, kpis in chosen]
+
+
+def preview(report: ReviewReport, names: Collection[str], *, reason: str = "") -> dict[Path, str]:
+    """What `accept` would write, by the golden's path: the whole new text. Raises as `accept` does; writes nothing."""
+    reason, chosen = _acceptable(report, names, reason)
+    for found, _ in chosen:
+        _refuse_changed(found)
+    return {found.layout.golden(found.name): dump_golden(_accepted(found, kpis, reason)) for found, kpis in chosen}
+
+
+def reject(layout: Layout, name: str) -> bool:
+    """Drop the proposal for a scenario, whose golden stays; whether there was one."""
+    path = layout.proposal(name)
+    with _lock(layout):
+        there = path.exists()
+        path.unlink(missing_ok=True)
+    return there
 
 
 def release(paths: Sequence[Path | str] = ()) -> list[Path]:
@@ -71,6 +79,23 @@ def release(paths: Sequence[Path | str] = ()) -> list[Path]:
         for path in (path for layout in selection.whole for path in layout.orphans() if path.parent == layout.releases):
             path.unlink()
     return [target for _, target in pairs]
+
+
+def _acceptable(
+    report: ReviewReport, names: Collection[str], reason: str
+) -> tuple[str, list[tuple[ScenarioReview, list[KpiReview]]]]:
+    """The reason as one line, and what is to be written; `UsageError` where that is refused."""
+    reason = " ".join(reason.split())
+    chosen = [(found, _chosen(found, names)) for found in report.scenarios if not found.settled]
+    _refuse_unknown(report, names)
+    chosen = [(found, kpis) for found, kpis in chosen if kpis or (ALL in names and _only_restated(found))]
+    faults = [fault for found, kpis in chosen for fault in _faults(found, kpis, reason)]
+    if faults:
+        more = f" (and {len(faults) - 3} more)" if len(faults) > 3 else ""
+        hard = any(kpi.refused for _, kpis in chosen for kpi in kpis)
+        fix = "change the scenario or the model" if hard else "put it right, or say why with --reason"
+        raise UsageError(f"not accepted: {'; '.join(faults[:3])}{more}", fix=fix)
+    return reason, chosen
 
 
 def _chosen(found: ScenarioReview, names: Collection[str]) -> list[KpiReview]:
@@ -110,9 +135,8 @@ def _write(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Pat
     """Put the chosen KPIs into the golden; what is left open stays in the proposal."""
     path = found.layout.golden(found.name)
     make_directory(path.parent)
-    taken = {kpi.name: _with_reason(found, kpi, reason) for kpi in kpis}
-    kept = [kpi for kpi in found.kpis if kpi.open and kpi.name not in taken]
-    save_golden(_merged(found, taken, kept), path)
+    kept = _kept(found, kpis)
+    save_golden(_accepted(found, kpis, reason), path)
     proposal = found.layout.proposal(found.name)
     if kept:
         left = dataclasses.replace(found.proposal.provenance, base=file_hash(path))
@@ -120,6 +144,17 @@ def _write(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Pat
     else:
         proposal.unlink(missing_ok=True)
     return path
+
+
+def _kept(found: ScenarioReview, kpis: Sequence[KpiReview]) -> list[KpiReview]:
+    """What stays open beside the chosen KPIs."""
+    taken = {kpi.name for kpi in kpis}
+    return [kpi for kpi in found.kpis if kpi.open and kpi.name not in taken]
+
+
+def _accepted(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Golden:
+    """The golden with the chosen KPIs in it."""
+    return _merged(found, {kpi.name: _with_reason(found, kpi, reason) for kpi in kpis}, _kept(found, kpis))
 
 
 def _merged(found: ScenarioReview, taken: dict[str, KpiGolden | None], kept: Sequence[KpiReview]) -> Golden:

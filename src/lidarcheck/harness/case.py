@@ -19,7 +19,7 @@ from lidarcheck.harness.seeds import REFERENCE_SEEDS, Job, SeedRecord
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Case", "Load", "Measure", "open_case", "provenance_now", "suite_size"]
+__all__ = ["Case", "Load", "Measure", "kpis_in_goldens", "open_case", "provenance_now", "suite_size"]
 
 Measure = Callable[[Scenario, Model, int], Measurement]
 Load = Callable[[Path], Scenario]
@@ -151,10 +151,13 @@ def open_case(
 
 def suite_size(cases: Sequence[Case]) -> int:
     """The number of KPIs of the whole suite, whichever part of it is run, so that verdicts do not depend on that."""
-    total = 0
-    for layout in {case.layout for case in cases}:
-        total += sum(_count(path) for path in layout.goldens.glob("*.toml"))
+    total = sum(kpis_in_goldens(layout) for layout in {case.layout for case in cases})
     return total + sum(len(case.scenario.kpis) for case in cases if case.golden is None)
+
+
+def kpis_in_goldens(layout: Layout) -> int:
+    """The number of KPIs in all goldens of a project."""
+    return sum(_count(path) for path in layout.goldens.glob("*.toml"))
 
 
 def provenance_now(scenario: Scenario, model: Model, *, seeds: str = "", reference_seeds: str = "") -> Provenance:

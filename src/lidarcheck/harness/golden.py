@@ -43,6 +43,10 @@ class KpiGolden:
     reason_date: str = ""
     verdict: str = ""
 
+    def same_values(self, other: KpiGolden) -> bool:
+        """Whether both hold the same measured values."""
+        return (self.reference, self.quantiles) == (other.reference, other.quantiles)
+
 
 @dataclass(frozen=True, slots=True)
 class Golden:

@@ -245,7 +245,7 @@ def _kpi_review(case: Case, old: KpiGolden | None, new: KpiGolden | None, share:
         return KpiReview(name, old, None, Verdict.MISSING, needs_reason=(why,))
     if old is None:
         verdict = Verdict.MISSING
-    elif (old.reference, old.quantiles) == (new.reference, new.quantiles):
+    elif old.same_values(new):
         verdict = Verdict.IDENTICAL
     else:
         verdict = Verdict(new.verdict or Verdict.CHANGED)

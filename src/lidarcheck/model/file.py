@@ -24,7 +24,7 @@ from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
 
-__all__ = ["load_model", "model_of", "save_model"]
+__all__ = ["dump_model", "load_model", "model_of", "save_model"]
 
 _log = logging.getLogger(__name__)
 
@@ -110,7 +110,12 @@ def model_of(data: dict[str, Any], lines: LineIndex) -> Model:
 
 
 def save_model(model: Model, path: str | os.PathLike[str]) -> None:
-    """Write a model so that `load_model` gives an equal one back; atomic.
+    """Write a model so that `load_model` gives an equal one back; atomic. Raises as `dump_model` does."""
+    write_text(path, dump_model(model, path))
+
+
+def dump_model(model: Model, path: str | os.PathLike[str]) -> str:
+    """The text of a model's file, were it written there.
 
     Only numbers that differ from the variant's own are written. `UsageError` when an external model, whose command runs
     in its file's directory, would move to another one; `ConfigError` when the model holds values that no file may have.
@@ -124,7 +129,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     faults = [] if model.external else _detector_faults(model.effects, model.sensor, lines)
     if faults:
         raise ConfigError(faults)
-    write_text(path, text)
+    return text
 
 
 def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:

@@ -56,7 +56,8 @@ def front_of(numbers: Numbers, begin: int, rates: FloatArray, beams: int) -> Fro
     least = np.maximum(armed.astype(np.int64) - reach, 0)
     rows = int((2 * reach + 2).max(initial=0))
     counts = np.empty((bins, rows, _CELLS), dtype=np.uint8)
-    _tabulate(numbers.detectors, rates, least, inverses(numbers.detectors), counts)
+    if bins:  # or a light without haze would wait for the kernel to be compiled
+        _tabulate(numbers.detectors, rates, least, inverses(numbers.detectors), counts)
     return Front(begin, rates, least, counts)
 
 

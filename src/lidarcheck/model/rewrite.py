@@ -15,12 +15,12 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.toml_lines import locate
-from lidarcheck.model.file import load_model, model_of, save_model
+from lidarcheck.model.file import dump_model, load_model, model_of
 from lidarcheck.model.spec import Model
 from lidarcheck.model.text import edited
 from lidarcheck.model.text_numbers import changed_numbers, with_numbers
 
-__all__ = ["WrittenModel", "placeless", "write_model"]
+__all__ = ["WrittenModel", "placeless", "rewritten_text", "write_model"]
 
 _log = logging.getLogger(__name__)
 
@@ -43,15 +43,19 @@ def write_model(source: Path | str, model: Model, out: Path | str) -> WrittenMod
     not at all. Raises as `load_model` does for the source and `save_model` for `out`.
     """
     source, out = Path(source), Path(out)
-    before = load_model(source)
-    try:
-        text = _text(source, before, model, out)
-    except ValueError as error:
-        _log.warning("%s: comments and layout of %s are not kept: %s", out, source, error)
-        save_model(model, out)
-        return WrittenModel(out, str(error))
+    text, rewritten = rewritten_text(source, model, out)
+    if rewritten:
+        _log.warning("%s: comments and layout of %s are not kept: %s", out, source, rewritten)
     write_text(out, text)
-    return WrittenModel(out)
+    return WrittenModel(out, rewritten)
+
+
+def rewritten_text(source: Path, model: Model, out: Path) -> tuple[str, str]:
+    """What `write_model` would write, and why the text of the source could not be kept; empty if it was."""
+    try:
+        return _text(source, load_model(source), model, out), ""
+    except ValueError as error:
+        return dump_model(model, out), str(error)
 
 
 def _text(source: Path, before: Model, model: Model, out: Path) -> str:

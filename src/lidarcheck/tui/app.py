@@ -299,14 +299,14 @@ class LidarcheckApp(App[int]):
         """Leave; edits are in the journal."""
         unsaved = sum(view.unsaved() for view in self.views())
         if not unsaved:
-            self.exit(0)
+            self._leave("q")
             return
         words = [line("They are kept in the journal, and offered again at the next start.")]
         self.push_screen(Ask(f"{counted(unsaved, 'row')} not saved", words, {"q": "leave"}), self._leave)
 
     def _leave(self, key: str | None) -> None:
         if key == "q":
-            self.exit(0)
+            self.exit(0, message="\n".join(filter(None, (view.waited_for() for view in self.views()))) or None)
 
     def on_unmount(self) -> None:
         """Keep the state, let workers end."""

@@ -9,7 +9,13 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.action import ALONE, PLACE, Action
 from lidarcheck.tui.core.actions_blooming import BLOOMING
+from lidarcheck.tui.core.actions_explain import EXPLAIN
+from lidarcheck.tui.core.actions_ghosts import GHOSTS
+from lidarcheck.tui.core.actions_goldens import GOLDENS
+from lidarcheck.tui.core.actions_histograms import HISTOGRAMS
+from lidarcheck.tui.core.actions_noise import NOISE
 from lidarcheck.tui.core.actions_overview import OVERVIEW
+from lidarcheck.tui.core.actions_scenes import SCENES
 
 __all__ = ["ACTIONS", "SCREENS", "Action", "Place", "actions_of"]
 
@@ -28,7 +34,17 @@ class Place(NamedTuple):
 
 SCREENS = {
     "overview": Place("Overview", "f2", "O", "Overview", "scenarios, verdicts and KPIs", "check", "goldens"),
+    "histograms": Place(
+        "Histograms", "f3", "H", "Hist", "vehicles, real against simulated", "vehicles compare", "distances"
+    ),
+    "noise": Place("Noise", "f4", "N", "Noise", "range noise, detection and walk on panels", "panels", "panels"),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
+    "ghosts": Place("Ghosts", "f6", "G", "Ghosts", "signs and their ghosts, step by step", "ghosts find", "ghosts"),
+    "scenes": Place(
+        "Scenes", "f7", "S", "Scenes", "whole frames, measured and simulated", "scenes compare", "measured"
+    ),
+    "explain": Place("Explain", "f8", "E", "Explain", "which effect a model lacks", "explain", "model"),
+    "goldens": Place("Goldens", "f9", "D", "Goldens", "what is proposed for the goldens", "review", "goldens"),
 }
 """The screens by their names, in the order of their keys."""
 
@@ -50,7 +66,9 @@ _EVERYWHERE: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=ALONE),
 )  # fmt: skip
 
-ACTIONS: tuple[Action, ...] = (*_SHOWN, *_EVERYWHERE, *OVERVIEW, *BLOOMING)
+ACTIONS: tuple[Action, ...] = (
+    *_SHOWN, *_EVERYWHERE, *OVERVIEW, *HISTOGRAMS, *NOISE, *BLOOMING, *GHOSTS, *SCENES, *EXPLAIN, *GOLDENS,
+)  # fmt: skip
 
 
 def actions_of(screen: str) -> list[Action]:

@@ -29,5 +29,9 @@ BLOOMING: tuple[Action, ...] = (
     Action("dataset before", "blooming", ("p",), "", "the distance before", "next_dataset(-1)", "bloom show", "SCAN"),
     Action("next model", "blooming", ("m",), "", "the next model", "next_model", "bloom show", "--model"),
     Action("next target", "blooming", ("k",), "", "the next retro-reflector of the model as the target", "next_target", "bloom show", "--target"),
+    Action("settings", "blooming", ("E",), "Settings", "the settings of each distance in the table's place, and back", "settings", "bloom settings", "each distance"),
+    Action("add distance", "blooming", ("A",), "", "settings for one more distance, as those of the nearest one", "add_distance", "bloom settings", "--set"),
+    Action("remove distance", "blooming", ("X",), "", "take out the settings of the distance under the cursor", "remove_distance", "bloom settings", "--remove"),
+    Action("arrange", "blooming", ("V",), "Four", "all four features of one distance, or distances side by side", "arrange", "bloom show", "Range, PEAK"),
     Action("feature", "blooming", ("v",), "View", "profile of AREA, PEAK, WIDTH, range", "feature", "bloom show", "AREA"),
 )  # fmt: skip

@@ -9,10 +9,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.tui.core.places import private_directory, sha256
+
+if TYPE_CHECKING:
+    from lidarcheck.harness.kpi_spec import KpiSpec
 
 __all__ = ["Cancelled", "KpiLine", "Outcome", "Runs", "check_scenario", "run_scenarios"]
 
@@ -153,15 +156,23 @@ def _harness() -> Check:
 def _line(kpi: Any) -> KpiLine:
     spec = kpi.spec
     now = kpi.old if kpi.verdict == "identical" and not kpi.fresh else kpi.new
-    ends = [
-        f"{sign} {end:g}" for sign, end in ((">=", spec.low), ("<=", spec.high)) if end is not None and abs(end) < 1e300
-    ]
-    unit = "" if spec.unit == "1" else spec.unit
     return KpiLine(
-        kpi.name, kpi.verdict.value, kpi.fails, unit, _known(kpi.old), _known(now), _known(spec.tolerance),
-        _known(kpi.smallest), " ".join(ends), kpi.note,
+        kpi.name, kpi.verdict.value, kpi.fails, unit_of(spec), known(kpi.old), known(now), known(spec.tolerance),
+        known(kpi.smallest), limits_of(spec), kpi.note,
     )  # fmt: skip
 
 
-def _known(value: float | None) -> float | None:
+def unit_of(spec: KpiSpec) -> str:
+    """The unit of a KPI; empty for a pure number."""
+    return "" if spec.unit == "1" else spec.unit
+
+
+def limits_of(spec: KpiSpec) -> str:
+    """The absolute limits of a KPI, in words."""
+    ends = ((">=", spec.low), ("<=", spec.high))
+    return " ".join(f"{sign} {end:g}" for sign, end in ends if end is not None and abs(end) < 1e300)
+
+
+def known(value: float | None) -> float | None:
+    """A number; None for what is none."""
     return None if value is None or value != value else float(value)

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
-import re
+import contextlib
+import subprocess
+import sys
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidarcheck.errors import InputError
-from lidarcheck.tui.core.project import Entry, Project
+from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.tui.core.naming import ideal_of, numbers_in
+from lidarcheck.tui.core.project import Project
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming import Bench
     from lidarcheck.calibration.blooming_cells import Cells, Profile
     from lidarcheck.calibration.blooming_response import Response
     from lidarcheck.formats.lut import Axis, LutTable
+    from lidarcheck.formats.settings import Settings
 
-__all__ = ["Choice", "Dataset", "Profiles", "Shown", "datasets_of", "retros_of"]
+__all__ = [
+    "Choice",
+    "Dataset",
+    "Profiles",
+    "Shown",
+    "compile_aside",
+    "datasets_of",
+    "first_time",
+    "retros_of",
+    "variant_of",
+]
 
-_WORDS = re.compile(r"ideal|postpro|scan|measured|real|at|[^a-z0-9.]+")
-_KEPT = 32
+Key = tuple[Any, ...]
+
+_KEPT = 64
 
 
 @dataclass(frozen=True)
@@ -31,26 +45,42 @@ class Dataset:
     name: str
     path: Path
     ideal: Path | None
+    is_profile: bool = False
+
+    @property
+    def by_settings(self) -> bool:
+        """Whether settings say where its target stands: an ideal scan or a profile tells that by itself."""
+        return self.ideal is None and not self.is_profile
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What a dataset is looked at with; `material`: the target's, None for the only retro-reflector there is."""
+    """What a dataset is looked at with; `material`: the target's, None for the only retro-reflector there is.
+
+    `settings`: None for the defaults.
+    """
 
     dataset: Dataset
     model: Path
     axis: Axis
-    settings: Path | None
+    settings: Settings | None
     material: int | None = None
+
+    @property
+    def key(self) -> Key:
+        """All that a result depends on; a file that was written anew has another key."""
+        dataset, settings = self.dataset, self.settings
+        files = tuple(_stamp(file) for file in (dataset.path, dataset.ideal, self.model))
+        held = None if settings is None or not dataset.by_settings else (settings.entries, settings.content is None)
+        return (*files, held, self.axis, self.material)
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A dataset that was read: its cells, the measured profile, and how the sensor answers to light."""
+    """A dataset that was read: its cells and the measured profile."""
 
     cells: Cells
     real: Profile
-    response: Response
 
 
 def datasets_of(project: Project, axis: Axis) -> list[Dataset]:
@@ -58,22 +88,9 @@ def datasets_of(project: Project, axis: Axis) -> list[Dataset]:
     from lidarcheck.calibration.blooming_csv import profile_axis
 
     ideals = project.of("ideal")
-    found = [Dataset(e.name, e.path, None) for e in project.of("profile") if profile_axis(e.path) == axis]
-    found += [Dataset(entry.name, entry.path, _ideal_of(entry, ideals)) for entry in project.of("scan")]
-    return sorted(found, key=lambda dataset: _numbers(dataset.name))
-
-
-def _numbers(name: str) -> tuple[list[float], str]:
-    """Names in the order of the numbers in them: 69 m before 157 m."""
-    return [float(text) for text in re.findall(r"\d+(?:\.\d+)?", Path(name).stem)], name
-
-
-def _ideal_of(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
-    """The ideal scan whose name differs by such words only: `real_69.txt` and `ideal_69.txt`."""
-    key = _WORDS.sub("", scan.path.stem.lower())
-    alike = [entry for entry in ideals if key and _WORDS.sub("", entry.path.stem.lower()) == key]
-    alike.sort(key=lambda entry: entry.path.parent != scan.path.parent)
-    return alike[0].path if alike else None
+    found = [Dataset(e.name, e.path, None, True) for e in project.of("profile") if profile_axis(e.path) == axis]
+    found += [Dataset(entry.name, entry.path, ideal_of(entry, ideals)) for entry in project.of("scan")]
+    return sorted(found, key=lambda dataset: numbers_in(dataset.name))
 
 
 def retros_of(model: Path) -> list[int]:
@@ -84,81 +101,122 @@ def retros_of(model: Path) -> list[int]:
 
 
 class Profiles:
-    """Reads datasets and keeps what it read, so that switching between them computes nothing. For any thread."""
+    """Reads datasets and keeps what was read and computed: switching between them computes nothing. For any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._shown: dict[tuple[Any, ...], Shown] = {}
-        self._benches: dict[tuple[Any, ...], Bench] = {}
-        self._responses: dict[tuple[Any, ...], Response] = {}
+        self._shown: dict[Key, Shown | LidarcheckError] = {}
+        self._expected: dict[tuple[Key, bytes], Profile] = {}
+        self._benches: dict[Key, Bench] = {}
+        self._responses: dict[Key, Response] = {}
 
-    def known(self, choice: Choice) -> Shown | None:
-        """What was read before of unchanged files; None if it must be read."""
-        return self._shown.get(_key(choice))
+    def known(self, choice: Choice) -> Shown | LidarcheckError | None:
+        """What was read before of unchanged files, or what is wrong with them; None if they must be read."""
+        return self._shown.get(choice.key)
 
-    def load(self, choice: Choice) -> Shown:
-        """The dataset, read now if it was not yet. `InputError` and its like where it shows no blooming target."""
+    def known_expected(self, choice: Choice, table: LutTable) -> Profile | None:
+        """The expectation, if it was computed before."""
+        return self._expected.get((choice.key, _table_key(table)))
+
+    def load(self, choice: Choice) -> Shown | LidarcheckError:
+        """The dataset, read now if it was not yet; an error of it where it shows no blooming target."""
         with self._lock:
-            key = _key(choice)
+            key = choice.key
             if key not in self._shown:
-                while len(self._shown) >= _KEPT:
-                    self._shown.pop(next(iter(self._shown)))
-                self._shown[key] = self._read(choice)
+                try:
+                    _keep(self._shown, key, self._read(choice))
+                except LidarcheckError as error:
+                    _keep(self._shown, key, error)
             return self._shown[key]
 
     def _read(self, choice: Choice) -> Shown:
         from lidarcheck.calibration.blooming import Measured, gather
         from lidarcheck.calibration.blooming_cells import profile_of
+
+        dataset = choice.dataset
+        cells = gather([Measured(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
+        return Shown(cells, profile_of(cells))
+
+    def expected(self, choice: Choice, shown: Shown, table: LutTable) -> Profile:
+        """What is expected to be seen of a dataset with a table, without noise; computed once."""
+        from lidarcheck.calibration.blooming import expected_profile
+        from lidarcheck.calibration.blooming_operator import nodes_of
+
+        with self._lock:
+            key = (choice.key, _table_key(table))
+            if key not in self._expected:
+                response = self._response(choice)
+                found = expected_profile(shown.cells, nodes_of(table, shown.cells.axis), response)
+                _keep(self._expected, key, found)
+            return self._expected[key]
+
+    def _response(self, choice: Choice) -> Response:
+        """How the sensor answers to light. The first one on a machine compiles the model's kernels."""
         from lidarcheck.calibration.blooming_response import response_of
 
-        bench = self._bench(choice)
-        dataset = choice.dataset
-        cells = gather([Measured(dataset.path, None, dataset.ideal)], bench)[0]
         of = (_stamp(choice.model), choice.axis)
         if of not in self._responses:
+            bench = self._bench(choice)
             self._responses[of] = response_of(bench.sensor, bench.shape)
-        return Shown(cells, profile_of(cells), self._responses[of])
+        return self._responses[of]
 
     def _bench(self, choice: Choice) -> Bench:
         from lidarcheck.calibration.blooming import bench_of
-        from lidarcheck.formats.settings import load_settings
         from lidarcheck.model import load_model
 
-        key = (_stamp(choice.model), choice.axis, _stamp(choice.settings), choice.material)
+        key = choice.key[2:]
         if key not in self._benches:
             model = load_model(choice.model)
             retros = sorted(number for number, m in model.materials.items() if m.kind == "retro")
             if model.external is None and not retros:
                 what = "the model has no retro-reflector, so nothing that blooms"
                 raise InputError(what, file=choice.model, fix="choose another model")
-            settings = load_settings(choice.settings, choice.axis) if choice.settings else None
             material = choice.material if choice.material in retros else None
             if material is None and len(retros) > 1:
                 material = retros[0]
-            self._benches[key] = bench_of(model, choice.axis, settings=settings, material=material)
+            settings = choice.settings if choice.dataset.by_settings else None
+            _keep(self._benches, key, bench_of(model, choice.axis, settings=settings, material=material))
         return self._benches[key]
 
-    def expected(self, shown: Shown, table: LutTable) -> Profile:
-        """What is expected to be seen of a dataset with a table, without noise."""
-        from lidarcheck.calibration.blooming import expected_profile
-        from lidarcheck.calibration.blooming_operator import nodes_of
 
-        return expected_profile(shown.cells, nodes_of(table, shown.cells.axis), shown.response)
-
-
-def settings_for(project: Project, model: Path, axis: Axis) -> Path | None:
-    """The project's settings of a model's variant along an axis; None for the defaults."""
-    from lidarcheck.formats.settings import settings_name
+def variant_of(model: Path) -> str:
+    """The sensor variant that a model is of; errors name what is wrong with it."""
     from lidarcheck.model import load_model
 
-    wanted = settings_name(axis, load_model(model).sensor.variant).lower()
-    return next((e.path for e in project.of("settings") if e.path.name.lower() == wanted), None)
+    return str(load_model(model).sensor.variant)
 
 
-def _key(choice: Choice) -> tuple[Any, ...]:
-    dataset = choice.dataset
-    files = (dataset.path, dataset.ideal, choice.model, choice.settings)
-    return (*(_stamp(file) for file in files), choice.axis, choice.material)
+def first_time() -> bool:
+    """Whether no kernel of the sensor model was compiled on this machine yet."""
+    from lidarcheck.model.jit import cache_directory
+
+    return not any(cache_directory().iterdir())
+
+
+_COMPILE = """from lidarcheck.calibration.blooming_response import response_of
+from lidarcheck.sensor import Sensor
+response_of(Sensor.of("SLIM"))"""
+
+
+def compile_aside() -> None:
+    """Compile the model's kernels in a process of their own, whose cache this one reads: in a thread of this process
+    it would hold the interpreter's lock, and keys would wait. Where that fails this process compiles them itself.
+    """
+    quiet = subprocess.DEVNULL
+    with contextlib.suppress(OSError):
+        command = [sys.executable, "-c", _COMPILE]
+        subprocess.run(command, check=False, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
+
+
+def _keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
+    """Keep a result, and no more than some of them: the oldest goes."""
+    while len(kept) >= _KEPT:
+        kept.pop(next(iter(kept)))
+    kept[key] = value
+
+
+def _table_key(table: LutTable) -> bytes:
+    return table.x.tobytes() + table.y.tobytes()
 
 
 def _stamp(path: Path | None) -> tuple[str, int, int]:

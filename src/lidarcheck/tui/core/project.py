@@ -21,6 +21,7 @@ KINDS = ("scenario", "golden", "model", "case", "scene", "lut", "settings", "pro
 """What a file can be."""
 
 _SKIPPED = {"node_modules", "__pycache__", "build", "dist"}
+_CASE = "case.toml"
 _DEEPEST, _MOST = 5, 5000
 _SCANS = {".txt", ".csv", ".asc", ".xyz", ".pcd", ".ply", ".las", ".laz", ".parquet", ".pq"}
 _TABLES = {".ini", ".cfg", ".conf"}
@@ -67,7 +68,9 @@ class Project:
 
     def inside(self, text: str) -> str:
         """A text without the project's own path in front of its files."""
-        return text.replace(f"{self.root}{os.sep}", "")
+        for root in (os.path.realpath(self.root), str(self.root)):
+            text = text.replace(f"{root}{os.sep}", "") if root != os.curdir else text
+        return text
 
     def in_words(self) -> str:
         """How many files of each kind there are."""
@@ -117,6 +120,8 @@ def _entry(path: Path, name: str) -> Entry | None:
 def _expected(name: str, suffix: str) -> str | None:
     """What a file is meant to be, by its name, where its content does not tell."""
     parts = Path(name).parts
+    if suffix == ".toml" and parts[-1] == _CASE:
+        return "case"
     if suffix == ".toml":
         return "scenario" if "scenarios" in parts[-2:-1] else "golden" if "goldens" in parts else "model"
     if suffix == ".json":
@@ -183,7 +188,7 @@ def _toml(path: Path, name: str) -> Entry | None:
         where = re.search(r"at line (\d+)", str(error))
         line = int(where[1]) if where else None
         raise InputError(f"this is not TOML: {error}", file=path, line=line, fix="correct it") from error
-    kind = _kind_of_toml(data)
+    kind = "case" if path.name == _CASE else _kind_of_toml(data)
     return None if kind is None else Entry(path, kind, name)
 
 

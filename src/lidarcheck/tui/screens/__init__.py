@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 __all__ = ["later_screens"]
 
-_LATER = ("Blooming",)
+_LATER = ("Histograms", "Noise", "Blooming", "Ghosts", "Scenes", "Explain", "Goldens")
 
 
 def later_screens() -> list[type[View]]:

@@ -55,6 +55,10 @@ class View(Vertical):
         """How many rows are edited and not saved."""
         return 0
 
+    def waited_for(self) -> str:
+        """What the end of the process waits for; empty for nothing."""
+        return ""
+
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""
         self.ours.say(text, bad=bad)

@@ -12,9 +12,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.message import Message
 
-from lidarcheck.tui.core.checks import Cancelled, KpiLine, Outcome, Runs, against, run_scenarios
+from lidarcheck.tui.core.checks import Cancelled, Outcome, Runs, against, run_scenarios
 from lidarcheck.tui.core.project import Entry
 from lidarcheck.tui.screens.base import View, bindings
+from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 
@@ -149,17 +150,13 @@ class Overview(View):
             words = self.ours.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
             pane.show([line(f" {words}", "bad" if entry.fault else "dim")], title=entry.name)
             return
+        room = name_room(pane.size.width)
         lines = [line(f" {self.ours.inside(problem)}", "bad") for problem in outcome.problems]
         if outcome.kpis:
-            lines.append(
-                line(
-                    f" {'KPI':24} {'verdict':13}{'golden':>8} {'now':>8} {'off/tol':>7} {'catches':>8} limits",
-                    "title",
-                )
-            )
-        order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(_moved(kpi))))
+            lines.append(kpi_heading("now", room))
+        order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(moved(kpi))))
         for kpi in order:
-            lines += _kpi_lines(kpi)
+            lines += kpi_lines(kpi, room=room)
         pane.show(lines, title=f"KPIs of {entry.path.stem}")
 
     # Actions
@@ -255,26 +252,3 @@ class Overview(View):
     def closing(self) -> None:
         """Let a run end."""
         self._stop.set()
-
-
-def _moved(kpi: KpiLine) -> float:
-    """How far a KPI moved, in tolerances."""
-    if kpi.golden is None or kpi.now is None or not kpi.tolerance:
-        return 0.0
-    return (kpi.now - kpi.golden) / kpi.tolerance
-
-
-def _kpi_lines(kpi: KpiLine) -> list[Line]:
-    verdict = kpi.verdict.upper() if kpi.fails else kpi.verdict
-    role: Role = "bad" if kpi.fails else "good" if kpi.verdict in ("identical", "equivalent") else "edited"
-    numbers = f"{_number(kpi.golden):>8} {_number(kpi.now):>8} {_moved(kpi):>+7.2f} {_number(kpi.catches):>8}"
-    lines: list[Line] = [
-        ((f" {kpi.name:24} ", "text"), (f"{verdict:13}", role), (f"{numbers} {kpi.limit} {kpi.unit}", "text"))
-    ]
-    if kpi.note and kpi.fails:
-        lines.append(line(f"     {kpi.note}", "dim"))
-    return lines
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"

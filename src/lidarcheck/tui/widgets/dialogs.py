@@ -63,14 +63,18 @@ class AskText(ModalScreen[str | None]):
     AUTO_FOCUS = "Input"
     BINDINGS: ClassVar[list[Any]] = [Binding("escape", "dismiss_none", show=False)]
 
-    def __init__(self, title: str, value: str = "") -> None:
+    def __init__(self, title: str, value: str = "", lines: Sequence[Line] = ()) -> None:
         super().__init__()
-        self._title, self._value = title, value
+        self._title, self._value, self._lines = title, value, list(lines)
 
     def compose(self) -> ComposeResult:
         """The question and a line to type in."""
         yield Lines(self._title, id="question")
         yield _input(self._value)
+
+    def on_mount(self) -> None:
+        """What belongs to the question."""
+        self.query_one("#question", Lines).show(self._lines)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Enter."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Sequence
 
 from rich.segment import Segment
@@ -12,7 +13,7 @@ from textual.widget import Widget
 
 from lidarcheck.tui.themes import Role, style
 
-__all__ = ["Line", "Lines", "line", "printable"]
+__all__ = ["Line", "Lines", "line", "printable", "wrapped"]
 
 Line = tuple[tuple[str, Role], ...]
 
@@ -20,6 +21,12 @@ Line = tuple[tuple[str, Role], ...]
 def line(text: str, role: Role = "text") -> Line:
     """A line of one look."""
     return ((text, role),)
+
+
+def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
+    """A text as lines of one look that fit the width, each behind a blank, the later ones further in."""
+    fits = textwrap.wrap(text, max(width - 1, 20), initial_indent=" ", subsequent_indent="   ")
+    return [line(part, role) for part in fits]
 
 
 def printable(text: str) -> str:

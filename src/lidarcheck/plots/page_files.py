@@ -1,28 +1,46 @@
-"""The files that a workflow leaves in `--out`: checked before the work, written all or none."""
+"""The files that a workflow leaves in its directory: checked before the work, written all or none.
+
+`report.html`: the page; `result.json`: the numbers, with where they came from; `pictures/`: a PNG of each figure; and
+what a workflow has besides.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import re
 import secrets
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lidarcheck.cli.explain_files import make_directory, write_together
-from lidarcheck.cli.outputs import as_it_was, check_writable, write_result
+from lidarcheck import __version__
 from lidarcheck.errors import InputError
+from lidarcheck.plots.outputs import as_it_was, check_writable, json_text, make_directory, write_file, write_together
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.figures import Figure
+    from lidarcheck.calibration.figures import Figure, Page
 
-__all__ = ["ALL", "PAGE", "PICTURES", "RESULT", "Folder", "Writer", "check_out_dir", "draw_pictures", "write_results"]
+__all__ = [
+    "ALL",
+    "PAGE",
+    "PICTURES",
+    "RESULT",
+    "Folder",
+    "Writer",
+    "check_out_dir",
+    "draw_pictures",
+    "page_text",
+    "write_page",
+]
 
 PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
 ALL = "all"
+"""In the place of a kind of picture: each of them."""
 Writer = Callable[[Path], object]
+_PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 
 
 class Folder(NamedTuple):
@@ -32,15 +50,17 @@ class Folder(NamedTuple):
     old: re.Pattern[str]
 
 
-def check_out_dir(out: Path, besides: Iterable[str | Path | None] = (), *, files: Sequence[str] = ()) -> None:
+def check_out_dir(
+    out: Path, besides: Iterable[str | Path | None] = (), *, files: Iterable[str] = (), option: str = "--out"
+) -> None:
     """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
 
     `besides`: the files that the command reads or writes otherwise, which no result may replace. `files`: names of
-    the results that are not every workflow's.
+    the results that are not every workflow's. `option`: what asked for the directory, in words.
     """
     besides = list(besides)
     if out.exists() and not out.is_dir():
-        raise InputError("is not a directory", file=out, fix="name a directory for --out")
+        raise InputError("is not a directory", file=out, fix=f"name a directory for {option}")
     where = Path(os.path.realpath(out))
     new = not out.exists()
     if new:
@@ -50,30 +70,67 @@ def check_out_dir(out: Path, besides: Iterable[str | Path | None] = (), *, files
     if not os.access(where, os.W_OK | os.X_OK):
         raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
     for name in () if new else (PAGE, RESULT):
-        check_writable(out / name, option="--out", besides=besides)
+        check_writable(out / name, option=option, besides=besides)
     read = {os.path.realpath(path) for path in besides if path is not None and str(path) != "-"}
     for name in files:
-        _check_file(out / name, read)
+        _check_file(out / name, read, option)
     pictures = out / PICTURES
     if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
-        raise InputError("cannot be replaced", file=pictures, fix="move it away, or choose another --out")
+        raise InputError("cannot be replaced", file=pictures, fix=f"move it away, or choose another place for {option}")
 
 
-def _check_file(place: Path, read: Iterable[str]) -> None:
+def _check_file(place: Path, read: Iterable[str], option: str) -> None:
     if os.path.realpath(place) in read:
-        raise InputError("would replace a file of this command", file=place, fix="name another directory for --out")
+        fix = f"name another directory for {option}"
+        raise InputError("would replace a file of this command", file=place, fix=fix)
     if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
-        raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
+        raise InputError("cannot be replaced", file=place, fix=f"move it away, or choose another place for {option}")
 
 
-def write_results(
-    out: Path, text: str, html: str, *, files: Mapping[str, Writer], folders: Mapping[str, Folder]
-) -> None:
-    """Write the record, the page, and what is this workflow's own; on an error or interrupt all is as it was.
+def page_text(page: Page, document: Any, *, command: str = "", html: str = "") -> str:
+    """The result with what it is of, as JSON, which `lidarcheck report` reads.
 
-    `files`: each is written in its place, in this order, since a model names its table from where it stands.
-    `folders`: each is filled beside its place and moved there last.
+    `document`: what `formats.plain` can turn into JSON. The hash of `html` says which page belongs to it.
     """
+    return json_text(
+        {
+            "workflow": command or page.title,
+            "title": page.title,
+            "lidarcheck": __version__,
+            "summary": page.summary,
+            "result": document,
+            "provenance": dict(page.provenance),
+            "page": {"file": PAGE, "sha256": hashlib.sha256(html.encode()).hexdigest()} if html else None,
+        }
+    )
+
+
+def write_page(
+    page: Page,
+    document: Any,
+    out: Path,
+    *,
+    command: str = "",
+    kind: str = "histogram",
+    files: Mapping[str, Writer] | None = None,
+    folders: Mapping[str, Folder] | None = None,
+) -> str:
+    """Write the page, the numbers, the pictures and what is this workflow's own, all or none; `result.json`'s text.
+
+    `kind`: as what the pictures are drawn, one of `lidarcheck.plots.panels`' or `ALL`. `files`: each is written in its
+    place, in this order, since a model names its table from where it stands. `folders`: each is filled beside its
+    place and moved there last, as the pictures. On an error or interrupt all is as it was.
+    """
+    from lidarcheck.plots.page_html import page_html
+
+    html = page_html(page)
+    text = page_text(page, document, command=command, html=html)
+    drawn = Folder(lambda place: draw_pictures(page.figures(), place, kind), _PICTURE)
+    _write_all(out, text, html, files or {}, {PICTURES: drawn, **(folders or {})})
+    return text
+
+
+def _write_all(out: Path, text: str, html: str, files: Mapping[str, Writer], folders: Mapping[str, Folder]) -> None:
     new = not out.exists()
     make_directory(out)
     stages = {name: out / f".{name}.{secrets.token_hex(8)}.part" for name in folders}
@@ -85,7 +142,7 @@ def write_results(
                 _fill(folder, stages[name], out / name)
             write_together(
                 out,
-                {RESULT: lambda path: write_result(path, text), PAGE: lambda path: write_result(path, html)},
+                {RESULT: lambda path: write_file(path, text), PAGE: lambda path: write_file(path, html)},
             )
         for name, folder in folders.items():
             _replace_directory(stages[name], out / name, folder.old)

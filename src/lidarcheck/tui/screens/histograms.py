@@ -1,0 +1,232 @@
+"""Histograms: vehicles at their distances, real against simulated, and both beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from lidarcheck.tui.core.jobs import Computed, Job
+from lidarcheck.tui.core.vehicle_jobs import Group, groups_of, job_of, options_of
+from lidarcheck.tui.screens.base import bindings
+from lidarcheck.tui.screens.page_export import file_name
+from lidarcheck.tui.screens.page_lines import room_for, together
+from lidarcheck.tui.screens.pages import MOVES, PageView
+from lidarcheck.tui.widgets.lines import Lines
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.figures import Figure, Page
+    from lidarcheck.calibration.vehicles_compare import AtDistance, VehicleComparison
+    from lidarcheck.calibration.vehicles_merge import Placed
+    from lidarcheck.plots.page_files import Writer
+
+__all__ = ["Histograms"]
+
+_AT_ONCE, _STEP_M = 3, 0.25
+
+
+class Histograms(PageView):
+    """`side_by_side`: both vehicles are seen in the place of the histograms, those of the distance number `distance`.
+
+    `offsets`: what was set by hand, by vehicle and distance.
+    """
+
+    NAME = "histograms"
+    EMPTY = (
+        "no vehicle was measured here: that takes scans with car, van or truck in their names, as car_20m_real.txt, "
+        "and for each a simulated scan, car_20m_sim.txt, or an ideal one, car_20m_ideal.txt, and a model"
+    )
+    WORDS: ClassVar[dict[str, str]] = {
+        "jobs": "The vehicles that were measured, by kind and variant as their names say. r compares all distances of "
+        "one: with the simulated files, or with what a model makes of the ideal scans; m chooses. What is left out "
+        "stands in the panes below.",
+        "figures": "PEAK, AREA and WIDTH, real against simulated, on log scales, three distances at once where there "
+        "is room; n and p go on to other distances and features, then to the points. b shows both vehicles beside each "
+        "other, the centroids laid onto each other and moved apart: + and - move the simulated one to the left and to "
+        "the right, ] and [ forward and backward, s as suggested, o writes both as one cloud.",
+        "words": "The numbers of all distances, and how each vehicle was found.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [*bindings("histograms"), *MOVES]
+    DEFAULT_CSS = """
+    Histograms.wide #words { dock: bottom; width: 1fr; height: 16; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.side_by_side = False
+        self.distance = 0
+        self.offsets: dict[tuple[str, int], tuple[float, float]] = {}
+        self._vehicles: list[Group] = []
+
+    def jobs(self) -> list[Job]:
+        """A job for each vehicle and variant, those that can be computed first."""
+        project = self.ours.project
+        models = project.of("model")
+        found = [(group, job_of(group, self._source(group), models)) for group in groups_of(project)]
+        found.sort(key=lambda pair: bool(pair[1].fault))
+        self._vehicles = [group for group, _ in found]
+        return [job for _, job in found]
+
+    def _source(self, group: Group) -> str:
+        """What a group is compared with: as chosen, else the likeliest."""
+        options = options_of(group, self.ours.project.of("model"))
+        chosen = self.ours.state.selected.get(f"histograms {group.name}", "")
+        return chosen if chosen in options else next(iter(options), "")
+
+    def groups(self, page: Page) -> list[tuple[Figure, ...]]:
+        """Feature after feature, so many distances at once as can be read; then the points."""
+        from lidarcheck.calibration.figures import Distribution
+
+        figures = page.figures()
+        names = [figure.quantity if isinstance(figure, Distribution) else "" for figure in figures]
+        pane = self.query_one("#figures", Lines)
+        most = room_for((pane.size.width, pane.rows), _AT_ONCE)
+        by_feature = [
+            [figure for figure, own in zip(figures, names, strict=True) if own == name]
+            for name in sorted(dict.fromkeys(names), key=lambda name: not name)
+        ]
+        return [group for own in by_feature for group in together(own, most)]
+
+    def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
+        """The histograms, or both vehicles from above and from the side."""
+        found = self._beside_now()
+        if found is None:
+            return super().shown(page)
+        from lidarcheck.calibration.figures import Cloud
+
+        at, placed = found
+        cloud = Cloud(self._at_words(at), {"real": at.cuts[0].xyz_m, "simulated": placed.moved_m})
+        (x, y), (_, suggested) = placed.offset_m, placed.suggested_m
+        title = f"X {x:g} m, Y {y:g} m (suggested 0 and {suggested:g}), {self.distance + 1} of {len(self.result)}"
+        return title, [(cloud, "top"), (cloud, "side")]
+
+    # Both beside each other
+
+    @property
+    def result(self) -> tuple[AtDistance, ...]:
+        """All distances of what is shown; empty before they are computed."""
+        made = self.made
+        comparison: VehicleComparison | None = None if made is None else made.result
+        return () if comparison is None else comparison.distances
+
+    def _at_words(self, at: AtDistance) -> str:
+        return f"{self.job.name if self.job else ''} at {at.distance_m:.0f} m"
+
+    def _beside_now(self) -> tuple[AtDistance, Placed] | None:
+        """The distance that is seen and where its simulated vehicle stands; None while histograms are seen."""
+        from lidarcheck.calibration.vehicles import vehicle_named
+        from lidarcheck.calibration.vehicles_merge import place_vehicles
+
+        made, job = self.made, self.job
+        if not self.side_by_side or made is None or job is None or not self.result:
+            return None
+        self.distance %= len(self.result)
+        at = self.result[self.distance]
+        x, y = self.offsets.get((job.name, self.distance), (None, None))
+        return at, place_vehicles(*at.cuts, vehicle_named(made.result.vehicle), x_m=x, y_m=y)
+
+    def _looked_at(self) -> tuple[AtDistance, Placed] | None:
+        """The same, or a word to the user."""
+        found = self._beside_now()
+        if found is None:
+            self.say("b shows both vehicles beside each other first" if self.result else "r computes it first")
+        return found
+
+    def action_beside(self) -> None:
+        """Both vehicles beside each other, or the histograms again."""
+        if not self.result:
+            self.say("r computes it first")
+            return
+        self.side_by_side = not self.side_by_side
+        self.draw()
+
+    def action_turn(self, by: int) -> None:
+        """Other figures, or another distance."""
+        if self._beside_now() is None:
+            super().action_turn(by)
+        else:
+            self.distance += by
+            self.draw()
+
+    def action_kind(self) -> None:
+        """Another kind of picture; the vehicles are seen from above and from the side at once."""
+        if self._beside_now() is None:
+            super().action_kind()
+        else:
+            self.say("seen from above and from the side")
+
+    def action_nudge(self, forward: int, left: int) -> None:
+        """Move the simulated vehicle."""
+        found = self._looked_at()
+        if found is not None and self.job is not None:
+            x, y = found[1].offset_m
+            moved = (round(x + forward * _STEP_M, 6), round(y + left * _STEP_M, 6))
+            self.offsets[self.job.name, self.distance] = moved
+            self.say(f"X {moved[0]:g} m, Y {moved[1]:g} m")
+            self.draw()
+
+    def action_suggested(self) -> None:
+        """The offset that the vehicle's size suggests."""
+        if self._looked_at() is not None and self.job is not None:
+            self.offsets.pop((self.job.name, self.distance), None)
+            self.draw()
+
+    # Choices and files
+
+    def action_next_source(self) -> None:
+        """Compare with the simulated files, or with the next model."""
+        group = self._vehicles[self.at] if self._vehicles else None
+        options = [] if group is None else options_of(group, self.ours.project.of("model"))
+        if group is None or not options:
+            self.say("there is nothing to compare with: neither simulated files, nor ideal scans and a model")
+            return
+        now = options.index(self._source(group))
+        chosen = options[(now + 1) % len(options)]
+        self.ours.state.selected[f"histograms {group.name}"] = chosen
+        self.say(f"{group.name}: {chosen} ({(now + 1) % len(options) + 1} of {len(options)})")
+        self.project_changed()
+
+    def action_write_cloud(self) -> None:
+        """Both vehicles as one cloud, as `vehicles merge` writes them."""
+        found, job, made = self._looked_at(), self.job, self.made
+        if found is not None and job is not None and made is not None:
+            at, placed = found
+            name = f"{file_name(job.name)}_{at.distance_m:.0f}m_merged.pcd"
+            write = partial(_write_cloud, at, placed.offset_m, made.result.vehicle)
+            self.exports.ask_file("Write both vehicles, as one cloud, to which file?", name, write, job)
+
+    def action_write_sheet(self) -> None:
+        """The histograms of all distances as a picture."""
+        job, made = self.job, self.made
+        if job is None or made is None:
+            self.say("r computes it first")
+            return
+        write = partial(_write_sheet, made.result, self.kind_of.get("histogram", "histogram"))
+        title = "Write the histograms of all distances to which PNG file?"
+        self.exports.ask_file(title, f"{file_name(job.name)}_distances.png", write, job)
+
+    def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
+        """The sheet, as the command."""
+        from lidarcheck.plots.vehicle_sheet import SHEET
+
+        return {SHEET: partial(_write_sheet, made.result, kind)}
+
+
+def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:
+    from lidarcheck.plots.vehicle_sheet import save_distances
+
+    save_distances(result, path, kind)
+    return f"{path.name}: all distances"
+
+
+def _write_cloud(at: AtDistance, offset_m: tuple[float, float], vehicle: str, path: Path) -> str:
+    from lidarcheck.calibration.vehicles import vehicle_named
+    from lidarcheck.calibration.vehicles_merge import merge_vehicles
+    from lidarcheck.formats.recognise import target_format, write_table
+
+    target_format(path)
+    names = ("the real scan", "the simulated scan")
+    merged = merge_vehicles(*at.cuts, vehicle_named(vehicle), x_m=offset_m[0], y_m=offset_m[1], files=names)
+    write_table(merged.columns, path)
+    return f"{path.name}: {merged.n_real + merged.n_simulated} points, Simulated is 0 for the real ones"

@@ -1,0 +1,133 @@
+"""Noise: the panels of a laboratory, what the sensor shows of each and of all, and the model's beside it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+
+from lidarcheck.tui.core.jobs import Job
+from lidarcheck.tui.core.models import NONE, chosen_model, next_model
+from lidarcheck.tui.core.noise import NoisePage, noise_jobs
+from lidarcheck.tui.screens.base import bindings
+from lidarcheck.tui.screens.pages import MOVES, PageView, together
+from lidarcheck.tui.widgets.lines import Line, Lines, line
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.figures import Figure, Page, Table
+
+__all__ = ["Noise"]
+
+_MODEL, _ALL = "noise.model", "noise.all"
+_TALL_FROM = 40
+
+
+class Noise(PageView):
+    """Halls, the panels of one, and figures of a panel or of all."""
+
+    NAME = "noise"
+    EMPTY = "no frames of panels: scans of one scene, numbered (frame_00.txt, frame_01.txt), or called panel, lab, hall"
+    WORDS: ClassVar[dict[str, str]] = {
+        "jobs": "Frames of one hall with panels: scans of one directory whose names differ by the number at their end, "
+        "and single scans called panel, lab or hall. An ideal scan beside them says where panels are and what they "
+        "are of; with it m simulates the same with a model. Enter or r computes, Ctrl+R looks at the files again.",
+        "panels": "The panels that were found, in order of range, with how often each is detected. '>' marks the one "
+        "whose figures are shown; n and p go on, and so do the arrows here.",
+        "words": "What lidarcheck panels says of them: tables of all panels, distances between real and simulated.",
+        "figures": "Amplitude, distance and walk of the panel with the '>'; a shows all panels instead: detection, "
+        "noise, amplitude over range, walk and noise over amplitude. v draws distributions in another way.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [*bindings("noise"), *MOVES]
+    DEFAULT_CSS = """
+    Noise #jobs { height: 3; }
+    Noise #panels { height: 5; }
+    Noise.tall #jobs { height: 6; }
+    Noise.tall #panels { height: 14; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.all = False
+        self._elsewhere = 0
+
+    def compose(self) -> ComposeResult:
+        """Halls, their panels, and words and figures below."""
+        yield Lines("Measurements", label="m", id="jobs")
+        yield Lines("Panels", label="p", id="panels")
+        with Horizontal():
+            yield Lines("Words", label="w", id="words")
+            yield Lines("Figures", label="f", id="figures")
+
+    def on_mount(self) -> None:
+        """What was seen last; the base's own is called besides, by Textual."""
+        self.all = self.ours.state.selected.get(_ALL) == "yes"
+
+    def on_resize(self, event: events.Resize) -> None:
+        """More of the lists where there is room."""
+        self.set_class(event.size.height >= _TALL_FROM, "tall")
+
+    def jobs(self) -> list[Job]:
+        """The halls."""
+        return noise_jobs(self.ours.project, self.ours.state.selected.get(_MODEL, ""))
+
+    def groups(self, page: Page) -> list[tuple[Figure, ...]]:
+        """A panel's figures together; of all panels so many as can be read."""
+        assert isinstance(page, NoisePage)
+        return together(page.over_all, 4 if self.has_class("wide") else 1) if self.all else list(page.own)
+
+    def draw(self) -> None:
+        """The panels as well."""
+        super().draw()
+        page, pane = self.page, self.query_one("#panels", Lines)
+        if not isinstance(page, NoisePage) or page.panels is None:
+            pane.show([line("  none found yet", "dim")] if self.listed else [], title="Panels")
+            return
+        last = len(page.panels.rows) - 1
+        at = min(self._elsewhere if self.all else self.turned, last)
+        title = "Panels, figures of all of them (a: of one)" if self.all else f"Panel {at + 1} of {last + 1}"
+        pane.show(_panel_lines(page.panels, at), title=title, cursor=at + 1)
+
+    def action_move(self, key: str) -> None:
+        """In the panels' pane the arrows choose the panel."""
+        if not self.query_one("#panels", Lines).has_focus:
+            super().action_move(key)
+        elif isinstance(self.page, NoisePage):
+            if self.all:
+                self.action_over_all()
+            last = len(self.page.own) - 1
+            steps = {"up": -1, "down": 1, "pageup": -4, "pagedown": 4, "home": -last, "end": last}
+            self.turned = max(min(self.turned + steps[key], last), 0)
+            self.draw()
+
+    def action_over_all(self) -> None:
+        """All panels' figures, or those of the panel that was looked at."""
+        self.all = not self.all
+        self.turned, self._elsewhere = self._elsewhere, self.turned
+        self.ours.state.selected[_ALL] = "yes" if self.all else ""
+        self.draw()
+
+    def action_model(self) -> None:
+        """Another model; what was computed with this one is kept."""
+        project, selected = self.ours.project, self.ours.state.selected
+        if not project.of("model"):
+            self.say("there is no model in the project")
+            return
+        job = self.job
+        beside = project.root if job is None else (project.root / job.name).parent
+        selected[_MODEL] = next_model(project, chosen_model(project, selected.get(_MODEL, ""), beside))
+        name = selected[_MODEL]
+        self.say("no model: real frames alone" if name == NONE else f"model: {name}; r computes with it")
+        self.project_changed()
+
+
+def _panel_lines(table: Table, at: int) -> list[Line]:
+    """The header and a line for each panel, '>' before the one that is looked at."""
+    widths = [max(map(len, column)) for column in zip(table.header, *table.rows, strict=True)]
+    texts = [
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        for row in (table.header, *table.rows)
+    ]
+    marked = (line(f"{'>' if i == at else ' '} {text}") for i, text in enumerate(texts[1:]))
+    return [line(f"  {texts[0]}", "title"), *marked]

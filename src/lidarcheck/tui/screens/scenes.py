@@ -1,0 +1,133 @@
+"""Scenes: whole measured frames beside what a model shows of them, and where the two disagree."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.core.jobs import Job
+from lidarcheck.tui.core.naming import labels_of, likely_model
+from lidarcheck.tui.core.project import Entry
+from lidarcheck.tui.core.scene_jobs import Effects, offers_of, scene_jobs
+from lidarcheck.tui.screens.base import bindings
+from lidarcheck.tui.screens.page_lines import room_for, together
+from lidarcheck.tui.screens.pages import MOVES, PageView
+from lidarcheck.tui.widgets.choose import Choose
+from lidarcheck.tui.widgets.lines import Lines
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.figures import Figure, Page
+
+__all__ = ["Scenes"]
+
+_AT_ONCE = 4
+
+
+class Scenes(PageView):
+    """`effects`: of each model, by its name, what was switched on and off; kept for the next start."""
+
+    NAME = "scenes"
+    EMPTY = (
+        "no frame was measured here: that takes scans, as real_street.pcd, and for each the ideal scan of the same "
+        "frame, ideal_street.pcd or real_street_ideal.pcd, and a model"
+    )
+    WORDS: ClassVar[dict[str, str]] = {
+        "jobs": "The measured frames, each with the ideal scan of its name. r has the model show the same frame and "
+        "compares the two; m takes the next model, f switches effects on and off, so that you see what an effect "
+        "explains. Pages of other choices are kept.",
+        "figures": "Maps over azimuth and elevation of where the two disagree: echoes, AREA, range, stray echoes, "
+        "measured minus simulated; n and p go on to the points of the largest disagreement and to detection over "
+        "elevation.",
+        "words": "The disagreements, the largest first; overlap and Chamfer distance beside those of two simulations; "
+        "the distances of the distributions; each object; each sector.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [*bindings("scenes"), *MOVES]
+
+    def jobs(self) -> list[Job]:
+        """A job for each measured frame, with the model and the effects that are chosen for its variant."""
+
+        def chosen(variant: str) -> tuple[Entry | None, Effects]:
+            model = self._model(variant)
+            return model, self._effects(model)
+
+        return scene_jobs(self.ours.project, chosen)
+
+    def groups(self, page: Page) -> list[tuple[Figure, ...]]:
+        """The maps first, so many at once as can be read, then all else."""
+        from lidarcheck.calibration.figures import Grid
+
+        pane = self.query_one("#figures", Lines)
+        most = room_for((pane.size.width, pane.rows), _AT_ONCE)
+        maps = [figure for figure in page.figures() if isinstance(figure, Grid)]
+        others = [figure for figure in page.figures() if not isinstance(figure, Grid)]
+        return [*together(maps, most), *((figure,) for figure in others)]
+
+    # Choices
+
+    def _models(self) -> list[Entry]:
+        return self.ours.project.of("model")
+
+    def _model(self, variant: str | None = None) -> Entry | None:
+        """The chosen model for a variant, by default that of the frame under the cursor; else the likeliest."""
+        wanted = self._variant() if variant is None else variant
+        chosen = self.ours.state.selected.get(f"scenes {wanted}", "")
+        found = next((entry for entry in self._models() if entry.name == chosen), None)
+        return found or likely_model(self._models(), wanted)
+
+    def _variant(self) -> str:
+        """What the name of the frame under the cursor says."""
+        scans = self.ours.project.of("scan", sound=False)
+        entry = next((entry for entry in scans if self.job is not None and entry.name == self.job.name), None)
+        return "" if entry is None else labels_of(entry).variant
+
+    def _effects(self, model: Entry | None) -> Effects:
+        kept = self.ours.state.selected
+        return Effects() if model is None else Effects.of(kept.get(f"effects {model.name}", ""))
+
+    def _choose(self, model: Entry, effects: Effects) -> None:
+        self.ours.state.selected[f"effects {model.name}"] = effects.text()
+        self.say(f"{model.name}{effects.words() or ', as its file says'}")
+        self.project_changed()
+
+    def action_next_model(self) -> None:
+        """The next model."""
+        models, now = self._models(), self._model()
+        if now is None:
+            self.say("there is no model in this project")
+            return
+        at = (models.index(now) + 1) % len(models)
+        self.ours.state.selected[f"scenes {self._variant()}"] = models[at].name
+        self.say(f"model: {models[at].name} ({at + 1} of {len(models)})")
+        self.project_changed()
+
+    def action_effects(self) -> None:
+        """Switch effects on and off in a list."""
+        from lidarcheck.model import load_model
+
+        entry = self._model()
+        if entry is None:
+            self.say("there is no model in this project")
+            return
+        try:
+            model = load_model(entry.path)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        if model.external is not None:
+            self.say(f"{entry.name} is an external model: it has no effects to choose from")
+            return
+        offers = offers_of(model, self._effects(entry))
+        own = [effect.name for effect in model.effects]
+
+        def taken(on: frozenset[str] | None) -> None:
+            if on is not None:
+                added = tuple(offer.name for offer in offers if offer.name in on and offer.name not in own)
+                self._choose(entry, Effects(tuple(name for name in own if name not in on), added))
+
+        self.ours.push_screen(Choose(f"Effects of {entry.name}", offers), taken)
+
+    def action_own_effects(self) -> None:
+        """The model as its file says."""
+        entry = self._model()
+        if entry is not None:
+            self._choose(entry, Effects())
