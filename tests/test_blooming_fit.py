@@ -24,6 +24,7 @@ from lidarcheck.sensor import Sensor
 
 DISTANCES = (69.0, 156.6, 199.0)
 LUT = parse_lut(lut_text().encode())
+SIDEWAYS = parse_lut(lut_text(key="LUT_bloomingH").encode())
 
 
 def cells_at(distance_m, variant, seed, axis="vertical"):
@@ -43,22 +44,49 @@ def fits():
     return made
 
 
-@pytest.mark.parametrize("variant", ["SMART", "SLIM"])
-def test_a_known_table_is_found_again(fits, variant):
-    result = fits[variant]
+@pytest.fixture(scope="session")
+def sideways():
+    """The same along the layers, on seeds of its own."""
+    made = {}
+    for variant, seed in (("SMART", 3501), ("SLIM", 4501)):
+        cells = [cells_at(d, variant, seed + i, "horizontal") for i, d in enumerate(DISTANCES)]
+        made[variant] = calibrate(cells, bench_of(sign_model(variant), "horizontal"), SIDEWAYS)
+    return made
+
+
+def holds(result, least):
+    """The fitted rows, at least so many, are the true ones."""
     fitted = [row for row in result.rows if row.status == "fitted"]
     error = np.log10([row.y / true_y(row.x) for row in fitted])
-    print(
-        f"{variant}: {len(fitted)} rows, rms {np.sqrt(np.mean(error**2)):.3f}, worst {np.abs(error).max():.3f} decades"
-    )
-    assert len(fitted) >= 12
+    print(f"{len(fitted)} rows, rms {np.sqrt(np.mean(error**2)):.3f}, worst {np.abs(error).max():.3f} decades")
+    assert len(fitted) >= least
     assert np.sqrt(np.mean(error**2)) < 0.05
     assert np.abs(error).max() < 0.1
     assert [row.x for row in result.rows] == list(X)
 
 
-def test_intervals_hold_the_truth(fits):
-    rows = [row for result in fits.values() for row in result.rows if row.status == "fitted"]
+@pytest.mark.parametrize("variant", ["SMART", "SLIM"])
+def test_a_known_table_is_found_again(fits, variant):
+    holds(fits[variant], least=12)
+
+
+@pytest.mark.parametrize("variant", ["SMART", "SLIM"])
+def test_a_known_horizontal_table_is_found_again(sideways, variant):
+    """Left and right are told apart: the table has a hump on one side, and half of the core on that side."""
+    result = sideways[variant]
+    holds(result, least=16)
+    rows = {row.x: row.y for row in result.rows}
+    assert rows[60] > 10 * rows[-50]
+    assert rows[-5.87] > 1.5 * rows[5.87]
+    assert result.axis == "horizontal"
+    written = result.lut.tables["horizontal"]
+    assert written.y.tolist() == pytest.approx([row.y for row in result.rows], abs=6e-8)
+
+
+@pytest.mark.parametrize("axis", ["fits", "sideways"])
+def test_intervals_hold_the_truth(axis, request):
+    results = request.getfixturevalue(axis)
+    rows = [row for result in results.values() for row in result.rows if row.status == "fitted"]
     inside = [row.low <= true_y(row.x) <= row.high for row in rows]
     assert np.mean(inside) >= 0.85
 

@@ -144,3 +144,138 @@ def test_the_table_is_not_replaced(place, capsys):
     assert main([*FIT[:-1], "."]) == 2
     assert "is the directory of --lut" in capsys.readouterr().err
     assert (place / "lut.ini").read_text() == lut_text()
+
+
+def test_simulated_scans_of_another_distance_are_refused(place, capsys):
+    far, _ = sign_frame(199.0, "SLIM", 32)
+    save_scan(far, "far.txt")
+    argv = ["bloom", "show", "scan.txt", "--simulated", "far.txt", "--model", "model.toml", "-q"]
+    assert main(argv) == 2
+    err = capsys.readouterr().err
+    assert err == (
+        "error: far.txt: its target is at 198.5 m, that of scan.txt at 156.2 m; "
+        "give one --simulated for each scan, in their order\n"
+    )
+
+
+def test_a_simulated_scan_of_other_layers_is_shown_beside(place, capsys):
+    """Fewer beams are no reason against it: the offsets that both have are compared."""
+    scan, _ = sign_frame(156.6, "SLIM", 31)
+    save_scan(scan.take(scan.layer >= 200), "fewer.txt")
+    argv = ["bloom", "show", "scan.txt", "--simulated", "fewer.txt", "--model", "model.toml", "--plot", "histogram"]
+    assert main([*argv, "-q"]) == 0
+    assert "range at 156.2 m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("variant", "ideal", "what"),
+    [
+        ("SLIM", (), "above the 135 at which the model's sensor, SMART, saturates"),
+        ("SMART", ("--ideal", "other_ideal.txt"), "that is how SMART saturates, not SLIM at 236"),
+    ],
+)
+def test_a_scan_of_the_other_variant_is_refused(place, variant, ideal, what, capsys):
+    """An ideal scan says how bright the target is, and so the fit would not notice by itself."""
+    scan, meets = sign_frame(156.6, variant, 33)
+    save_scan(scan, "other.txt")
+    save_ideal(meets, "other_ideal.txt")
+    save_model(sign_model("SMART" if variant == "SLIM" else "SLIM"), "model.toml")
+    argv = ["bloom", "fit", "other.txt", *ideal, "--model", "model.toml", "--lut", "lut.ini", "--out", "out", "-q"]
+    assert main(argv) == 2
+    assert what in capsys.readouterr().err
+    assert not (place / "out").exists()
+
+
+def test_a_profile_of_the_other_variant_is_refused(place, capsys):
+    save_model(sign_model("SMART"), "model.toml")
+    assert main(list(FIT)) == 2
+    assert "profile.csv: PEAK reaches 236, above the 135 at which SMART saturates" in capsys.readouterr().err
+
+
+def test_a_scan_counts_once(place, capsys):
+    assert main(["bloom", "fit", "scan.txt", "./scan.txt", *FIT[3:]]) == 2
+    assert capsys.readouterr().err == "error: scan.txt is named twice; name each file once\n"
+
+
+def test_a_fit_that_does_not_hold_says_so(place, capsys):
+    text = PROFILE.replace("160 *", "")
+    wide = text.splitlines(keepends=True)
+    rows = [",".join([*line.split(",")[:4], "40\n"]) for line in wide[1:]]
+    (place / "profile.csv").write_text("".join([wide[0], *rows]))
+    assert main([*FIT, "--smoothness", "0.3"]) == 0
+    assert "The model does not show what was measured" in capsys.readouterr().out
+
+
+def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(place, monkeypatch, capsys):
+    """The table and the model are written before the pictures, and taken back with them."""
+
+    def interrupted(*_args, **_how):
+        assert (place / "out/model.toml").exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lidarcheck.plots.figure_image.save_figure", interrupted)
+    assert main([*FIT, "--smoothness", "0.3", "-q"]) == 130
+    assert not (place / "out").exists()
+
+
+def test_a_model_in_the_output_directory_is_not_replaced(place, capsys):
+    (place / "out").mkdir()
+    save_model(sign_model("SLIM"), "out/model.toml")
+    before = (place / "out/model.toml").read_bytes()
+    argv = ["bloom", "fit", "profile.csv", "--model", "out/model.toml", "--lut", "lut.ini", "--out", "out"]
+    assert main(argv) == 2
+    assert "out/model.toml: would replace a file of this command" in capsys.readouterr().err
+    assert (place / "out/model.toml").read_bytes() == before
+
+
+def test_settings_are_checked_without_writing_too(place, capsys):
+    name = "Blooming_Calibration_V_SLIM.json"
+    assert main(["bloom", "settings", name, "--set", "69:SegHor=9999", "--dry-run"]) == 2
+    assert "SegHor = 9999 is out of range" in capsys.readouterr().err
+    assert main(["bloom", "settings", name, "--set", "-5:SegHor=400"]) == 2
+    assert "Distance = -5" in capsys.readouterr().err
+    assert not (place / name).exists()
+    both = ["--set", "69:IndexVerMin=900", "--set", "69:IndexVerMax=950"]
+    assert main(["bloom", "settings", name, *both, "-q"]) == 0
+    assert json.loads((place / name).read_text())[0]["IndexVerMax"] == 950
+    (place / name).write_text("[]")
+    assert main(["bloom", "settings", name]) == 0
+    assert "no distance has settings" in capsys.readouterr().out
+
+
+def test_ideal_scans_are_named_behind_one_option(place, capsys):
+    far, meets = sign_frame(199.0, "SLIM", 32)
+    save_scan(far, "far.txt")
+    save_ideal(meets, "far_ideal.txt")
+    show = ["bloom", "show", "scan.txt", "far.txt", "--model", "model.toml", "--json", "-", "-q"]
+    for ideals in (["--ideal", "ideal.txt", "far_ideal.txt"], ["--ideal", "ideal.txt", "--ideal", "far_ideal.txt"]):
+        assert main([*show, *ideals]) == 0
+        found = json.loads(capsys.readouterr().out)["result"]
+        assert [round(one["distance_m"]) for one in found] == [157, 199]
+
+
+@pytest.mark.parametrize("option", [("--signal", "1e8"), ("--settings", ".")])
+def test_two_ways_to_say_where_the_target_is_are_refused(place, option, capsys):
+    argv = ["scan.txt", "--ideal", "ideal.txt", "--model", "model.toml", *option]
+    assert main(["bloom", "show", *argv]) == 2
+    assert f"{option[0]} stands beside --ideal" in capsys.readouterr().err
+    assert main(["bloom", "fit", *argv, "--lut", "lut.ini", "--out", "out"]) == 2
+    assert f"{option[0]} stands beside --ideal" in capsys.readouterr().err
+
+
+def test_brightness_needs_a_target_that_is_known(place, capsys):
+    text = (place / "model.toml").read_text()
+    more = '\n[materials.20]\nname = "stud"\nreflectance = 0.5\nkind = "retro"\nretro_gain = 500.0\n'
+    (place / "model.toml").write_text(text + more)
+    argv = ["bloom", "fit", "scan.txt", "--ideal", "ideal.txt", "--free", "brightness", *FIT[3:]]
+    assert main(argv) == 2
+    assert "--free brightness does not say of which retro-reflector; name it with --target" in capsys.readouterr().err
+
+
+def test_a_target_alone_in_a_scan_may_not_be_cut(place, capsys):
+    scan, _ = sign_frame(69.0, "SLIM", 34)
+    save_scan(scan.take(scan.area > 3200), "alone.txt")
+    assert main(["bloom", "show", "alone.txt", "--model", "model.toml", "-q"]) == 2
+    err = capsys.readouterr().err
+    assert "the target is cut by the end of the scan" in err
+    assert "--ideal says which beams were fired" in err

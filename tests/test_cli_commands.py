@@ -95,7 +95,10 @@ def test_a_full_disk_leaves_nothing(bench_dir, capsys, monkeypatch):
     Path("a.txt").write_text("before")
     monkeypatch.setattr("os.fsync", full)
     assert simulate("a.txt", "-q") == 2
-    assert capsys.readouterr().err == "error: a.txt: cannot write: No space left on device; nothing was changed\n"
+    assert (
+        capsys.readouterr().err
+        == "error: a.txt: cannot write: No space left on device; nothing was changed; free some space\n"
+    )
     assert Path("a.txt").read_text() == "before"
     assert sorted(path.name for path in bench_dir.iterdir()) == ["a.txt", "ideal.txt", "model.toml"]
 

@@ -144,6 +144,28 @@ def test_the_model_that_is_read_is_not_replaced(here, capsys):
     assert "would replace a file of this command" in said
 
 
+def test_a_scan_counts_once_in_a_fit(here, capsys):
+    argv = ("1_25m.txt", "1_25m.txt", "--ideal", "1_25m_ideal.txt", "1_25m_ideal.txt", "--model", "SLIM.toml")
+    assert "1_25m.txt is named twice" in failed(capsys, "fit", *argv, "--out", "out")
+
+
+def test_one_distance_is_named_once(here, capsys):
+    argv = ("1_25m.txt", "--ideal", "1_25m_ideal.txt", "--model", "SLIM.toml", "--out", "out", "-q")
+    assert main(["ghosts", "fit", *argv]) == 0
+    assert "exponent is not told by signs at 25.0 m: it was left" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", ["find", "fit"])
+def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(here, verb, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lidarcheck.plots.page_files.draw_pictures", interrupted)
+    argv = ("1_25m.txt", "--ideal", "1_25m_ideal.txt", "--model", "SLIM.toml", "--out", "out", "-q")
+    assert main(["ghosts", verb, *argv]) == 130
+    assert not Path("out").exists()
+
+
 def test_find_shows_its_steps(here, capsys):
     assert main(["ghosts", "find", "1_25m.txt", "--steps"]) == 0
     out = capsys.readouterr().out

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,6 +111,26 @@ def test_a_table_fits_a_terminal_and_shows_markup_as_it_is(monkeypatch):
     assert max(len(re.sub(r"\x1b\[\d+m", "", line)) for line in drawn.splitlines()) <= 40
 
 
+WIDE = (Column("distance [m]", right=True), Column("feature"), *(Column(f"number {i}", right=True) for i in range(9)))
+
+
+@pytest.mark.parametrize("width", [80, 40, 24])
+def test_a_narrow_terminal_breaks_no_number(width, monkeypatch):
+    """The columns go on below, behind those that say what a row is of."""
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", str(width))
+    rows = [(f"{10 + i}.5", f"feature {i}", *(f"-{i}{j}.123456" for j in range(9))) for i in range(3)]
+    drawn = re.sub(r"\x1b\[\d+m", "", table(WIDE, rows))
+    assert max(map(len, drawn.splitlines())) <= width
+    words = drawn.split()
+    assert {cell for row in rows for cell in row[2:]} <= set(words)
+    blocks = len(drawn.split("\n\n"))
+    assert blocks > 1
+    assert words.count("11.5") == blocks
+    if width > 24:
+        assert drawn.count("feature 2") == blocks
+
+
 def test_progress_is_silent_where_nobody_watches(capsys):
     with progress("checking") as show:
         show(1, 3, "a")
@@ -211,3 +232,20 @@ def test_a_file_of_an_external_model_is_kept(simulation, capsys):
     Path("table.txt").write_text("//X Y Z\n")
     Path("external.toml").write_text(EXTERNAL)
     _refused(["ideal.txt", "--model", "external.toml", "--out", "table.txt"], "table.txt", capsys)
+
+
+def test_signs_that_an_output_cannot_hold_are_spelled_out():
+    code = "from lidarcheck.cli import main; import sys; main(['info', 'none']); print('−6.2…5.7° ✓ ∅ ü')"
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert run.stdout == "-6.2...5.7 deg ok - \\xfc\n"
+
+
+def test_help_is_wrapped_once(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["panels", "--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "  --ideal PATH...: What the beams meet: one ideal scan for all frames, or one" in lines
+    assert "      for each frame." in lines
+    assert any("[default: 4 85]" in line for line in lines)

@@ -227,3 +227,12 @@ def test_without_a_project_the_goldens_are_said_to_be_none(project, tmp_path, mo
     assert report(".") == 0
     assert release()["goldens"] is None
     assert "no project with goldens" in Path("release.html").read_text()
+
+
+def test_results_of_one_workflow_are_told_apart_by_their_file(project, capsys):
+    result("results/near")
+    result("results/far", words="One does not hold.")
+    assert report("results") == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["Panels", "✓", "there", "results/near/result.json", "All", "hold."] in lines
+    assert ["Panels", "✓", "there", "results/far/result.json", "One", "does", "not", "hold."] in lines

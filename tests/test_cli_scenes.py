@@ -1,6 +1,7 @@
 """`scenes compare` and `vehicles` as a user calls them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,11 @@ def files(tmp_path_factory):
     save_scan(scan.take(scan.layer != 240), where / "dead.pcd")
     model = model_of()
     save_model(model, where / "model.toml")
-    save_scan(simulate(ideal, model, seed=4), where / "sim.pcd")
+    shown = simulate(ideal, model, seed=4)
+    save_scan(shown, where / "sim.pcd")
+    save_scan(
+        replace(shown, **{axis: 2.0 * getattr(shown, axis) for axis in ("x_m", "y_m", "z_m")}), where / "elsewhere.pcd"
+    )
     (where / "street.toml").write_text(MODEL)
     everything = load_scene(builtin_path("vehicles_25m")).ideal(second_hits=False)
     near = (everything.layer > 150) & (everything.layer < 300) & (abs(everything.point - 480) < 90)
@@ -111,6 +116,7 @@ WRONG = {
     "real.pcd --ideal ideal.parquet --simulated sim.pcd --effects fog": "choose what a model does",
     "real.pcd --ideal ideal.parquet --model model.toml --effects fog --without rain": "--effects stands beside",
     "real.pcd --ideal ideal.parquet --simulated real.pcd": "real.pcd is named twice",
+    "real.pcd --ideal ideal.parquet --simulated elsewhere.pcd": "elsewhere.pcd: only 0 % of the simulated echoes lie",
     "real.pcd --ideal ideal.parquet --model model.toml --effects fgo": "did you mean fog?",
     "real.pcd --ideal ideal.parquet --model model.toml --without fog": "has no effect 'fog' to leave out; it has none",
     "real.pcd --ideal ideal.parquet --model model.toml --sectors 12": "--sectors 12 is no grid",
@@ -124,6 +130,8 @@ WRONG = {
     "real.pcd --ideal sim.pcd --model model.toml": "echoes, not an ideal scan",
     "ideal.parquet --ideal car_ideal.parquet --model model.toml": "this is an ideal scan, not echoes",
     "real.pcd --ideal ideal.parquet --model model.toml --scene city_stret": "city_street",
+    "real.pcd --ideal ideal.parquet --model model.toml --scene city_street": "not cast from the scene city_street: ",
+    "real.pcd --ideal ideal.parquet --model model.toml --sectors 1.5x4": "--sectors 1.5x4 is no grid",
 }
 
 
@@ -215,6 +223,7 @@ BAD = {
     "merge car_25m.pcd sim_25m.pcd --out both.pcd": "more than a vehicle",
     "merge car_25m.pcd sim_25m.pcd --out car_25m.pcd --vehicle car": "would replace another file",
     "merge car_25m.pcd sim_25m.pcd --out both.doc --vehicle car": "cannot write '.doc' files",
+    "compare car_25m.pcd --vehicle car --model street.toml --ideal car_ideal.parquet --object 1.5": "no whole number",
     "merge car_25m.pcd car_25m.pcd --out both.pcd --vehicle car": "is named twice",
     "merge car_25m.pcd sim_25m.pcd --out both.pcd --vehicle car --x 1e9": "--x 1e+09 is out of range",
     "merge car_25m.pcd sim_25m.pcd --out both.pcd --ideal car_ideal.parquet": "--ideal needs --object or --vehicle",

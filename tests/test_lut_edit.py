@@ -1,12 +1,15 @@
 """`lidarcheck lut`: several cells at once, on the editor's scale, and back."""
 
 import json
+import os
+import threading
 
 import pytest
 
 from conftest import shared_path
 from lidarcheck.cli import main
-from lidarcheck.formats.lut import load_lut, y_of_scaled
+from lidarcheck.errors import InputError
+from lidarcheck.formats.lut import load_lut, save_lut, y_of_scaled
 
 TEXT = (
     b"; kept\r\n[PostPro]\r\nPostPro.LUT_blooming_X = -20, -10 , 0,10,20,20\r\n"
@@ -110,12 +113,13 @@ def test_clip_stops_at_the_ends(file, capsys):
         (("--row", "0=2.5"), "scaled Y = 2.5 is out of range"),
         (("--row", "0=x"), "scaled Y = x is out of range"),
         (("--row", "0=1.5", "--true-y"), "Y = 1.5 is out of range; use a number from 0 to 1"),
-        (("--row", "6=1"), "the vertical table has rows 0 to 5"),
+        (("--row", "6=1"), "lut.ini: rows 6: the vertical table has rows 0 to 5"),
         (("--row", "3..1=1"), "use N or N..M"),
         (("--row", "a=1"), "'a' names no rows"),
         (("--row", "3"), "has no value"),
         (("--at", "-15=400"), "no X = -15; the nearest is -20; X goes from -20 to 20"),
         (("--at", "11..19=400"), "no X lies in 11..19"),
+        (("--at", "-10..-20=400"), "lut.ini: X -10..-20 runs downward; write -20..-10"),
         (("--table", "horizontal", "--row", "0=1"), "no horizontal table; it has a vertical one"),
         (("--table", "up", "--row", "0=1"), "there is no table 'up'"),
         ((), "nothing is set"),
@@ -128,7 +132,68 @@ def test_what_is_refused(file, argv, what, capsys):
     assert file.read_bytes() == TEXT
 
 
-@pytest.mark.parametrize("argv", [(), ("--by", "3", "--factor", "2"), ("--factor", "0"), ("--factor", "nan")])
+@pytest.mark.parametrize(
+    "argv",
+    [(), ("--by", "3", "--factor", "2"), ("--factor", "0"), ("--factor", "nan"), ("--by", "1.5"), ("--by", "-1.5")],
+)
 def test_what_scale_refuses(file, argv):
     assert run("lut", "scale", file, *argv) == 2
     assert file.read_bytes() == TEXT
+
+
+def test_an_edit_into_the_file_itself_can_be_taken_back(file):
+    assert run("lut", "set", file, "--row", "0=3", "--out", file.parent / "." / "lut.ini", "-q") == 0
+    assert run("lut", "undo", file, "-q") == 0
+    assert file.read_bytes() == TEXT
+
+
+def test_an_edit_that_fails_keeps_the_last_one_to_take_back(file, monkeypatch, capsys):
+    run("lut", "set", file, "--row", "0=3", "-q")
+    edited = file.read_bytes()
+    monkeypatch.setattr("lidarcheck.formats.lut.save_lut", full_for(file))
+    assert run("lut", "set", file, "--row", "1=3") == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert file.read_bytes() == edited
+    assert file.with_name("lut.ini.undo").read_bytes() == TEXT
+    assert run("lut", "undo", file) == 2
+    assert (file.read_bytes(), file.with_name("lut.ini.undo").read_bytes()) == (edited, TEXT)
+
+
+def full_for(file):
+    """Saving as on a disk that has room for the undo, and none for the file."""
+
+    def save(lut, path):
+        if path == file:
+            raise InputError("cannot write: No space left on device", file=path, fix="make room")
+        save_lut(lut, path)
+
+    return save
+
+
+def test_two_edits_at_once_never_lose_one(file, monkeypatch, capsys):
+    """The second edit read the file before the first was written."""
+    stale = load_lut(file)
+    run("lut", "set", file, "--row", "0=3", "-q")
+    edited = file.read_bytes()
+    monkeypatch.setattr("lidarcheck.formats.lut.load_lut", lambda _path: stale)
+    assert run("lut", "set", file, "--row", "1=3") == 2
+    assert "was changed by somebody else meanwhile; run the command again" in capsys.readouterr().err
+    assert file.read_bytes() == edited
+    assert file.with_name("lut.ini.undo").read_bytes() == TEXT
+
+
+def test_undo_says_what_is_missing(file, capsys):
+    assert run("lut", "undo", file) == 2
+    assert "lut.ini: there is no edit to take back; lut set, scale and smooth leave" in capsys.readouterr().err
+    assert run("lut", "undo", file.with_name("none.ini")) == 2
+    assert "none.ini: there is no such file" in capsys.readouterr().err
+
+
+def test_a_table_in_a_pipe_is_shown(tmp_path, capsys):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(TEXT,))
+    writer.start()
+    assert run("lut", "show", pipe) == 0
+    writer.join()
+    assert "-20     442" in capsys.readouterr().out

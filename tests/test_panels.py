@@ -18,8 +18,9 @@ from lidarcheck.calibration.panels_planes import fit_plane, level_of
 from lidarcheck.calibration.panels_samples import Sampler
 from lidarcheck.cli import main
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.formats import load_ideal, load_scan, save_scan
 from lidarcheck.formats.plain import plain
+from lidarcheck.scan import Scan
 from lidarcheck.sensor import beam_directions
 
 
@@ -271,7 +272,7 @@ def hall_files(tmp_path_factory):
 @pytest.fixture
 def no_pictures(monkeypatch):
     """Drawing is tested elsewhere and takes seconds."""
-    monkeypatch.setattr("lidarcheck.cli.workflow_output._draw_pictures", lambda *_: None)
+    monkeypatch.setattr("lidarcheck.plots.page_files.draw_pictures", lambda *_: None)
     monkeypatch.setattr("lidarcheck.plots.page_html.page_html", lambda shown: shown.summary)
 
 
@@ -318,7 +319,12 @@ REFUSED = {
     "{f0} {f1} --ideal {ideal} {ideal} {ideal}": "3 ideal scans for 2 measured frames",
     "{f0} --model {model}": "--model needs --ideal",
     "{f0} --ideal {ideal} --model {model} --simulated {f1}": "--model and --simulated are both given",
-    "{f0} nowhere.txt": "nowhere.txt: no such file",
+    "{f0} nowhere.txt": "nowhere.txt: there is no such file",
+    "{f0} {f0}": "is named twice; name each file once",
+    "{f0} --trim-layers 1.5": "--trim-layers 1.5 is no whole number",
+    "{f0} --expect 2.": "--expect 2. is no whole number",
+    "{f0} {f1} {moved} --ideal {ideal}": "frame_09.txt: shows none of the ",
+    "{f0} {f1} {wide}": "of its echoes on common beams lie elsewhere than in the frames together",
     "{f0} --range 80 5": "--range 80 5 is no interval",
     "{f0} --size 0 4": "--size 0 4 is no interval",
     "{f0} --trim-layers -1": "--trim-layers -1 is out of range; use 0 to 100 layers",
@@ -327,9 +333,18 @@ REFUSED = {
     "{f0} --expect 16": "2 panels found where 16 are expected: at ",
     "{f0} --range 50 60": "no panel found; found instead: ",
     "{empty}": "holds no echo",
-    "{f0} {moved}": "of its echoes lie elsewhere than in the frames together",
+    "{f0} {moved}": "of its echoes on common beams lie elsewhere than in the frames together",
     "{f0} --ideal {other}": "is it the ideal scan of this scene",
 }
+
+
+def _write_wide(frame, path):
+    """A frame of another place with ten times as many beams, most of which the others do not have."""
+    scan = load_scan(frame)
+    more = [np.concatenate([column, *([column] * 9)]) for column in (scan.layer, scan.point, scan.range_m)]
+    more[0] = np.concatenate([scan.layer, *(scan.layer % 20 + 300 + 20 * k for k in range(9))])
+    beams, first = np.unique(np.column_stack(more[:2]), axis=0, return_index=True)
+    save_scan(Scan.from_beams(beams[:, 0], beams[:, 1], more[2][first]), path)
 
 
 @pytest.mark.parametrize(("arguments", "says"), REFUSED.items())
@@ -339,6 +354,9 @@ def test_what_is_wrong_is_said(hall_files, tmp_path, arguments, says, capsys):
     other = ph.Hall([ph.Spot(20.0, 5.0, 0.0, 0.7, 0.8, PANEL_50)], end_m=60.0, side_m=5.0, stands=False)
     moved = ph.write_frames(tmp_path, other, "SMART", range(9, 10), ph.SMALL)[0]
     places = {"f0": f0, "f1": f1, "ideal": directory / "ideal.txt", "model": directory / "model.toml"}
+    wide = tmp_path / "wide.txt"
+    _write_wide(moved, wide)
+    places |= {"wide": wide}
     places |= {"empty": tmp_path / "empty.txt", "moved": moved, "other": tmp_path / "ideal.txt"}
     assert run(*arguments.format(**places).split(), "--out", tmp_path / "out", "-q") == 2
     text = capsys.readouterr()
@@ -346,6 +364,15 @@ def test_what_is_wrong_is_said(hall_files, tmp_path, arguments, says, capsys):
     assert text.err.startswith("error: ")
     assert text.err.count("\n") == 1
     assert says in text.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(hall_files, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("lidarcheck.plots.page_files.draw_pictures", interrupted)
+    assert run(hall_files[1][0], "--out", tmp_path / "out", "-q") == 130
     assert not (tmp_path / "out").exists()
 
 

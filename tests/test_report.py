@@ -8,6 +8,7 @@ import pytest
 
 from lidarcheck.errors import InputError
 from lidarcheck.harness.evidence import Evidence, Verdict
+from lidarcheck.plots.pages import breakable
 from lidarcheck.plots.report import report_html, write_report
 from lidarcheck.plots.strip import strip
 from report_kit import distance, kpi, missing, regressed, report, scenario
@@ -189,3 +190,9 @@ def test_written_whole_or_not_at_all(tmp_path):
     with pytest.raises(InputError):
         write_report(report(), tmp_path / "nowhere" / "check.html")
     assert [path.name for path in tmp_path.iterdir()] == ["check.html"]
+
+
+def test_a_page_breaks_names_and_no_number():
+    assert breakable("signal_at_1m") == "signal_<wbr>at_<wbr>1m"
+    assert breakable("result.json") == "result.<wbr>json"
+    assert breakable("-10.4 ... 0.5") == "-10.4 .<wbr>.<wbr>.<wbr> 0.5"

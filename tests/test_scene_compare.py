@@ -14,6 +14,7 @@ from lidarcheck.calibration.scene_compare_effects import chosen_effects
 from lidarcheck.calibration.scene_compare_groups import labels_of, sector_edges, sector_of
 from lidarcheck.calibration.scene_compare_page import page
 from lidarcheck.calibration.scene_compare_units import units_of, values_of
+from lidarcheck.calibration.scene_compare_words import _how_much
 from lidarcheck.effects import make
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.overlap import overlap
@@ -251,3 +252,9 @@ def test_what_does_not_belong_together_is_refused(street):
         compared(scan, ideal, model, sectors=(0, 3))
     with pytest.raises(UsageError, match="no frame"):
         compare_scene([])
+
+
+def test_echoes_where_none_is_simulated_are_said_in_percent():
+    """All beams, not 1e+02 % of them."""
+    assert _how_much("echo", 1.0, 0.0) == "echoes on 100 % of the beams instead of none"
+    assert _how_much("echo", 0.038, 0.0) == "echoes on 3.8 % of the beams instead of none"

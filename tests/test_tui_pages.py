@@ -239,13 +239,12 @@ def test_what_is_being_written_is_written_to_its_end(project, monkeypatch):
     go_on, begun, left = threading.Event(), threading.Event(), []
     monkeypatch.setattr(LidarcheckApp, "exit", lambda _app, *_, message=None: left.append(message))
 
-    def slowly(view, made, out, kind):
+    def slowly(place):
         begun.set()
         go_on.wait(60.0)
-        (out / "more.txt").write_text("done")
-        return ["more.txt"]
+        place.write_text("done")
 
-    monkeypatch.setattr(FakeView, "write_more", slowly)
+    monkeypatch.setattr(FakeView, "more_files", lambda *_: {"more.txt": slowly})
 
     async def do(app, pilot, view):
         await computed(pilot, view)

@@ -1,14 +1,16 @@
 """What workflows print and write: all of it, or nothing."""
 
+import errno
 import hashlib
 import json
+import re
 
 import numpy as np
 import pytest
 
 from lidarcheck.calibration.figures import Distribution, Page, Section, Table
 from lidarcheck.cli.command import ARGUMENTS
-from lidarcheck.cli.workflow_output import PLOTS, check_out_dir, finish
+from lidarcheck.cli.workflow_output import PLOTS, Folder, check_out_dir, finish
 from lidarcheck.errors import InputError
 from lidarcheck.plots.panels import KINDS, VIEWS
 
@@ -86,6 +88,71 @@ def test_a_fault_leaves_everything_as_it_was(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "report.html").read_text() == "old"
 
 
+class Gone:
+    """An output whose reader has gone."""
+
+    def write(self, _text):
+        raise BrokenPipeError
+
+    def isatty(self):
+        return False
+
+
+def test_all_is_written_before_anything_is_shown(tmp_path, monkeypatch):
+    """`| head` ends a command while it prints; what it has found must be there."""
+    monkeypatch.setattr("sys.stdout", Gone())
+    files = {"model.toml": lambda place: place.write_text("model")}
+    folders = {"panels": Folder(lambda place: (place / "panel_1_real.pcd").write_text("a"), re.compile("panel_.*"))}
+    with pytest.raises(BrokenPipeError):
+        finish(PAGE, {}, out=tmp_path / "out", json=None, plot=None, files=files, folders=folders)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "model.toml",
+        "panels",
+        "pictures",
+        "report.html",
+        "result.json",
+    }
+    assert (tmp_path / "out/panels/panel_1_real.pcd").read_text() == "a"
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_on_an_interrupt_the_files_of_a_workflow_are_as_they_were(tmp_path, before):
+    out = tmp_path / "out"
+    if before:
+        (out / "panels").mkdir(parents=True)
+        (out / "model.toml").write_text("old")
+        (out / "panels" / "panel_1_real.pcd").write_text("old")
+
+    def interrupted(place):
+        (place / "panel_1_real.pcd").write_text("new")
+        raise KeyboardInterrupt
+
+    files = {"model.toml": lambda place: place.write_text("new"), "more.ini": lambda place: place.write_text("new")}
+    folders = {"panels": Folder(interrupted, re.compile("panel_.*"))}
+    with pytest.raises(KeyboardInterrupt):
+        finish(PAGE, {}, out=out, json=None, plot=None, files=files, folders=folders)
+    if not before:
+        assert not out.exists()
+        return
+    assert {path.name for path in out.rglob("*")} == {"model.toml", "panels", "panel_1_real.pcd"}
+    assert {path.read_text() for path in out.rglob("*") if path.is_file()} == {"old"}
+
+
+def test_a_full_disk_is_said_of_the_place_that_a_picture_was_to_take(tmp_path, monkeypatch):
+    def full(_descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError) as caught:
+        finish(PAGE, {}, out=tmp_path / "out", json=None, plot=None)
+    (line,) = caught.value.lines()
+    assert line == (
+        f"error: {tmp_path}/out/pictures/01-range-residual-histogram.png: cannot write: No space left on device; "
+        "nothing was changed; free some space"
+    )
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_directory_that_cannot_be_written_is_refused_before_the_work(tmp_path):
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="is not a directory"):
@@ -102,3 +169,9 @@ def test_a_directory_that_cannot_be_written_is_refused_before_the_work(tmp_path)
     with pytest.raises(InputError, match="cannot be replaced"):
         check_out_dir(tmp_path)
     check_out_dir(tmp_path / "new")
+    (tmp_path / "pictures").unlink()
+    with pytest.raises(InputError, match="would replace a file of this command"):
+        check_out_dir(tmp_path, besides=(tmp_path / "model.toml",), files=["model.toml"])
+    (tmp_path / "model.toml").mkdir()
+    with pytest.raises(InputError, match="cannot be replaced"):
+        check_out_dir(tmp_path, files=["model.toml"])

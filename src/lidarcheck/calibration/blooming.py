@@ -21,6 +21,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.lut import Axis, LutFile, LutTable
 from lidarcheck.formats.settings import Settings, default_settings
+from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Light, PulseShape
 from lidarcheck.sensor import Sensor
@@ -152,6 +153,7 @@ def _cells(measured: Measured, bench: Bench) -> Cells:
         signal = _needed_signal(bench, name)
         return read_profile(measured.path, bench.sensor, signal_at_1m=signal, distance_m=measured.distance_m)
     scan = load_scan(measured.path)
+    check_variant(scan, bench.sensor, name)
     missing = [column for column in ("PEAK", "AREA", "WIDTH") if column in scan.defaulted]
     if missing:
         raise InputError(

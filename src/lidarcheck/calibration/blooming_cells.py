@@ -113,8 +113,9 @@ def cells_of_scan(scan: Scan, target: Target, axis: Axis, *, own: Own | None = N
     scan, so that a part of its light is not known; or the scan has no echo where the ideal scan has the target.
     """
     lines = np.unique(target.line)
-    own = own or _fired(scan, target, axis, lines)
-    _check_field(target, own, axis, name)
+    fired = own or _fired(scan, target, axis, lines)
+    _check_field(target, fired, axis, name, told=own is not None)
+    own = fired
     keep = ~own.left_out
     echo = _echo_of_beam(scan, target, axis, own)
     if not np.any((echo >= 0) & (own.target > 0.0)):
@@ -161,8 +162,8 @@ def _fired(scan: Scan, target: Target, axis: Axis, lines: npt.NDArray[np.int32])
     return Own(line, place, light, np.zeros(len(line)), np.zeros(len(line), dtype=bool))
 
 
-def _check_field(target: Target, own: Own, axis: Axis, name: str) -> None:
-    """Refuse a target at the first or last beam that was fired."""
+def _check_field(target: Target, own: Own, axis: Axis, name: str, *, told: bool) -> None:
+    """Refuse a target at the first or last beam that was fired; `told`: by an ideal scan, not by where echoes are."""
     low, high = int(own.place.min()), int(own.place.max())
     at_end = (target.place <= low) | (target.place >= high)
     if np.any(at_end):
@@ -173,9 +174,10 @@ def _check_field(target: Target, own: Own, axis: Axis, name: str) -> None:
             f"the target is cut by the end of {end}: it covers {unit} {target.place.min()} to {target.place.max()} "
             f"of {low} to {high}"
         )
-        raise InputError(
-            what, file=name, fix="use a frame in which all of it is seen; the light of the rest would be missing"
-        )
+        fix = "use a frame in which all of it is seen; the light of the rest would be missing"
+        if not told:
+            fix += "; where nothing beside it echoes, --ideal says which beams were fired"
+        raise InputError(what, file=name, fix=fix)
 
 
 def _echo_of_beam(scan: Scan, target: Target, axis: Axis, own: Own) -> IntArray:

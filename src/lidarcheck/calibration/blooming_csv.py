@@ -23,6 +23,7 @@ from lidarcheck.calibration.blooming_target import STEP, saturated
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source
+from lidarcheck.kpi.variant import ABOVE_SATURATION
 from lidarcheck.sensor import Sensor
 
 __all__ = ["is_profile", "profile_axis", "read_profile"]
@@ -80,6 +81,10 @@ def read_profile(
     offset, range_m, value = _long(numbered, file) if header == list(_LONG) else _wide(header, numbered, file)
     if not np.any(np.isfinite(value)):
         raise InputError("has no PEAK, AREA or WIDTH", file=file, fix="give at least one of them")
+    most = np.nanmax(value[:, 0]) if np.any(np.isfinite(value[:, 0])) else 0.0
+    if most > ABOVE_SATURATION * sensor.peak_saturation:
+        what = f"PEAK reaches {most:g}, above the {sensor.peak_saturation:g} at which {sensor.variant} saturates"
+        raise InputError(what, file=file, fix="name the model of the variant that measured")
     at_m = float(np.nanmean(range_m)) if distance_m is None and np.any(np.isfinite(range_m)) else distance_m
     if at_m is None:
         raise InputError("has no ranges", file=file, fix="name the distance as PROFILE@DISTANCE")

@@ -19,6 +19,8 @@ __all__ = ["calibration_document", "calibration_page", "profiles_document", "pro
 _UNIT: dict[Axis, str] = {"vertical": "SPAD rows, upward", "horizontal": "columns of 0.05 deg, to the left"}
 _LABELS = {"range": "range [m]", "PEAK": "PEAK", "AREA": "AREA", "WIDTH": "WIDTH [ns]"}
 _MOST_ROWS = 48
+_FAILS = 4.0
+"""Mean squared residual [variances] above which a fit is said not to hold."""
 _HEADER = ("target at [m]", "offsets", "echoes", "PEAK off [%]", "AREA off [%]", "WIDTH off [ns]")
 
 
@@ -28,6 +30,11 @@ def calibration_page(result: Calibration, provenance: Mapping[str, str]) -> Page
     fitted = sum(row.status == "fitted" for row in result.rows)
     at = ", ".join(f"{cells.distance_m:.1f}" for cells in result.cells)
     summary = f"The {result.axis} table fitted at {at} m: {fitted} of {len(result.rows)} rows rest on data."
+    if fit.misfit > _FAILS:
+        free = "; try --free pulse" if not any(p.name == "fwhm_ns" for p in fit.parameters) else ""
+        summary += (
+            f" The model does not show what was measured: squared residuals are {fit.misfit:.0f} variances{free}."
+        )
     names = [f"{cells.distance_m:.1f} m" for cells in result.cells]
     table = Section(
         "Table",
@@ -132,7 +139,7 @@ def _profile_figures(name: str, axis: Axis, real: Profile, made: Profile | None)
     for feature, label in _LABELS.items():
         curves = [Curve("real", real.offset, _column(real, feature))]
         if (made is not None and feature != "range") or (
-            made is not None and made is not real and np.any(made.range_m != real.range_m)
+            made is not None and made is not real and not np.array_equal(made.range_m, real.range_m, equal_nan=True)
         ):
             curves.append(Curve("simulated", made.offset, _column(made, feature)))
         log = feature in ("PEAK", "AREA")
@@ -154,7 +161,7 @@ def _profile_table(real: Profile, made: Profile | None) -> Table:
         header += [feature] if other is None else [feature, f"{feature} sim."]
     lines = []
     for row in rows[::step]:
-        line = [f"{real.offset[row]:g}", str(int(real.echoes[row])), _text(real.range_m[row], 2)]
+        line = [f"{round(float(real.offset[row]), 2):g}", str(int(real.echoes[row])), _text(real.range_m[row], 2)]
         for j in range(len(FEATURES)):
             line += (
                 [_text(real.value[row, j], 1)] if other is None else [_text(p.value[row, j], 1) for p in (real, other)]

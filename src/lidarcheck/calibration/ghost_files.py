@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from lidarcheck.calibration.ghost_data import check_expected
 from lidarcheck.calibration.ghosts import GhostScan, find_ghosts
 from lidarcheck.errors import InputError
-from lidarcheck.formats import load_scan
+from lidarcheck.formats import load_scan, save_scan
 from lidarcheck.kpi.variant import above_saturation, other_variant
 from lidarcheck.model import load_model, simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_name"]
+__all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
 
 
 def dataset_names(scans: Sequence[Path]) -> list[str]:
@@ -32,6 +33,11 @@ def dataset_names(scans: Sequence[Path]) -> list[str]:
 def stripped_name(name: str) -> str:
     """The file of a dataset's signs and ghosts alone."""
     return f"{name}_ghosts.pcd"
+
+
+def stripped_files(stripped: Mapping[str, Scan]) -> dict[str, Callable[[Path], object]]:
+    """What writes the signs and ghosts of each dataset, by the name of its file."""
+    return {stripped_name(name): partial(save_scan, scan) for name, scan in stripped.items()}
 
 
 def load_ghost_model(path: Path) -> Model:

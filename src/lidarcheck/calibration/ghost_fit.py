@@ -220,9 +220,10 @@ def _warnings(
 ) -> list[str]:
     said = []
     nearest, farthest = min(d.range_m for d in datasets), max(d.range_m for d in datasets)
+    place = f"{nearest:.1f} to {farthest:.1f}" if farthest - nearest >= 0.05 else f"{nearest:.1f}"
     if not free:
         said.append(
-            f"exponent is not told by signs at {nearest:.1f} to {farthest:.1f} m: it was left at "
+            f"exponent is not told by signs at {place} m: it was left at "
             f"{parameters['exponent'].value:g}, and strength holds for that; measure at ranges that differ by half"
         )
     elif region.reaches_end:

@@ -53,13 +53,14 @@ def table_of(lut: LutFile, name: str | None) -> Axis:
     there = list(lut.tables)
     if name is None:
         if len(there) > 1:
-            raise UsageError("the file has two tables", fix="say which: --table vertical or --table horizontal")
+            fix = "say which: --table vertical or --table horizontal"
+            raise UsageError("the file has two tables", fix=fix, file=lut.file)
         return there[0]
     for axis in there:
         if axis == name:
             return axis
     if name in ("vertical", "horizontal"):
-        raise UsageError(f"the file has no {name} table", fix=f"it has a {there[0]} one")
+        raise UsageError(f"the file has no {name} table", fix=f"it has a {there[0]} one", file=lut.file)
     raise UsageError(f"there is no table {name!r}", fix="use vertical or horizontal")
 
 
@@ -77,7 +78,8 @@ def rows_by_number(lut: LutFile, table: Axis, text: str) -> list[int]:
     found: list[int] = []
     for low, high in _ranges(text, "rows"):
         if low != int(low) or high != int(high) or not 0 <= low <= high <= most:
-            raise UsageError(f"rows {text}: the {table} table has rows 0 to {most}", fix="use N or N..M, as 5..9")
+            what = f"rows {text}: the {table} table has rows 0 to {most}"
+            raise UsageError(what, fix="use N or N..M, as 5..9", file=lut.file)
         found += range(int(low), int(high) + 1)
     return sorted(set(found))
 
@@ -87,11 +89,14 @@ def rows_at(lut: LutFile, table: Axis, text: str) -> list[int]:
     x = lut.tables[table].x
     found: list[int] = []
     for low, high in _ranges(text, "X"):
+        if low > high:
+            raise UsageError(f"X {text} runs downward", fix=f"write {high:g}..{low:g}", file=lut.file)
         rows = [row for row, at in enumerate(x.tolist()) if low <= at <= high or math.isclose(at, low, abs_tol=1e-9)]
         if not rows:
             near = min(x.tolist(), key=lambda at: abs(at - low))
             what = f"the {table} table has no X = {low:g}" if low == high else f"no X lies in {low:g}..{high:g}"
-            raise UsageError(what, fix=f"the nearest is {near:g}; X goes from {x[0]:g} to {x[-1]:g}")
+            fix = f"the nearest is {near:g}; X goes from {x[0]:g} to {x[-1]:g}"
+            raise UsageError(what, fix=fix, file=lut.file)
         found += rows
     return sorted(set(found))
 
@@ -179,7 +184,8 @@ def _within(
         return min(max(value, low), high)
     x = lut.tables[table].x[row]
     what = f"row {row} (X = {x:g}) would get {of} = {value:g}, which must lie between {low:g} and {high:g}"
-    raise UsageError(what, fix="choose rows with --rows or --x, or stop at the ends with --clip")
+    fix = "choose rows with --rows or --x, or stop at the ends with --clip"
+    raise UsageError(what, fix=fix, file=lut.file)
 
 
 def _each(lut: LutFile, rows: Iterable[int], edit: Any) -> LutFile:

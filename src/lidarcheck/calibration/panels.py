@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.calibration.panels_find import Found, Panel, Reject, find_panels
 from lidarcheck.calibration.panels_image import BeamImage, Echoes, amplitude, echoes_of, image_of_frames, image_of_ideal
@@ -26,6 +27,8 @@ MOST_HELD = 4_000_000
 STILL_M = 0.5
 MOVED_SHARE = 0.25
 POOR_SHARE = 0.5
+FEWEST_SEEN = 20.0
+"""Beams on panels that a frame usually shows, from which on a frame without any is no chance."""
 SOME_REJECTS = 4
 WALK_BINS_ALL = 24
 SAME_M, SAME_SHARE = 0.02, 0.99
@@ -155,18 +158,23 @@ def _survey(frames: Sequence[Frame], held: dict[int, Scan], progress: Progress) 
         if sum(len(other) for other in held.values()) + len(scan) <= MOST_HELD:
             held[i] = scan
     image = image_of_frames(echoes, frames[0].name)
+    shown = np.zeros(image.shape, dtype=np.int64)
+    for echo in echoes:
+        shown[echo.layer, echo.point] += 1
     for frame, echo in zip(frames, echoes, strict=False):
-        _check_still(image, echo, frame.name)
+        _check_still(image, echo, shown[echo.layer, echo.point] > 1, frame.name)
     return image
 
 
-def _check_still(image: BeamImage, echo: Echoes, name: str) -> None:
-    """Refuse a frame that shows another scene than the frames together."""
-    off = np.abs(echo.range_m - image.range_m[echo.layer, echo.point])
-    moved = float(np.mean(off > STILL_M + 0.01 * echo.range_m))
+def _check_still(image: BeamImage, echo: Echoes, shared: npt.NDArray[np.bool_], name: str) -> None:
+    """Refuse a frame that shows another scene than the frames together, on the beams that another frame shows too."""
+    off = np.abs(echo.range_m - image.range_m[echo.layer, echo.point])[shared]
+    if not len(off):
+        return
+    moved = float(np.mean(off > STILL_M + 0.01 * echo.range_m[shared]))
     if moved > MOVED_SHARE:
         raise InputError(
-            f"{100 * moved:.0f} % of its echoes lie elsewhere than in the frames together",
+            f"{100 * moved:.0f} % of its echoes on common beams lie elsewhere than in the frames together",
             file=name,
             fix="merge frames of one scene that stands still, or give each frame its --ideal",
         )
@@ -184,8 +192,12 @@ def _sampled(
         scan = held.pop(i, None)
         counts.append(sampler.add(_loaded(frame) if scan is None else scan))
     progress(len(frames), len(frames), "")
-    usual = float(np.median(counts))
+    usual = float(np.median([count for count in counts if count] or [0]))
     beams = sum(len(panel.layer) for panel in found.panels)
+    for frame, count in zip(frames, counts, strict=True):
+        if not count and usual >= FEWEST_SEEN:
+            what = f"shows none of the {beams} beams on panels, the other frames {usual:.0f} in the middle"
+            raise InputError(what, file=frame.name, fix="it is of another scene, or covered: leave it out")
     notes = [
         f"{frame.name} shows {count} of {beams} beams on panels, the frames in the middle {usual:.0f}"
         for frame, count in zip(frames, counts, strict=True)

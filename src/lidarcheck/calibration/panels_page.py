@@ -71,7 +71,8 @@ def _summary(result: PanelsResult) -> str:
         text += f", {100 * share:.2f} % in {result.frames_simulated} simulated"
     noise = [_noise_m(s) for s in sides if math.isfinite(_noise_m(s))]
     if noise:
-        text += f"; range noise {1000 * min(noise):.1f} to {1000 * max(noise):.1f} mm"
+        least, most = f"{1000 * min(noise):.1f}", f"{1000 * max(noise):.1f}"
+        text += f"; range noise {least if least == most else f'{least} to {most}'} mm"
     return f"{text}."
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.calibration.scene_compare import SceneFrame, simulated_frame
+from lidarcheck.calibration.scene_compare_checks import check_scene
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
@@ -21,14 +22,17 @@ def read_frame(
     model: Model | None = None,
     simulated: Path | None = None,
     scene: Caster | None = None,
+    scene_name: str = "",
     seed: int = 0,
     number: int = 0,
 ) -> SceneFrame:
     """A frame to compare: simulated with `model`, as frame `number`, or else read from `simulated`.
 
-    `InputError` names the file of another variant.
+    `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
     """
     scan, meets = load_scan(measured), load_ideal(ideal)
+    if scene is not None:
+        check_scene(meets, scene, scene_name, str(ideal))
     if model is not None:
         if model.external is None:
             check_variant(scan, model.sensor, measured)

@@ -82,7 +82,7 @@ def _how_much(feature: str, measured: float, simulated: float) -> str:
     difference = measured - simulated
     if feature == "echo":
         if simulated == 0.0:
-            return f"echoes on {100.0 * measured:.2g} % of the beams, none simulated,"
+            return f"echoes on {_digits(100.0 * measured)} % of the beams instead of none"
         share = 100.0 * difference / simulated
         return f"{_digits(abs(share))} % {'more' if share > 0 else 'fewer'} echoes"
     if feature == "stray":

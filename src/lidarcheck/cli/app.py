@@ -126,13 +126,15 @@ COMMANDS = (
 def make_app() -> App:
     """The parser, with every command known by name and none loaded."""
     plain = not sys.stdout.isatty()
+    if plain:
+        from lidarcheck.cli.help_text import HelpText
     app = App(
         name="lidarcheck",
         version=__version__,
         help="Calibrates and validates a LiDAR sensor model against measurements.",
         help_epilogue="Every command has its own help with an example: lidarcheck simulate --help",
         help_format="plaintext",
-        help_formatter="plain" if plain else "default",
+        help_formatter=HelpText() if plain else "default",
         suppress_keyboard_interrupt=False,
     )
     groups: dict[str, App] = {}

@@ -9,9 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.bloom_inputs import axis_of, bench_from, free_of, measured_of, provenance_of, reach_of, table_of
-from lidarcheck.cli.options import JsonFile, Quiet
-from lidarcheck.cli.outputs import check_writable, write_result
+from lidarcheck.cli.bloom_inputs import (
+    axis_of,
+    bench_from,
+    check_same_distance,
+    check_ways,
+    free_of,
+    measured_of,
+    provenance_of,
+    reach_of,
+    table_of,
+)
+from lidarcheck.cli.options import JsonFile, Quiet, Whole
+from lidarcheck.cli.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
@@ -19,6 +29,7 @@ from lidarcheck.errors import InputError, UsageError
 if TYPE_CHECKING:
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
+    from lidarcheck.plots.page_files import Writer
 
 __all__ = ["fit", "settings", "show"]
 
@@ -36,13 +47,17 @@ AxisName = Annotated[
 ModelFile = Annotated[Path, Parameter(help="The sensor model, TOML: variant, pulse and the target's material.")]
 Ideals = Annotated[
     list[Path] | None,
-    Parameter(negative=(), help="The ideal scan of each scan, in their order: tells the target's light beam by beam."),
+    Parameter(
+        consume_multiple=True,
+        negative=(),
+        help="The ideal scan of each scan, in their order, or one for all: tells the target's light beam by beam.",
+    ),
 ]
 SettingsPath = Annotated[
     Path | None, Parameter(help="Settings of the distances: a JSON file, or the directory that holds them.")
 ]
 Target = Annotated[
-    int | None, Parameter(help="The target's material in the model, where there are several retro-reflectors.")
+    int | None, Whole, Parameter(help="The target's material in the model, where there are several retro-reflectors.")
 ]
 Signal = Annotated[
     float | None, Parameter(help="The target's light instead: S of a beam at 1 m, avalanches per SPAD and shot.")
@@ -59,7 +74,10 @@ def show(
     *,
     model: ModelFile,
     simulated: Annotated[
-        list[str] | None, Parameter(negative=(), help="Simulated scans, one for each measured one, in their order.")
+        list[str] | None,
+        Parameter(
+            consume_multiple=True, negative=(), help="Simulated scans, one for each measured one, in their order."
+        ),
     ] = None,
     lut: Annotated[Path | None, Parameter(help="A table: what the model is expected to show with it.")] = None,
     axis: AxisName = None,
@@ -75,7 +93,8 @@ def show(
 ) -> int:
     """Show the profiles of the bloom, real over simulated."""
     hush(quiet)
-    _check_outputs(out, json, [*scans, *(ideal or ()), model, lut])
+    check_ways(ideal, settings, signal)
+    _check_outputs(out, json, [*scans, *(simulated or ()), *(ideal or ()), model, lut])
     from lidarcheck.calibration.blooming import expected_profile, gather
     from lidarcheck.calibration.blooming_cells import profile_of
     from lidarcheck.calibration.blooming_operator import nodes_of
@@ -95,7 +114,10 @@ def show(
         real = [profile_of(one) for one in cells]
         made: list[Any] = [None] * len(real)
         if others:
-            made = [profile_of(one) for one in gather(others, bench, reach_of(reach))]
+            shown = gather(others, bench, reach_of(reach))
+            for one, other in zip(cells, shown, strict=True):
+                check_same_distance(one, other)
+            made = [profile_of(one) for one in shown]
         if lut is not None:
             nodes = nodes_of(table_of(load_lut(lut), bench.axis, lut), bench.axis)
             response = response_of(bench.sensor, bench.shape)
@@ -141,9 +163,10 @@ def fit(
 ) -> int:
     """Fit a blooming table to the profiles of all distances together."""
     hush(quiet)
-    _check_outputs(out, json, [*scans, *(ideal or ()), model, lut])
+    check_ways(ideal, settings, signal)
     if out.resolve() == lut.resolve().parent:
         raise InputError("is the directory of --lut, which would be replaced", file=out, fix="name another for --out")
+    _check_outputs(out, json, [*scans, *(ideal or ()), model, lut], [lut.name, MODEL])
     if smoothness is not None and not 0.0 < smoothness < float("inf"):
         raise UsageError(f"--smoothness {smoothness:g} is out of range", fix="use a number above 0, as 0.3")
     from lidarcheck.calibration.blooming import calibrate, fitted_model, gather
@@ -155,19 +178,23 @@ def fit(
 
     choice = Free(**dict.fromkeys(free_of(free), True))
     measured = measured_of(scans, ideal)
+    check_twice([one.path for one in measured])
     given = load_lut(lut)
     with stage("reading"):
         bench = bench_from(model, axis_of(axis, measured), settings, target, signal)
+        if choice.brightness and bench.material is None and signal is None:
+            raise UsageError("--free brightness does not say of which retro-reflector", fix="name it with --target")
         cells = gather(measured, bench, reach_of(reach))
     with stage("fitting"):
         result = calibrate(cells, bench, given, free=choice, smoothness=smoothness)
-    out.mkdir(exist_ok=True)
     file = out / lut.name
-    save_lut(result.lut, file)
-    write_model(model, fitted_model(load_model(model), bench, result, file, choice), out / MODEL)
     provenance = provenance_of(model, [lut, *(m.path for m in measured)])
+    files: dict[str, Writer] = {
+        lut.name: lambda place: save_lut(result.lut, place),
+        MODEL: lambda place: write_model(model, fitted_model(load_model(model), bench, result, file, choice), place),
+    }
     page = calibration_page(result, provenance)
-    finish(page, calibration_document(result), out=out, json=json, plot=plot)
+    finish(page, calibration_document(result), out=out, json=json, plot=plot, files=files)
     note(f"{file}: the table; {out / MODEL}: the model that uses it")
     return 0
 
@@ -178,7 +205,12 @@ def settings(
     *,
     change: Annotated[
         list[str] | None,
-        Parameter(name="--set", negative=(), help="DISTANCE:KEY=VALUE, as 69:SegHor=440; may be repeated."),
+        Parameter(
+            name="--set",
+            negative=(),
+            allow_leading_hyphen=True,
+            help="DISTANCE:KEY=VALUE, as 69:SegHor=440; may be repeated.",
+        ),
     ] = None,
     remove: Annotated[
         list[float] | None, Parameter(negative=(), help="Take out the settings of this distance [m].")
@@ -196,8 +228,7 @@ def settings(
     """Show the settings of each distance, or change them."""
     hush(quiet)
     from lidarcheck.calibration.settings_edit import edited_settings, without_distance
-    from lidarcheck.formats.atomic import write_bytes
-    from lidarcheck.formats.settings import default_settings, load_settings, save_settings
+    from lidarcheck.formats.settings import check_settings, default_settings, load_settings
 
     if json is not None:
         check_writable(json, option="--json", besides=(file,))
@@ -211,12 +242,10 @@ def settings(
         now = without_distance(now, distance_m)
     for edit in change or ():
         now = edited_settings(now, edit)
+    if edits:
+        check_settings(now, file)
     if edits and not dry_run:
-        before = file.read_bytes() if there else None
-        save_settings(now, file)
-        if before is not None and before != file.read_bytes():
-            write_bytes(file.with_name(file.name + UNDO), before)
-            note(f"{file}: written; {file.name}{UNDO} holds what it was")
+        _save_settings(now, file)
     elif not there:
         note(f"{file}: not there; these are the defaults")
     text = json_module.dumps(now.document(), indent=2, ensure_ascii=False) + "\n"
@@ -227,13 +256,32 @@ def settings(
     return 0
 
 
+def _save_settings(now: Settings, file: Path) -> None:
+    """Write the settings, and what the file was beside it."""
+    from lidarcheck.formats.atomic import write_bytes
+    from lidarcheck.formats.settings import save_settings
+
+    if not file.exists():
+        save_settings(now, file)
+        note(f"{file}: written")
+        return
+    before, kept = file.read_bytes(), file.with_name(file.name + UNDO)
+    with alone(file, before if now.content is None else now.content), as_it_was([file, kept]):
+        save_settings(now, file)
+        if before != file.read_bytes():
+            write_bytes(kept, before)
+            note(f"{file}: written; {kept.name} holds what it was")
+        else:
+            note(f"{file}: written, the same bytes")
+
+
 def _show_settings(now: Settings) -> None:
     from lidarcheck.calibration.settings_edit import KEYS
 
     keys = KEYS[now.axis]
     emit(f"{now.axis}")
     rows = [[f"{getattr(entry, field):g}" for field in keys.values()] for entry in now.entries]
-    emit(table([Column(name, right=True) for name in keys], rows))
+    emit(table([Column(name, right=True) for name in keys], rows) if rows else "no distance has settings")
 
 
 def _axis_in_name(file: Path) -> Axis | None:
@@ -243,9 +291,11 @@ def _axis_in_name(file: Path) -> Axis | None:
     return "vertical" if name.startswith("blooming_calibration_v") else None
 
 
-def _check_outputs(out: Path | None, json: str | None, inputs: Sequence[str | Path | None]) -> None:
+def _check_outputs(
+    out: Path | None, json: str | None, inputs: Sequence[str | Path | None], names: Sequence[str] = ()
+) -> None:
     files = [None if one is None else str(one).rpartition("@")[0] or str(one) for one in inputs]
     if out is not None:
-        check_out_dir(out, besides=[*files, json])
+        check_out_dir(out, besides=[*files, json], files=names)
     if json is not None:
         check_writable(json, option="--json", besides=files)

@@ -10,11 +10,23 @@ from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming import Bench, Measured
+    from lidarcheck.calibration.blooming_cells import Cells
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
 
-__all__ = ["axis_of", "bench_from", "free_of", "measured_of", "provenance_of", "reach_of", "table_of"]
+__all__ = [
+    "axis_of",
+    "bench_from",
+    "check_same_distance",
+    "check_ways",
+    "free_of",
+    "measured_of",
+    "provenance_of",
+    "reach_of",
+    "table_of",
+]
 
+_SAME_M = 3.0
 FREE = ("pulse", "tail", "brightness")
 
 
@@ -56,6 +68,22 @@ def axis_of(axis: Axis | None, measured: Sequence[Measured]) -> Axis:
         return axis
     profiles = [one.path for one in measured if is_profile(one.path)]
     return (profile_axis(profiles[0]) if profiles else None) or "vertical"
+
+
+def check_ways(ideals: Sequence[Path] | None, settings: Path | None, signal: float | None) -> None:
+    """Refuse a second way to say what the ideal scan says already, which would be passed over without a word."""
+    for option, given in (("--signal", signal), ("--settings", settings)):
+        if ideals and given is not None:
+            what = f"{option} stands beside --ideal, which tells where the target is and, with the model, its light"
+            raise UsageError(what, fix="give the one or the other")
+
+
+def check_same_distance(real: Cells, simulated: Cells) -> None:
+    """Refuse a simulated target that stands elsewhere than the measured one."""
+    apart_m = abs(real.distance_m - simulated.distance_m)
+    if apart_m > _SAME_M + 0.01 * real.distance_m:
+        what = f"its target is at {simulated.distance_m:.1f} m, that of {real.name} at {real.distance_m:.1f} m"
+        raise InputError(what, file=simulated.name, fix="give one --simulated for each scan, in their order")
 
 
 def bench_from(

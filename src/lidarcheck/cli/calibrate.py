@@ -83,8 +83,7 @@ def calibrate(
         dict(_value(text, "--fix") if "=" in text else (text, None) for text in _names(fix or ())),
     )
     loaded = _checked(case, asked, out, json)
-    found = _calibrated(loaded, asked, out, seed, jobs, rounds)
-    _write(found, loaded, out, json, plot)
+    _calibrated(loaded, asked, out, seed, jobs, rounds, lambda found: _write(found, loaded, out, json, plot))
     return 0
 
 
@@ -133,25 +132,34 @@ def _checked(case: Path, asked: Asked, out: Path, json: str | None) -> Case:
     return loaded
 
 
-def _calibrated(loaded: Case, asked: Asked, out: Path, seed: int, jobs: int | None, rounds: int) -> Calibration:
-    """Run the loop, going on where an interrupted run stopped."""
+def _calibrated(
+    loaded: Case,
+    asked: Asked,
+    out: Path,
+    seed: int,
+    jobs: int | None,
+    rounds: int,
+    write: Callable[[Calibration], None],
+) -> None:
+    """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
     from lidarcheck.calibration.fit.loop import calibrate as run
     from lidarcheck.explain.notebook import Notebook, notebook_key
 
     key = notebook_key(loaded.hashes, loaded.model, seed, [repr(asked)])
-    with Notebook(out / KEPT, key) as notebook, _course(rounds) as (told, watched, seen):
+    with Notebook(out / KEPT, key) as notebook:
         if len(notebook):
             note(f"going on with what an interrupted run left in {out / KEPT}")
-        try:
-            found = run(
-                loaded, asked, seed=seed, jobs=jobs or _cores(), rounds=rounds, told=told, watched=watched,
-                notebook=notebook,
-            )  # fmt: skip
-        except KeyboardInterrupt:
-            _say_best(seen, loaded, asked, out)
-            raise
+        with _course(rounds) as (told, watched, seen):
+            try:
+                found = run(
+                    loaded, asked, seed=seed, jobs=jobs or _cores(), rounds=rounds, told=told, watched=watched,
+                    notebook=notebook,
+                )  # fmt: skip
+            except KeyboardInterrupt:
+                _say_best(seen, loaded, asked, out)
+                raise
+        write(found)
         notebook.discard()
-    return found
 
 
 def _cores() -> int:
@@ -211,6 +219,6 @@ def _write(found: Calibration, loaded: Case, out: Path, json: str | None, plot: 
     diff = model_diff(loaded.model, found.model)
     sources = {"case": str(loaded.directory), "seed": str(found.seed)}
     provenance = {**sources, **{name: f"sha256 {digest}" for name, digest in found.hashes.items()}}
-    finish(page(found, diff, provenance), document(found), out=out, json=json, plot=plot)
-    write_model(loaded.model_file, found.model, out / MODEL)
+    files = {MODEL: lambda place: write_model(loaded.model_file, found.model, place)}
+    finish(page(found, diff, provenance), document(found), out=out, json=json, plot=plot, files=files)
     note(f"{out / MODEL}: the model with the fitted numbers")

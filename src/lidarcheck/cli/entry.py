@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import errno
 import os
@@ -24,6 +25,12 @@ from lidarcheck.errors import InputError, LidarcheckError, UsageError
 __all__ = ["main"]
 
 COULD_NOT_RUN = 2
+SPELLED_OUT = "lidarcheck.spelled_out"
+"""How an output that holds no more than ASCII gets a sign that it lacks."""
+_SIGNS = {
+    "\u2212": "-", "\u2026": "...", "\u00b0": " deg", "\u2713": "ok", "\u2205": "-", "\u00d7": "x", "\u00b1": "+-",
+    "\u00b2": "^2", "\u2192": "->", "\u00b7": ".", "\u2013": "-",
+}  # fmt: skip
 INTERRUPTED = 130
 NO_READER = 141
 TERMINATED = 143
@@ -35,6 +42,17 @@ class Terminated(KeyboardInterrupt):
 
 def _terminate(*_: object) -> None:
     raise Terminated
+
+
+def _spelled_out(error: UnicodeError) -> tuple[str, int]:
+    """Usual signs in ASCII letters; others as their code."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(_SIGNS.get(c) or ascii(c)[1:-1] for c in text), error.end
+
+
+codecs.register_error(SPELLED_OUT, _spelled_out)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _provide_streams()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
+            stream.reconfigure(errors=SPELLED_OUT)
     with logs_on_stderr():
         try:
             code = _run(sys.argv[1:] if argv is None else list(argv))

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import JsonFile, Quiet, Seed
-from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts import GhostScan
@@ -60,7 +60,7 @@ def find(
     hush(quiet)
     _check_numbers(scans, ideal=ideal, simulated=simulated)
     _check_options(scans, range_m, bright, ideal, model, simulated)
-    from lidarcheck.calibration.ghost_files import dataset_names, stripped_name
+    from lidarcheck.calibration.ghost_files import dataset_names, stripped_files, stripped_name
     from lidarcheck.calibration.ghost_page import find_document, find_page
 
     _check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
@@ -69,10 +69,11 @@ def find(
     found = _found(scans, scenes, sensor_model, range_m, bright)
     others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
     page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed), steps=steps)
-    if out is not None:
-        _write_stripped(found, out)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
-    finish(page, document, out=out, json=json, plot=plot)
+    files = stripped_files({one.name: one.stripped() for one in found})
+    finish(page, document, out=out, json=json, plot=plot, files=files)
+    for one in found if out is not None else ():
+        note(f"{out}/{stripped_name(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
     return 0
 
 
@@ -94,11 +95,11 @@ def fit(
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)
     _check_numbers(scans, ideal=ideal)
+    check_twice(scans)
     _check_options(scans, (), bright, ideal, model, ())
     _check_places(out, json, (*scans, *ideal, model), [MODEL])
     from lidarcheck.calibration.ghost_fit import fit_ghosts
     from lidarcheck.calibration.ghost_fit_page import fit_document, fit_page
-    from lidarcheck.cli.explain_files import make_directory
     from lidarcheck.model.rewrite import write_model
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
@@ -108,9 +109,8 @@ def fit(
         fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
     others = _simulated(found, (), scenes, fitted.model, bright, seed)
     page = fit_page(fitted, others, _provenance(scans, ideal, (), model, seed))
-    make_directory(out)
-    write_model(model, fitted.model, out / MODEL)
-    finish(page, fit_document(fitted), out=out, json=json, plot=plot)
+    files = {MODEL: lambda place: write_model(model, fitted.model, place)}
+    finish(page, fit_document(fitted), out=out, json=json, plot=plot, files=files)
     note(f"{out / MODEL}: the model with retro_ghost")
     return 0
 
@@ -155,16 +155,7 @@ def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None
         check_writable(json, option="--json", besides=read)
     if out is None:
         return
-    check_out_dir(out, besides=(*read, json))
-    import os
-
-    places = {os.path.realpath(path) for path in read if path is not None}
-    for name in names:
-        place = out / name
-        if os.path.realpath(place) in places:
-            raise InputError("would replace a file of this command", file=place, fix="name another directory for --out")
-        if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
-            raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
+    check_out_dir(out, besides=(*read, json), files=names)
 
 
 def _model_of(path: Path | None) -> Model | None:
@@ -221,18 +212,6 @@ def _simulated(
             with stage(f"simulating {one.name}"):
                 others.append(find_simulated(one, ideals[i], model, bright=bright, seed=seed))
     return others
-
-
-def _write_stripped(found: Sequence[GhostScan], out: Path) -> None:
-    from lidarcheck.calibration.ghost_files import stripped_name
-    from lidarcheck.cli.explain_files import make_directory
-    from lidarcheck.formats import save_scan
-
-    make_directory(out)
-    for one in found:
-        path = out / stripped_name(one.name)
-        save_scan(one.stripped(), path)
-        note(f"{path}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
 
 
 def _provenance(

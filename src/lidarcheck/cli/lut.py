@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import JsonFlag, Quiet
-from lidarcheck.cli.outputs import check_writable, json_text
+from lidarcheck.cli.options import JsonFlag, Quiet, Whole
+from lidarcheck.cli.outputs import alone, as_it_was, check_writable, json_text
 from lidarcheck.cli.terminal import Column, emit, hush, note, table
 from lidarcheck.errors import InputError, UsageError
 
@@ -106,6 +107,7 @@ def scale(
     *,
     by: Annotated[
         int | None,
+        Whole,
         Parameter(allow_leading_hyphen=True, help="Steps on the editor's scale, 0.007 decades each: 20 or -20."),
     ] = None,
     factor: Annotated[float | None, Parameter(help="A factor on Y itself, as 1.5; instead of --by.")] = None,
@@ -176,12 +178,14 @@ def undo(file: File, /, *, json: JsonFlag = False, quiet: Quiet = False) -> int:
     hush(quiet)
     from lidarcheck.formats.lut import load_lut, save_lut
 
-    kept = _kept(file)
+    kept, now = _kept(file), load_lut(file)
     if not kept.is_file():
-        raise InputError("there is no edit to take back", file=kept, fix="lut set and lut scale leave this file")
-    now, earlier = load_lut(file), load_lut(kept)
-    save_lut(now, kept)
-    save_lut(earlier, file)
+        fix = f"lut set, scale and smooth leave {kept.name}"
+        raise InputError("there is no edit to take back", file=file, fix=fix)
+    earlier = load_lut(kept)
+    with alone(file, now.content), as_it_was([kept, file]):
+        save_lut(now, kept)
+        save_lut(earlier, file)
     _show_changes(now, earlier, json)
     note(f"{file}: as it was before; lut undo again brings the edit back")
     return 0
@@ -198,16 +202,21 @@ def _finish(
     from lidarcheck.formats.lut import save_lut
 
     target = out or file
+    in_place = os.path.realpath(target) == os.path.realpath(file)
     changed = before.content != after.content
     if not dry_run:
         check_writable(target, option="--out")
-        if changed and out is None:
-            save_lut(before, _kept(file))
-        save_lut(after, target)
+        if in_place:
+            with alone(file, before.content), as_it_was([_kept(file)]):
+                if changed:
+                    save_lut(before, _kept(file))
+                save_lut(after, target)
+        else:
+            save_lut(after, target)
     _show_changes(before, after, json)
     if dry_run:
         note("nothing was written")
-    elif changed and out is None:
+    elif changed and in_place:
         note(f"{file}: written; lidarcheck lut undo {file} takes it back")
     else:
         note(f"{target}: written" + ("" if changed else ", the same bytes"))

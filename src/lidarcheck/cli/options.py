@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -9,7 +10,7 @@ from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["MAX_SEED", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed"]
+__all__ = ["MAX_SEED", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed", "Whole"]
 
 MAX_SEED = 2**64 - 1
 MAX_JOBS = 1024
@@ -36,6 +37,15 @@ def _whole(text: str) -> int | None:
     return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 20 else None
 
 
+def _whole_number(_type: Any, tokens: Sequence[Any]) -> int:
+    option, text = tokens[0].keyword, tokens[0].value
+    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
+        raise UsageError(f"{option} {text} is no whole number", fix="write digits alone, as 5")
+    return int(text)
+
+
+Whole = Parameter(converter=_whole_number)
+"""A whole number: the parser alone would round 1.5 to 2 and say nothing."""
 Seed = Annotated[
     int, Parameter(converter=_seed, help="Seed of the random numbers, 0 to 2^64 - 1: the same seed, the same bytes.")
 ]

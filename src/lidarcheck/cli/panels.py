@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import secrets
+import re
 import shlex
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,19 +11,25 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import JsonFile, Quiet, Seed
-from lidarcheck.cli.outputs import check_writable
-from lidarcheck.cli.terminal import hush, note, progress, stage
-from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.cli.options import JsonFile, Quiet, Seed, Whole
+from lidarcheck.cli.outputs import check_twice, check_writable
+from lidarcheck.cli.terminal import hush, note, progress
+from lidarcheck.cli.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels import PanelsResult
+    from lidarcheck.calibration.panels_samples import PanelSamples
 
 __all__ = ["panels"]
 
 DIRECTORY = "panels"
+_SAVED = re.compile(r"panel_[0-9].*_.*\..*")
 Paths = Annotated[list[Path], Parameter(consume_multiple=True, negative=())]
+
+
+def _two(values: tuple[float, float]) -> str:
+    return f"{values[0]:g} {values[1]:g}"
 
 
 def panels(
@@ -44,16 +49,18 @@ def panels(
     format: Annotated[
         str, Parameter(help="Format of the panels' echoes: pcd, txt, csv, ply, las, laz or parquet.")
     ] = "pcd",
-    expect: Annotated[int | None, Parameter(help="How many panels there must be; another number is an error.")] = None,
-    range: Annotated[tuple[float, float], Parameter(negative=(), help="Nearest and farthest panel [m].")] = (4.0, 85.0),
+    expect: Annotated[
+        int | None, Whole, Parameter(help="How many panels there must be; another number is an error.")
+    ] = None,
+    range: Annotated[
+        tuple[float, float], Parameter(negative=(), show_default=_two, help="Nearest and farthest panel [m].")
+    ] = (4.0, 85.0),
     size: Annotated[
-        tuple[float, float], Parameter(negative=(), help="Least and largest width and height of a panel [m].")
-    ] = (
-        0.2,
-        4.0,
-    ),
-    trim_layers: Annotated[int, Parameter(help="Layers that the upper and the lower border lose.")] = 2,
-    trim_points: Annotated[int, Parameter(help="Points that the left and the right border lose.")] = 1,
+        tuple[float, float],
+        Parameter(negative=(), show_default=_two, help="Least and largest width and height of a panel [m]."),
+    ] = (0.2, 4.0),
+    trim_layers: Annotated[int, Whole, Parameter(help="Layers that the upper and the lower border lose.")] = 2,
+    trim_points: Annotated[int, Whole, Parameter(help="Points that the left and the right border lose.")] = 1,
     trim_m: Annotated[float, Parameter(help="The least that each border loses [m].")] = 0.0,
     floor_m: Annotated[
         float | None, Parameter(help="Height of the floor in the sensor frame [m]; found by default.")
@@ -92,12 +99,11 @@ def panels(
     with progress("panels:") as show:
         arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed)
         result = characterise(arrangements, settings, materials=names, progress=show)
-    with stage("writing the panels"):
-        count = _save(result, out, format)
     origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
     made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)
-    finish(page(result, made), document(result), out=out, json=json, plot=plot)
-    note(f"{out / DIRECTORY}: {count} files of the panels' echoes")
+    saved = Folder(lambda place: _save(result, place, format), _SAVED)
+    finish(page(result, made), document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
+    note(f"{out / DIRECTORY}: {len(_samples(result))} files of the panels' echoes")
     return 0
 
 
@@ -116,9 +122,11 @@ def _check_arguments(measured: Sequence[Path], ideals: list[Path], frames: list[
         raise UsageError(
             "--model and --simulated are both given", fix="give one: what the model is to simulate, or has"
         )
+    check_twice(measured)
+    check_twice(frames)
     for path in (*measured, *ideals, *frames):
         if not path.exists():
-            raise InputError("no such file", file=path, fix="check the path")
+            raise InputError("there is no such file", file=path, fix="check the name and the directory")
 
 
 def _check_places(out: Path, json: str | None, read: list[Path]) -> None:
@@ -133,26 +141,20 @@ def _check_places(out: Path, json: str | None, read: list[Path]) -> None:
         raise InputError("lies where the panels are written", file=inside, fix="choose another --out")
 
 
-def _save(result: PanelsResult, out: Path, suffix: str) -> int:
-    """A file of echoes for each panel and side, in the place of an earlier run's; all or none. How many."""
+def _save(result: PanelsResult, place: Path, suffix: str) -> None:
+    """A file of echoes for each panel and side."""
     from lidarcheck.calibration.panels import panel_scan
-    from lidarcheck.cli.explain_files import make_directory
     from lidarcheck.formats import save_scan
 
-    make_directory(out)
-    new, place = out / f".{DIRECTORY}.{secrets.token_hex(8)}.part", out / DIRECTORY
-    new.mkdir()
-    try:
-        for side, samples in (("real", result.measured), ("simulated", result.simulated or ())):
-            for panel, sample in zip(result.panels, samples, strict=False):
-                if len(sample.scan):
-                    save_scan(panel_scan(sample), new / f"panel_{panel.number:02d}_{side}.{suffix}")
-        place.mkdir(exist_ok=True)
-        for old in place.glob("panel_[0-9]*_*.*"):
-            old.unlink()
-        files = sorted(new.iterdir())
-        for path in files:
-            path.replace(place / path.name)
-        return len(files)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+    for name, sample in _samples(result):
+        save_scan(panel_scan(sample), place / f"{name}.{suffix}")
+
+
+def _samples(result: PanelsResult) -> list[tuple[str, PanelSamples]]:
+    """What each panel and side shows, where it shows anything, by the name of its file."""
+    return [
+        (f"panel_{panel.number:02d}_{side}", sample)
+        for side, samples in (("real", result.measured), ("simulated", result.simulated or ()))
+        for panel, sample in zip(result.panels, samples, strict=False)
+        if len(sample.scan)
+    ]

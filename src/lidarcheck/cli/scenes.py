@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
@@ -84,8 +85,6 @@ def compare(
     if out is not None:
         check_out_dir(out, besides=inputs)
     if json is not None:
-        from lidarcheck.cli.outputs import check_writable
-
         check_writable(json, option="--json", besides=inputs)
     from lidarcheck.calibration.scene_compare import compare_scene
     from lidarcheck.calibration.scene_compare_checks import check_grouping
@@ -98,7 +97,7 @@ def compare(
         scene_file = _scene(scene)
         names = {} if scene_file is None else dict(scene_file.scene.names)
         materials = {} if sensor_model is None else {n: m.name for n, m in sensor_model.materials.items()}
-    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, seed)
+    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
     files = provenance_of(list(zip(measured, ideal, strict=True)), sensor_model, simulated or (), seed=seed)
@@ -133,11 +132,7 @@ def _check_arguments(
         )
     if effects is not None and without:
         raise UsageError("--effects stands beside --without", fix="give the one or the other")
-    seen: set[Path] = set()
-    for file in (*measured, *ideal, *(simulated or ())):
-        if file in seen:
-            raise UsageError(f"{file} is named twice", fix="name each file once")
-        seen.add(file)
+    check_twice((*measured, *ideal, *(simulated or ())))
 
 
 def _model(path: Path, effects: Sequence[str] | None, without: Sequence[str] | None) -> Model:
@@ -169,6 +164,7 @@ def _frames(
     simulated: Sequence[Path],
     model: Model | None,
     scene: SceneFile | None,
+    scene_name: str,
     seed: int,
 ) -> list[SceneFrame]:
     """The frames, read and simulated."""
@@ -184,6 +180,7 @@ def _frames(
                 model=model,
                 simulated=simulated[number] if model is None else None,
                 scene=None if scene is None else scene.scene,
+                scene_name=scene_name,
                 seed=seed,
                 number=number,
             )

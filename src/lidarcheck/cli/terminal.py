@@ -13,7 +13,9 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Literal
+
+from lidarcheck.cli.table_blocks import Column, blocks
 
 __all__ = ["Column", "complain", "emit", "hush", "logs_on_stderr", "note", "paragraphs", "progress", "stage", "table"]
 
@@ -81,18 +83,6 @@ def emit(text: str) -> None:
     sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
 
-class Column(str):
-    """A table column's heading; `right` for numbers."""
-
-    right: bool
-
-    def __new__(cls, heading: str, right: bool = False) -> Column:
-        """A heading, aligned left unless `right`."""
-        column = super().__new__(cls, heading)
-        column.right = right
-        return column
-
-
 def table(columns: Sequence[Column], rows: Sequence[Sequence[str]], *, styles: Sequence[str] = ()) -> str:
     """Text of a table: drawn and fitted to a terminal, aligned plain columns elsewhere. `styles`: one a row."""
     if sys.stdout.isatty():
@@ -113,16 +103,20 @@ def _drawn(columns: Sequence[Column], rows: Sequence[Sequence[str]], styles: Seq
     from rich.table import Table
     from rich.text import Text
 
-    # No box: over a slow line every byte counts, and 80 columns are few.
-    drawn = Table(box=None, pad_edge=False, padding=(0, 1))
-    for column in columns:
-        drawn.add_column(Text(column), justify="right" if column.right else "left", overflow="fold")
-    for i, row in enumerate(rows):
-        drawn.add_row(*(Text(cell) for cell in row), style=styles[i] if styles else None)
     console = Console(file=sys.stdout)
-    with console.capture() as capture:
-        console.print(drawn)
-    return "".join(f"{line.rstrip()}\n" for line in capture.get().splitlines())
+    parts = []
+    for block in blocks(columns, rows, console.width):
+        # No box: over a slow line every byte counts, and 80 columns are few.
+        drawn = Table(box=None, pad_edge=False, padding=(0, 1))
+        for at, width in block:
+            justify: Literal["left", "right"] = "right" if columns[at].right else "left"
+            drawn.add_column(Text(columns[at]), justify=justify, overflow="fold", width=width)
+        for i, row in enumerate(rows):
+            drawn.add_row(*(Text(row[at]) for at, _ in block), style=styles[i] if styles else None)
+        with console.capture() as capture:
+            console.print(drawn)
+        parts.append("".join(f"{line.rstrip()}\n" for line in capture.get().splitlines()))
+    return "\n".join(parts)
 
 
 def paragraphs(text: str) -> str:

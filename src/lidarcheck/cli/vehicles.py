@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.options import JsonFile, Quiet, Seed, Whole
 from lidarcheck.cli.outputs import check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
 from lidarcheck.cli.vehicles_files import Named, boxes, check_compare, check_merge, named
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["compare", "merge"]
 
+Object = Annotated[int, Whole, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")]
 Boxes = Annotated[
     list[str],
     Parameter(
@@ -44,7 +45,7 @@ def compare(
         Parameter(consume_multiple=True, negative=(), help="What the beams meet, one for each: with it by ObjectID."),
     ] = None,
     variant: Annotated[str | None, Parameter(help="SMART or SLIM: refuse frames of the other variant.")] = None,
-    object_: Annotated[int | None, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")] = None,
+    object_: Object | None = None,
     box: Boxes | None = None,
     out: Annotated[Path | None, Parameter(help="Directory for the page, the numbers and the pictures.")] = None,
     seed: Seed = 0,
@@ -61,9 +62,7 @@ def compare(
     from lidarcheck.plots.vehicle_sheet import SHEET, save_distances
 
     if out is not None:
-        check_out_dir(out, besides=inputs)
-        if out.exists():
-            check_writable(out / SHEET, option="--out", besides=inputs)
+        check_out_dir(out, besides=[*inputs, json], files=[SHEET])
     if json is not None:
         check_writable(json, option="--json", besides=inputs)
     from lidarcheck.calibration.vehicles import vehicle_named
@@ -76,10 +75,9 @@ def compare(
     with stage("comparing"):
         result = compare_vehicles(kind, pairs)
     files = provenance_of([r.path for r in reals], [s.path for s in shown], ideals, model, seed=seed)
-    finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot)
+    sheet = {SHEET: lambda place: save_distances(result, place, plot or "histogram")}
+    finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot, files=sheet)
     if out is not None:
-        with stage("drawing"):
-            save_distances(result, out / SHEET, plot or "histogram")
         note(f"{out / SHEET}: all distances")
     return 0
 
@@ -140,7 +138,7 @@ def merge(
     ideal: Annotated[
         Path | None, Parameter(help="What the beams meet: the vehicle is cut out by its ObjectID.")
     ] = None,
-    object_: Annotated[int | None, Parameter(name="--object", help="The vehicle's ObjectID in the ideal scan.")] = None,
+    object_: Object | None = None,
     box: Boxes | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from lidarcheck.cli.outputs import check_twice
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
@@ -96,19 +97,13 @@ def check_compare(
         if None not in (r.distance_m, s.distance_m) and r.distance_m != s.distance_m:
             what = f"pair {i + 1} is {r.path} at {r.distance_m:g} m and {s.path} at {s.distance_m:g} m"
             raise UsageError(what, fix="give real and simulated frames in one order of distances")
-    _check_twice([*(r.path for r in real), *(s.path for s in simulated)])
+    check_twice([*(r.path for r in real), *(s.path for s in simulated)])
 
 
 def _check_variant_name(variant: str) -> None:
     from lidarcheck.sensor import Sensor
 
     Sensor.of(variant)
-
-
-def _check_twice(files: Sequence[Path]) -> None:
-    for i, file in enumerate(files):
-        if file in files[:i]:
-            raise UsageError(f"{file} is named twice", fix="name each frame once")
 
 
 def check_merge(
@@ -125,7 +120,7 @@ def check_merge(
     from lidarcheck.formats.recognise import target_format
 
     target_format(out)
-    _check_twice([file.path for file in files])
+    check_twice(file.path for file in files)
     if object_ is not None and ideal is None:
         raise UsageError("--object needs --ideal", fix="give the ideal scan, whose ObjectID it is")
     if object_ is not None and box:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,12 +18,22 @@ from lidarcheck.cli.command import ARGUMENTS
 from lidarcheck.cli.outputs import write_result
 from lidarcheck.cli.terminal import Column, emit, note, paragraphs, stage, table
 from lidarcheck.errors import UsageError
-from lidarcheck.plots.page_files import ALL, PAGE, PICTURES, RESULT, check_out_dir, page_text, write_page
+from lidarcheck.plots.page_files import (
+    ALL,
+    PAGE,
+    PICTURES,
+    RESULT,
+    Folder,
+    Writer,
+    check_out_dir,
+    page_text,
+    write_page,
+)
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
-__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Plot", "check_out_dir", "finish"]
+__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "finish"]
 
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.plots.panels` has the same, which a test holds."""
@@ -50,18 +60,30 @@ Plot = Annotated[
 ]
 
 
-def finish(page: Page, document: Any, *, out: Path | None, json: str | None, plot: str | None) -> None:
+def finish(
+    page: Page,
+    document: Any,
+    *,
+    out: Path | None,
+    json: str | None,
+    plot: str | None,
+    files: Mapping[str, Writer] | None = None,
+    folders: Mapping[str, Folder] | None = None,
+) -> None:
     """Show a workflow's result and write what was asked for.
 
     Standard output gets the summary and the tables, with `plot` the figures as well, unless `json` is `-`. `out` gets
-    `report.html`, `result.json` and `pictures/`, all or none; `json` the same text as `result.json`. `document`: what
-    `formats.plain` can turn into JSON.
+    `report.html`, `result.json` and `pictures/`, and what this workflow has besides, `files` and `folders`, all or
+    none, before anything is shown: who reads the output may go early. `json` gets the same text as `result.json`.
+    `document`: what `formats.plain` can turn into JSON.
     """
     if out is None:
         text = page_text(page, document, command=_command())
     else:
         with stage("drawing"):
-            text = write_page(page, document, out, command=_command(), kind=plot or "histogram")
+            text = write_page(
+                page, document, out, command=_command(), kind=plot or "histogram", files=files, folders=folders
+            )
     if json is not None:
         write_result(json, text)
     if json != "-":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -12,6 +13,9 @@ from typing import IO
 from lidarcheck.errors import InputError
 
 __all__ = ["atomic_path", "atomic_write", "write_bytes", "write_text"]
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextlib.contextmanager
@@ -36,7 +40,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(target)
         temporary = None
     except OSError as error:
-        raise InputError(f"cannot write: {error.strerror or error}", file=path, fix="nothing was changed") from error
+        remedy = "free some space" if error.errno in _FULL else "choose another place"
+        fix = f"nothing was changed; {remedy}"
+        raise InputError(f"cannot write: {error.strerror or error}", file=path, fix=fix) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

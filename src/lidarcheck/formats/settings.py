@@ -31,6 +31,7 @@ from lidarcheck.sensor import LAYERS, POINTS, VARIANTS
 __all__ = [
     "Setting",
     "Settings",
+    "check_settings",
     "default_settings",
     "find_settings",
     "limits_of",
@@ -185,6 +186,14 @@ def find_settings(directory: str | os.PathLike[str], axis: Axis, variant: Litera
     return load_settings(path if path.exists() else None, axis)
 
 
+def check_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
+    """Refuse settings that a file could not hold, as `save_settings` would: `ConfigError`."""
+    lines = LineIndex(Path(path))
+    document = {"settings": settings.document()}
+    validate(document, lines, _VerticalFile if settings.axis == "vertical" else _HorizontalFile)
+    _check_distances(settings.entries, lines)
+
+
 def save_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
     """Write settings with an indent of 2, atomic; unedited ones get the bytes of the file they were read from.
 
@@ -195,10 +204,8 @@ def save_settings(settings: Settings, path: str | os.PathLike[str]) -> None:
 
 def settings_content(settings: Settings, file: Path) -> bytes:
     """The bytes that `save_settings` writes to a file; errors as there."""
+    check_settings(settings, file)
     document = settings.document()
-    lines = LineIndex(file)
-    validate({"settings": document}, lines, _VerticalFile if settings.axis == "vertical" else _HorizontalFile)
-    _check_distances(settings.entries, lines)
     if settings.content is not None and _values(settings.content.decode("utf-8-sig")) == document:
         return settings.content
     return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode("utf-8")

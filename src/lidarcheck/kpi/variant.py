@@ -11,9 +11,10 @@ from lidarcheck.errors import InputError
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import VARIANTS, Sensor
 
-__all__ = ["above_saturation", "check_variant", "check_variants", "other_variant", "variant_of"]
+__all__ = ["ABOVE_SATURATION", "above_saturation", "check_variant", "check_variants", "other_variant", "variant_of"]
 
 ABOVE_SATURATION, FEWEST_ABOVE = 1.05, 3
+FEWEST_AT_TOP = 10
 PILE_PEAKS, FEWEST_PILED, PILE_RATIO = 5, 20, 3
 
 
@@ -48,8 +49,11 @@ def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
         if name == sensor.variant or other >= top or not len(peak) or peak.max() != other:
             continue
         piled = int(np.count_nonzero(peak > other - PILE_PEAKS))
+        at_top, next_to_it = (int(np.count_nonzero(peak == other - step)) for step in (0, 1))
         below = int(np.count_nonzero((peak <= other - PILE_PEAKS) & (peak > other - 2 * PILE_PEAKS)))
-        if piled >= FEWEST_PILED and piled > PILE_RATIO * below:
+        # A tail that ends by chance at that value would have one or two there, and more beside it.
+        ends = at_top >= FEWEST_AT_TOP and at_top > next_to_it
+        if ends or (piled >= FEWEST_PILED and piled > PILE_RATIO * below):
             return (
                 f"no PEAK is above {other:g}, where {piled} echoes pile up: that is how {name} saturates, "
                 f"not {sensor.variant} at {top:g}"

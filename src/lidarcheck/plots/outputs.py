@@ -6,13 +6,21 @@ import contextlib
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
 
-__all__ = ["STANDARD_OUTPUT", "check_writable", "json_text", "make_directory", "write_file", "write_together"]
+__all__ = [
+    "STANDARD_OUTPUT",
+    "as_it_was",
+    "check_writable",
+    "json_text",
+    "make_directory",
+    "write_file",
+    "write_together",
+]
 
 STANDARD_OUTPUT = "-"
 
@@ -77,6 +85,18 @@ def make_directory(out: Path) -> None:
     finally:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def as_it_was(files: Iterable[Path]) -> Iterator[None]:
+    """The files are as they were when the block fails or is interrupted."""
+    old = {file: file.read_bytes() if file.is_file() else None for file in files}
+    try:
+        yield
+    except BaseException:
+        for file, content in old.items():
+            _put_back(file, content)
+        raise
 
 
 def write_together(out: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:

@@ -31,8 +31,8 @@ def page_environment() -> Environment:
 
 
 def breakable(name: str) -> Markup:
-    """A name that may be broken behind its dots and underscores."""
-    return Markup(re.sub(r"([._])", r"\1<wbr>", str(escape(name))))
+    """A name that may be broken behind its dots and underscores, but for a number's."""
+    return Markup(re.sub(r"(?<![0-9])[._]|[._](?![0-9])", r"\g<0><wbr>", str(escape(name))))
 
 
 def _code(text: str) -> Markup:

@@ -25,6 +25,7 @@ from lidarcheck.calibration.fit.parameters import (
 )
 from lidarcheck.calibration.fit.roles import deal, is_separable, thinned
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.table import counted
 from lidarcheck.model.spec import Model
 
 if TYPE_CHECKING:
@@ -194,7 +195,8 @@ class _Loop:
                 self.notes.append(f"after round {number} what is held out improves no longer")
                 break
         else:
-            self.notes.append(f"{self.rounds} rounds were done and what is held out still improves; run more --rounds")
+            done = f"{counted(self.rounds, 'round')} {'was' if self.rounds == 1 else 'were'} done"
+            self.notes.append(f"{done} and what is held out still improves; run more --rounds")
         return history, x
 
     def finish(self, history: list[Round], x: FloatArray) -> tuple[Estimate, list[Round], int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,6 +19,7 @@ from lidarcheck.tui.widgets.dialogs import AskText
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
+    from lidarcheck.plots.page_files import Writer
 
 __all__ = ["Ghosts"]
 
@@ -61,9 +64,9 @@ class Ghosts(PageView):
                 found += together(list(figures), 1 if kind is Cloud else most if kind is Distribution else 2)
         return found
 
-    def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
+    def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
         """The stripped points, or the fitted model."""
-        return _write(made.page, out, replace=True) if isinstance(made.page, GhostPage) else []
+        return _files(made.page) if isinstance(made.page, GhostPage) else {}
 
     def action_step(self, by: int) -> None:
         """From step to step of the extraction."""
@@ -138,23 +141,29 @@ def _least_of(text: str) -> float | None:
     return value or None
 
 
-def _write(page: GhostPage, directory: Path, *, replace: bool = False) -> list[str]:
-    """What the page leaves, in files; their names. A file that is there is left as it is, unless `replace`."""
-    from lidarcheck.calibration.ghost_files import stripped_name
-    from lidarcheck.formats import save_scan
+def _files(page: GhostPage) -> Mapping[str, Writer]:
+    """What writes what the page leaves, by the name of its file."""
+    from lidarcheck.calibration.ghost_files import stripped_files
     from lidarcheck.model.rewrite import write_model
 
-    names = [_MODEL_FILE] if page.fitted is not None else [stripped_name(name) for name in page.stripped]
-    there = next((name for name in names if (directory / name).exists()), "")
-    if there and not replace:
+    if page.fitted is not None and page.model is not None:
+        return {_MODEL_FILE: partial(write_model, page.model, page.fitted)}
+    return stripped_files(page.stripped)
+
+
+def _write(page: GhostPage, directory: Path) -> list[str]:
+    """What the page leaves, in files, all or none; their names. A file that is there is left as it is."""
+    from lidarcheck.plots.outputs import as_it_was
+
+    files = _files(page)
+    there = next((name for name in files if (directory / name).exists()), "")
+    if there:
         raise InputError("is there already", file=directory / there, fix="name another directory")
     try:
         directory.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot be made: {error.strerror}", file=directory, fix="name another directory") from error
-    if page.fitted is not None and page.model is not None:
-        write_model(page.model, page.fitted, directory / _MODEL_FILE)
-    else:
-        for name, scan in page.stripped.items():
-            save_scan(scan, directory / stripped_name(name))
-    return names
+    with as_it_was([directory / name for name in files]):
+        for name, write in files.items():
+            write(directory / name)
+    return list(files)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
     from lidarcheck.calibration.vehicles_compare import AtDistance, VehicleComparison
     from lidarcheck.calibration.vehicles_merge import Placed
+    from lidarcheck.plots.page_files import Writer
 
 __all__ = ["Histograms"]
 
@@ -204,12 +206,11 @@ class Histograms(PageView):
         title = "Write the histograms of all distances to which PNG file?"
         self.exports.ask_file(title, f"{file_name(job.name)}_distances.png", write, job)
 
-    def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
+    def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
         """The sheet, as the command."""
         from lidarcheck.plots.vehicle_sheet import SHEET
 
-        _write_sheet(made.result, kind, out / SHEET)
-        return [SHEET]
+        return {SHEET: partial(_write_sheet, made.result, kind)}
 
 
 def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import line
 
 if TYPE_CHECKING:
+    from lidarcheck.plots.page_files import Writer
     from lidarcheck.tui.screens.pages import PageView
 
 __all__ = ["Exports", "file_name"]
@@ -47,13 +48,15 @@ class Exports:
         from lidarcheck.plots.page_files import PAGE, RESULT, check_out_dir
 
         out = self.view.ours.project.root / name
-        write = partial(self._write_page, made, out, name)
+        kind = self.view.kind_of.get("histogram", "histogram")
+        files = self.view.more_files(made, kind)
+        write = partial(self._write_page, made, out, name, kind, files)
         try:
-            check_out_dir(out, besides=job.files, option="the page")
+            check_out_dir(out, besides=job.files, files=files, option="the page")
         except LidarcheckError as error:
             self.view.say(error)
             return
-        self._sure(name, [file for file in (PAGE, RESULT) if (out / file).exists()], write)
+        self._sure(name, [file for file in (PAGE, RESULT, *files) if (out / file).exists()], write)
 
     def _file(self, write: Callable[[Path], str], job: Job, name: str) -> None:
         from lidarcheck.plots.outputs import check_writable
@@ -100,13 +103,11 @@ class Exports:
         self.writing = ""
         self.view.say(said, bad=bad)
 
-    def _write_page(self, made: Computed, out: Path, name: str) -> str:
+    def _write_page(self, made: Computed, out: Path, name: str, kind: str, files: Mapping[str, Writer]) -> str:
         from lidarcheck.plots.page_files import PAGE, PICTURES, RESULT, write_page
 
-        kind = self.view.kind_of.get("histogram", "histogram")
-        write_page(made.page, made.document, out, command=_command(self.view.NAME), kind=kind)
-        files = [PAGE, RESULT, *([f"{PICTURES}/"] if made.page.figures() else [])]
-        return f"{name}: {', '.join([*files, *self.view.write_more(made, out, kind)])}"
+        write_page(made.page, made.document, out, command=_command(self.view.NAME), kind=kind, files=files)
+        return f"{name}: {', '.join([PAGE, RESULT, *([f'{PICTURES}/'] if made.page.figures() else []), *files])}"
 
 
 def _command(screen: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
@@ -28,6 +28,7 @@ from lidarcheck.tui.widgets.lines import Line, Lines
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
+    from lidarcheck.plots.page_files import Writer
 
 __all__ = ["MOVES", "PageView", "together"]
 
@@ -89,9 +90,9 @@ class PageView(PageWork):
         """What is being written is written to its end."""
         return f"{self.exports.writing}: still being written ..." if self.exports.writing else ""
 
-    def write_more(self, made: Computed, out: Path, kind: str) -> list[str]:
-        """Write what else the command writes to `out`, in a thread; the names of the files."""
-        return []
+    def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
+        """What else the command writes to its directory, by the name of the file; a thread writes it."""
+        return {}
 
     # What is shown
 
