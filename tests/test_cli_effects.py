@@ -79,7 +79,7 @@ def test_without_a_plot_there_is_no_curve(capsys, monkeypatch):
     assert "shown" not in json.loads(output(capsys, "dropout", "--json", "--no-plot"))
     text = output(capsys, "dropout", "--no-plot")
     assert "without   # with" not in text
-    assert text.endswith("share = 0.02\n")
+    assert text.endswith("share = 0.02\n  block_points = 1\n  block_layers = 1\n")
 
 
 def test_an_explanation_has_all_there_is_to_say(capsys):

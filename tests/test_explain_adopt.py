@@ -140,7 +140,7 @@ def test_a_model_without_effects_gets_its_first_one(ending: str, mark: str, last
     text = mark + f'variant = "SLIM"{ending}# Straße{ending if last else ""}'
     source.write_bytes(text.encode())
     found = written(source, load_model(source).with_(make("dropout", {"share": 0.125})))
-    lines = ["", "[[effects]]", 'name = "dropout"', "share = 0.125", ""]
+    lines = ["", "[[effects]]", 'name = "dropout"', "share = 0.125", "block_points = 1", "block_layers = 1", ""]
     assert found == text + ("" if last else ending) + ending.join(lines)
 
 
@@ -160,6 +160,8 @@ def test_a_lut_is_found_from_the_new_place(source: Path) -> None:
         "+ [[effects]]",
         '+ name = "dropout"',
         "+ share = 0.02",
+        "+ block_points = 1",
+        "+ block_layers = 1",
     ]
 
 

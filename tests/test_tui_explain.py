@@ -6,6 +6,8 @@ import os
 import shutil
 import signal
 import sys
+import threading
+import time
 
 import pytest
 
@@ -463,6 +465,15 @@ def offset(tmp_path_factory):
     return case.parent, ",".join(name for name in catalogue() if name != "range_offset")
 
 
+def hold_when_noted(process, out):
+    """Hold a run as soon as it keeps something: on a slow machine it might end before a key is heard."""
+    notebook = out / ".explain/notebook.jsonl"
+    end = time.monotonic() + 60.0
+    while not (notebook.is_file() and notebook.stat().st_size) and time.monotonic() < end:
+        time.sleep(0.005)
+    os.kill(process, signal.SIGSTOP)
+
+
 def test_a_real_run_is_cancelled_and_goes_on_to_name_what_is_missing(offset):
     project, others = offset
 
@@ -470,8 +481,12 @@ def test_a_real_run_is_cancelled_and_goes_on_to_name_what_is_missing(offset):
         app.state.selected["explain exclude"] = others
         view = await on_explain(app, pilot)
         await pilot.press("r")
-        await until(pilot, lambda: view.run and view.run.heard.now, lambda: text_of(app))
+        await until(pilot, lambda: view.run)
+        held = threading.Thread(target=hold_when_noted, args=(view.run._process.pid, view.chosen.out))
+        held.start()
+        await until(pilot, lambda: not held.is_alive(), lambda: text_of(app))
         await pilot.press("x")
+        os.kill(view.run._process.pid, signal.SIGCONT)
         await until(pilot, lambda: not view.running, lambda: text_of(app))
         await says(app, pilot, "stopped; what was done is kept, and r goes on from there")
         await sees(app, pilot, "stopped, r goes on")

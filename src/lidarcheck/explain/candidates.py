@@ -75,6 +75,9 @@ class Probe:
             settings["gains"] = tuple(round(g**factor, 4) for g in settings["gains"])
         if self.name == "fog":
             settings["mor_m"] = min(settings["mor_m"] / max(factor, 0.02), 1e5)
+        if self.name == "dead_time" and settings.get("shift_ns"):
+            # It acts in whole bins: less than one is nothing, from which no slope leads away.
+            settings["shift_ns"] = float(np.copysign(max(abs(settings["shift_ns"]), 1.0), settings["shift_ns"]))
         if self.name == "incidence_falloff":
             settings["exponent"] = 1.0 + (settings["exponent"] - 1.0) * factor
         return replace(self, settings=settings)
@@ -267,6 +270,7 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.05, "memory_columns": 5.0}, _WANDER),
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.08, "memory_columns": 25.0}, _WANDER),
+    ("dead_time", "varying", {"shift_ns": 2.0, "spread_ns": 3.0}, _FREE["dead_time"]),
     (
         "fog",
         "far overlap",
