@@ -138,9 +138,15 @@ def file_parameter(kind: str, *, meaning: str) -> Any:
     return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning})
 
 
-def parameter(unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False) -> Any:
-    """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out."""
-    facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning}
+def parameter(
+    unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False, option: bool = False
+) -> Any:
+    """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out.
+
+    `option`: with that value the effect is what it was before there was the parameter, so that hashes of models that
+    do not use it stay.
+    """
+    facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning, "option": option}
     return dataclasses.field(default=int(typical) if whole else typical, metadata=facts)
 
 

@@ -38,9 +38,11 @@ class Vibration(AimEffect):
     yaw_phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="yaw's lead over pitch")
     random_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.01, meaning="random part, rms per column")
     memory_columns: float = parameter(
-        "columns", low=0.0, high=960.0, typical=0.0, meaning="over which the random part stays alike"
+        "columns", low=0.0, high=960.0, typical=0.0, meaning="over which the random part stays alike", option=True
     )
-    new_phase: int = parameter("", low=0, high=1, typical=0, whole=True, meaning="1: every frame has another phase")
+    new_phase: int = parameter(
+        "", low=0, high=1, typical=0, whole=True, meaning="1: every frame has another phase", option=True
+    )
     rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:

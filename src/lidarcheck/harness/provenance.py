@@ -216,10 +216,18 @@ def _plain_container(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} is no parameter that can be hashed")
 
 
+def _is_unused_option(effect: Effect, name: str) -> bool:
+    declared = next(field for field in dataclasses.fields(effect) if field.name == name)
+    return bool(declared.metadata.get("option")) and getattr(effect, name) == declared.default
+
+
 def _is_left_out(value: object, name: str) -> bool:
-    """Where something lies is no parameter; nor is what detector effects set, as long as none has."""
+    """Where something lies is no parameter; nor is what detector effects set, as long as none has, nor an option that
+    is not used."""
     if isinstance(value, Sensor) and name == "nonideal":
         return value.nonideal == NonIdeal()
     if isinstance(value, Effect) and getattr(value, name) == ():
         return True  # a list that a model does not give
+    if isinstance(value, Effect) and _is_unused_option(value, name):
+        return True
     return isinstance(value, Model | Curve) and name == "file"
