@@ -36,6 +36,7 @@ class Parameter:
     typical: float
     whole: bool
     meaning: str
+    option: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
