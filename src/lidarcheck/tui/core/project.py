@@ -114,7 +114,12 @@ def _entry(path: Path, name: str) -> Entry | None:
     try:
         return _told(path, name, suffix)
     except LidarcheckError as error:
-        return None if kind is None else Entry(path, kind, name, error.lines()[0].removeprefix("error: "))
+        fault = error.lines()[0].removeprefix("error: ")
+    except OSError as error:
+        fault = f"{path}: cannot be read: {error.strerror or error}"
+    except Exception as error:  # noqa: BLE001 - no file may keep the others from being used
+        fault = f"{path}: cannot be looked at, {type(error).__name__}: {error}"
+    return None if kind is None else Entry(path, kind, name, fault)
 
 
 def _expected(name: str, suffix: str) -> str | None:
@@ -178,12 +183,13 @@ def _settings(path: Path, name: str) -> Entry:
 
 
 def _toml(path: Path, name: str) -> Entry | None:
+    from lidarcheck.formats.source import decode_text, read_source
+
+    text = decode_text(read_source(path), path)
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
-    except OSError as error:
-        raise InputError(f"cannot read: {error.strerror}", file=path, fix="check its permissions") from error
-    except UnicodeDecodeError as error:
-        raise InputError("the file is not UTF-8 text", file=path, fix="save it as UTF-8") from error
+        data: dict[str, Any] = tomllib.loads(text.replace("\r\n", "\n"))
+    except RecursionError:
+        raise InputError("lists or tables are nested too deeply", file=path, fix="write it flatter") from None
     except tomllib.TOMLDecodeError as error:
         where = re.search(r"at line (\d+)", str(error))
         line = int(where[1]) if where else None

@@ -34,7 +34,7 @@ class Ask(ModalScreen[str | None]):
 
     def compose(self) -> ComposeResult:
         """The text, and the answers in the last line."""
-        yield Lines(self._title, id="question")
+        yield Lines(self._title, id="question", folds=True)
         yield Lines(id="answers", bar=True)
 
     def on_mount(self) -> None:
@@ -69,7 +69,7 @@ class AskText(ModalScreen[str | None]):
 
     def compose(self) -> ComposeResult:
         """The question and a line to type in."""
-        yield Lines(self._title, id="question")
+        yield Lines(self._title, id="question", folds=True)
         yield _input(self._value)
 
     def on_mount(self) -> None:
