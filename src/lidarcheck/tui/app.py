@@ -132,7 +132,7 @@ class LidarcheckApp(App[int]):
                 self._views = (*self._views, view)
                 await self._switcher.add_content(view, id=view.NAME)
         for entry in project.faults:
-            self.note(self.inside(entry.fault), True)
+            self.note(entry.fault, True)
         cut = "; there are more, which are not looked at" if project.cut else ""
         self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
         for view in self.views():
@@ -183,7 +183,7 @@ class LidarcheckApp(App[int]):
 
     def note(self, text: str, bad: bool) -> None:
         """A line for the log alone."""
-        self.bars.note(text, bad)
+        self.bars.note(self.inside(text), bad)
 
     def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
         """Do something in the interface's own thread; from any thread, also when the interface has ended."""

@@ -31,7 +31,8 @@ def private_directory(root: Path) -> Path:
 def key_of(path: Path) -> str:
     """A short name for a file, the same however its path was spelled."""
     real = os.path.realpath(path)
-    return f"{path.stem[:24]}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
+    stem = "".join(letter if letter.isprintable() else "_" for letter in path.stem[:24])
+    return f"{stem}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
 
 
 def sha256(content: bytes) -> str:

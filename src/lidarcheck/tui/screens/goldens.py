@@ -300,6 +300,8 @@ class Goldens(Accepting):
             self.say(how, bad=how.startswith("error"))
         elif not self.waiting:
             self.say("nothing to accept: all is as the goldens say")
+        else:
+            self.say("reviewed: what speaks against accepting stands below")
 
     def action_stop(self) -> None:
         """Stop the review."""

@@ -191,7 +191,9 @@ class Overview(View):
     def _start(self, paths: list[Path]) -> None:
         if self.running:
             self.say("a run is going on; x stops it")
-        elif paths:
+        elif not paths:
+            self.say("there is no scenario to run here")
+        else:
             self.running = True
             self._stop.clear()
             self._run(paths, self.ours.check)
