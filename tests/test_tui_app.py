@@ -13,6 +13,7 @@ from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.lut_session import LutSession
 from lidarcheck.tui.core.state import load_state
 from lidarcheck.tui.themes import THEMES
+from lidarcheck.tui.widgets import dialogs
 from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
 from tui_kit import LUT, app_on, as_stored, drive, fake_check, make_project, says, sees, text_of, until
 
@@ -366,6 +367,27 @@ def test_keys_in_one_go_with_a_screens_key_act_on_that_screen(project):
         await until(pilot, lambda: view.session.current.tables[view.axis].rows()[0].scaled == before + 1)
         assert overview.fallen_only
         assert app.view is view
+
+    drive(app_on(project), do)
+
+
+def test_a_question_that_comes_by_itself_takes_no_key_that_was_typed_before(project, monkeypatch):
+    lut = project / "a_lut.ini"
+    monkeypatch.setattr(dialogs, "UNASKED_S", 3600.0)
+
+    async def do(app, pilot):
+        view = await on_blooming(app, pilot)
+        await pilot.press("plus")
+        lut.write_bytes(LUT.replace("our", "his").encode())
+        view._look_at_disk()
+        await sees(app, pilot, "has changed on the disk")
+        await pilot.press("r", "o", "escape")
+        assert isinstance(app.screen, Ask)
+        assert view.session.dirty
+        assert b"his" in lut.read_bytes()
+        app.screen._deaf_s = 0.0
+        await pilot.press("r")
+        await until(pilot, lambda: not view.session.dirty)
 
     drive(app_on(project), do)
 

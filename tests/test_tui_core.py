@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -356,6 +357,20 @@ def test_no_file_keeps_the_others_from_being_used(project, monkeypatch):
     assert "symbolic links" in faults["models/again.toml"]
     assert faults["a_lut.ini"] == f"{project / 'a_lut.ini'}: cannot be looked at, ZeroDivisionError: division by zero"
     assert len(found.of("model")) == 3
+
+
+def test_a_directory_that_cannot_be_read_is_said(project, monkeypatch):
+    scandir = os.scandir
+
+    def refusing(path):
+        if Path(path).name == "measured":
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    found = {entry.name: entry.fault for entry in read_project(project).faults}
+    assert "the directory cannot be read: Permission denied; check its permissions" in found["measured"]
+    assert "measured/empty.txt" not in found
 
 
 def test_a_project_that_was_removed_is_not_made_again(tmp_path):

@@ -38,7 +38,10 @@ _SETTINGS = re.compile(r"Blooming_Calibration_[VH]_", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Entry:
-    """A file: its path, one of `KINDS`, its name within the project, and its fault, empty where none is known."""
+    """A file: its path, one of `KINDS`, its name within the project, and its fault, empty where none is known.
+
+    A directory that cannot be read is one of the kind `directory`.
+    """
 
     path: Path
     kind: str
@@ -84,20 +87,27 @@ def read_project(root: Path) -> Project:
         what = "is not a directory" if root.exists() else "there is no such directory"
         raise InputError(what, file=root, fix="give the directory with scenarios, models and tables")
     files: list[Path] = []
+    closed: list[Entry] = []
     cut = False
-    for file in _files(root):
+    for file in _files(root, closed):
         if len(files) == _MOST:
             cut = True
             break
         files.append(file)
     found = (_entry(file, file.relative_to(root).as_posix()) for file in files)
-    return Project(root, tuple(sorted((e for e in found if e is not None), key=lambda entry: entry.name)), cut)
+    entries = [*(entry for entry in found if entry is not None), *closed]
+    return Project(root, tuple(sorted(entries, key=lambda entry: entry.name)), cut)
 
 
-def _files(root: Path) -> Iterator[Path]:
+def _files(root: Path, closed: list[Entry]) -> Iterator[Path]:
+    """The files that may be of use; `closed` gets the directories that cannot be read."""
+
     def refused(error: OSError) -> None:
         if error.filename is None or Path(error.filename) == root:
             raise InputError(f"cannot read: {error.strerror}", file=root, fix="check its permissions") from error
+        path = Path(error.filename)
+        fault = f"{path}: the directory cannot be read: {error.strerror}; check its permissions"
+        closed.append(Entry(path, "directory", path.relative_to(root).as_posix(), fault))
 
     for directory, below, names in os.walk(root, onerror=refused):
         deep = len(Path(directory).relative_to(root).parts) >= _DEEPEST

@@ -275,6 +275,8 @@ class Goldens(Accepting):
             for path in paths:
                 found = by_name[(path.resolve().parent, path.stem)]
                 self._put(path, reviewed(path, found))
+            if names is None:
+                self.say("reviewed: what speaks against accepting stands below")
         self.draw()
         if names is not None and isinstance(result, ReviewReport):
             self.ask_accept(result, names)
@@ -300,8 +302,6 @@ class Goldens(Accepting):
             self.say(how, bad=how.startswith("error"))
         elif not self.waiting:
             self.say("nothing to accept: all is as the goldens say")
-        else:
-            self.say("reviewed: what speaks against accepting stands below")
 
     def action_stop(self) -> None:
         """Stop the review."""
