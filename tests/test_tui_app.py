@@ -4,12 +4,16 @@ import asyncio
 import signal
 
 import pytest
+from textual import events
 
 from lidarcheck.formats.lut import load_lut
+from lidarcheck.tui import bars
 from lidarcheck.tui.app import LidarcheckApp
+from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.lut_session import LutSession
 from lidarcheck.tui.core.state import load_state
 from lidarcheck.tui.themes import THEMES
+from lidarcheck.tui.widgets import dialogs
 from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
 from tui_kit import LUT, app_on, as_stored, drive, fake_check, make_project, says, sees, text_of, until
 
@@ -350,6 +354,83 @@ def test_any_size_down_to_one_by_one(project, screen):
         await sees(app, pilot, "F1 Help")
 
     drive(app_on(project, screen=screen), do)
+
+
+def test_keys_in_one_go_with_a_screens_key_act_on_that_screen(project):
+    async def do(app, pilot):
+        view = await on_blooming(app, pilot)
+        overview = next(one for one in app.views() if one.NAME == "overview")
+        before = scaled(view, 0)
+        # As a terminal hands over what was typed ahead: no key waits for the one before.
+        for key, character in (("f2", None), ("f", "f"), ("f5", None), ("plus", "+")):
+            app.post_message(events.Key(key, character))
+        await until(pilot, lambda: view.session.current.tables[view.axis].rows()[0].scaled == before + 1)
+        assert overview.fallen_only
+        assert app.view is view
+
+    drive(app_on(project), do)
+
+
+def test_a_question_that_comes_by_itself_takes_no_key_that_was_typed_before(project, monkeypatch):
+    lut = project / "a_lut.ini"
+    monkeypatch.setattr(dialogs, "UNASKED_S", 3600.0)
+
+    async def do(app, pilot):
+        view = await on_blooming(app, pilot)
+        await pilot.press("plus")
+        lut.write_bytes(LUT.replace("our", "his").encode())
+        view._look_at_disk()
+        await sees(app, pilot, "has changed on the disk")
+        await pilot.press("r", "o", "escape")
+        assert isinstance(app.screen, Ask)
+        assert view.session.dirty
+        assert b"his" in lut.read_bytes()
+        app.screen._deaf_s = 0.0
+        await pilot.press("r")
+        await until(pilot, lambda: not view.session.dirty)
+
+    drive(app_on(project), do)
+
+
+def test_what_is_said_is_seen_while_something_runs(project, monkeypatch):
+    async def do(app, pilot):
+        app.progress(f"run 1/2: one{STOPS}", "overview")
+        await sees(app, pilot, "run 1/2: one   x stops it")
+        await pilot.press("g", "escape")
+        app.say("something else")
+        await sees(app, pilot, "something else")
+        app.progress(f"run 2/2: two{STOPS}", "overview")
+        assert "something else" in text_of(app)
+        monkeypatch.setattr(bars, "_READ_S", 0.0)
+        app.progress(f"run 2/2: three{STOPS}", "overview")
+        await sees(app, pilot, "run 2/2: three   x stops it")
+        await pilot.press("f4")
+        await sees(app, pilot, "F2 run 2/2: three")
+        assert "x stops it" not in text_of(app)
+        app.progress(f"reading{STOPS}", "noise")
+        await sees(app, pilot, "reading   x stops it")
+        app.progress("", "noise")
+        await sees(app, pilot, "F2 run 2/2: three")
+        app.progress("", "overview")
+        await sees(app, pilot, "something else")
+
+    drive(app_on(project), do)
+
+
+def test_what_is_wider_than_the_screen_can_be_read(project):
+    async def do(app, pilot):
+        app.say("; ".join(f"part {number} of a long line" for number in range(8)) + "; and its end")
+        await pilot.press("L")
+        await sees(app, pilot, "and its end")
+        await pilot.press("L", "end")
+        names = [entry.name for entry in app.view.entries()]
+        assert app.view.at == len(names) - 1
+        await sees(app, pilot, "was it written completely?")
+        await pilot.press("f9", "f1")
+        # The end of the longest help there is.
+        await sees(app, pilot, "diff, then write")
+
+    drive(app_on(project), do, size=(70, 24))
 
 
 def test_an_empty_project_says_so(tmp_path):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -18,9 +19,11 @@ from lidarcheck.tui.core.actions import ACTIONS, SCREENS
 from lidarcheck.tui.core.checks import Cancelled, Runs, check_scenario, run_scenarios
 from lidarcheck.tui.core.journal import read_journal
 from lidarcheck.tui.core.lut_session import ChangedOnDisk, LutSession
+from lidarcheck.tui.core.places import private_directory
 from lidarcheck.tui.core.profiles import datasets_of
 from lidarcheck.tui.core.project import read_project
 from lidarcheck.tui.core.state import State, load_state, save_state
+from lidarcheck.tui.widgets.lines import folded
 from tui_kit import LUT, ROOT, fake_check, make_project
 
 
@@ -338,6 +341,52 @@ def test_scans_find_their_ideal_scan_by_name(tmp_path):
         "real_sign_69m.txt": "ideal_sign_69m.txt",
         "sign_156.6m.txt": "sign_156.6m_ideal.txt",
     }
+
+
+def test_no_file_keeps_the_others_from_being_used(project, monkeypatch):
+    (project / "models/deep.toml").write_text(f"a = {'[' * 5000}{']' * 5000}")
+    (project / "models/empty.toml").write_text("")
+    os.mkfifo(project / "models/pipe.toml")
+    (project / "models/again.toml").symlink_to("again.toml")
+    monkeypatch.setattr("lidarcheck.formats.lut.load_lut", lambda _path: 1 / 0)
+    found = read_project(project)
+    faults = {entry.name: entry.fault for entry in found.faults}
+    assert "nested too deeply" in faults["models/deep.toml"]
+    assert "is empty" in faults["models/empty.toml"]
+    assert "not a regular file" in faults["models/pipe.toml"]
+    assert "symbolic links" in faults["models/again.toml"]
+    assert faults["a_lut.ini"] == f"{project / 'a_lut.ini'}: cannot be looked at, ZeroDivisionError: division by zero"
+    assert len(found.of("model")) == 3
+
+
+def test_a_directory_that_cannot_be_read_is_said(project, monkeypatch):
+    scandir = os.scandir
+
+    def refusing(path):
+        if Path(path).name == "measured":
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    found = {entry.name: entry.fault for entry in read_project(project).faults}
+    assert "the directory cannot be read: Permission denied; check its permissions" in found["measured"]
+    assert "measured/empty.txt" not in found
+
+
+def test_a_project_that_was_removed_is_not_made_again(tmp_path):
+    save_state(State(screen="noise"), tmp_path / "gone")
+    assert not (tmp_path / "gone").exists()
+    with pytest.raises(InputError, match="cannot make the directory"):
+        private_directory(tmp_path / "gone")
+
+
+def test_a_folded_line_keeps_its_roles_and_every_letter():
+    assert folded((("short", "text"),), 10) == [(("short", "text"),)]
+    parts = (("one two ", "title"), ("three 漢字漢字漢字漢字 four", "bad"))
+    rows = folded(parts, 24)
+    assert rows == [(("one two ", "title"), ("three ", "bad")), (("  ", "text"), ("漢字漢字漢字漢字 four", "bad"))]
+    assert [row[0][0] for row in folded((("abcdef", "text"),), 2)] == ["ab", "cd", "ef"]
+    assert len(folded((("漢字", "text"),), 1)) == 2
 
 
 def test_no_directory_is_a_project(tmp_path):

@@ -131,6 +131,7 @@ def test_a_proposal_is_reviewed_and_accepted(bench):
         assert view.waiting[0].found is None
         await pilot.press("r")
         await until(pilot, lambda: view.waiting[0].found is not None and not view.running)
+        await says(app, pilot, "reviewed: what speaks against accepting stands below")
         assert load_golden(bench.proposal("one")).complete
         await sees(app, pilot, "changed")
         await sees(app, pilot, "nothing speaks against it: a accepts")

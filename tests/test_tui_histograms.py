@@ -10,7 +10,7 @@ from lidarcheck.cli import main
 from lidarcheck.formats import load_scan
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.core.project import Entry, Project, read_project
-from lidarcheck.tui.core.vehicle_jobs import FILES, groups_of, job_of, options_of
+from lidarcheck.tui.core.vehicle_jobs import FILES, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.histograms import Histograms
 from tui_kit import as_stored, drive, says, sees, text_of, until
 
@@ -105,6 +105,11 @@ def test_the_project_is_grouped_and_what_is_missing_is_said(bench):
     assert job.words == "at 10, 16, 22, 28 m, simulated with models/SMART.toml"
     assert job.notes == ("left out: car_50m_SMART_real.txt: no ideal scan is named like it",)
     assert "there are ideal scans, but no model" in job_of(groups["van SLIM"], "", []).fault
+    others = [Entry(Path(f"{name}.toml"), "model", f"{name}.toml") for name in ("one", "two")]
+    assert source_of(groups["van SLIM"], others, "") == ""
+    assert "any of 2 models could be meant: m chooses one" in job_of(groups["van SLIM"], "", others).fault
+    assert source_of(groups["van SLIM"], others, "two.toml") == "two.toml"
+    assert source_of(groups["car SMART"], others, "") == FILES
 
 
 def test_three_distances_at_once_where_there_is_room(bench):

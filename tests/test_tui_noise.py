@@ -1,6 +1,7 @@
 """Noise in the terminal interface: halls of small frames, found, computed, looked at, with bad files among them."""
 
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -8,9 +9,9 @@ import panel_halls as ph
 from hidden.places import PANEL_10, PANEL_50, PANEL_80
 from lidarcheck.tui.core import noise
 from lidarcheck.tui.core.jobs import Cancelled
-from lidarcheck.tui.core.models import NONE, chosen_model, next_model
+from lidarcheck.tui.core.models import NONE, chosen_model, likely_model, next_model, which_model
 from lidarcheck.tui.core.noise import halls_of, noise_jobs
-from lidarcheck.tui.core.project import read_project
+from lidarcheck.tui.core.project import Entry, read_project
 from lidarcheck.tui.core.state import load_state
 from lidarcheck.tui.widgets.dialogs import Ask
 from tui_kit import app_on, as_stored, drive, says, sees, text_of, until
@@ -122,6 +123,22 @@ def test_the_model_is_the_chosen_one_or_the_only_one(project, tmp_path):
     assert chosen_model(found, NONE, project / "hall") is None
     assert next_model(found, chosen_model(found, "second.toml", project)) == NONE
     assert next_model(found, None) == "hall/model.toml"
+
+
+def test_one_rule_for_the_model_that_is_meant():
+    def entries(*names):
+        return [Entry(Path("p", name), "model", name) for name in names]
+
+    both = entries("a/SLIM.toml", "a/SMART.toml", "b/other_SLIM.toml")
+    assert likely_model(both, Path("p/a"), "SMART").name == "a/SMART.toml"
+    assert likely_model(both, Path("p/b"), "SLIM").name == "b/other_SLIM.toml"
+    assert likely_model(both, Path("p"), "SLIM").name == "a/SLIM.toml"
+    assert likely_model(both, Path("p/b"), "").name == "b/other_SLIM.toml"
+    assert likely_model(both, Path("p"), "") is None
+    assert likely_model(both[:1], Path("p"), "SMART").name == "a/SLIM.toml"
+    assert likely_model([], Path("p"), "SMART") is None
+    assert which_model(both) == "any of 3 models could be meant: m chooses one"
+    assert which_model([]) == "there is no model in this project"
 
 
 def test_simulated_frames_stand_in_for_a_model(made, tmp_path):

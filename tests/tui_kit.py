@@ -17,7 +17,9 @@ from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.file import save_model
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.core.lut_session import LutSession
+from lidarcheck.tui.widgets import dialogs
 
+dialogs.UNASKED_S = 0.0  # tests answer at once; the one of it sets it again
 ROOT = Path(__file__).resolve().parents[1]
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 LUT = "# our sign\r\n" + lut_text().replace("\n", "\r\n") + "; the end\r\nPostPro.Other = 7"

@@ -118,6 +118,9 @@ class LidarcheckApp(App[int]):
                 self.soon(self._project_read, project, *later_screens())
             except LidarcheckError as error:
                 self.soon(self.say, error)
+            except Exception as error:  # noqa: BLE001 - else the interface would say for ever that it reads
+                words = f"error: internal error in reading the project, {type(error).__name__}: {error}"
+                self.soon(lambda: self.say(words, bad=True))
 
         threading.Thread(target=read, name="project", daemon=True).start()
 
@@ -129,7 +132,7 @@ class LidarcheckApp(App[int]):
                 self._views = (*self._views, view)
                 await self._switcher.add_content(view, id=view.NAME)
         for entry in project.faults:
-            self.note(self.inside(entry.fault), True)
+            self.note(entry.fault, True)
         cut = "; there are more, which are not looked at" if project.cut else ""
         self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
         for view in self.views():
@@ -163,15 +166,16 @@ class LidarcheckApp(App[int]):
         self._switcher.current = name
         self.state.screen = name
         self.view.opened()
-        self.view.panes()[0].focus()
+        # At once: `focus()` waits for a turn, and keys that came in one go with this one would act on the old screen.
+        self.screen_stack[0].set_focus(self.view.panes()[0])
         self._bars()
 
     def _bars(self) -> None:
         self.bars.show(self.view.NAME, self.project, self.size.width)
 
-    def progress(self, text: str) -> None:
-        """What a run says while it runs; empty when it has ended."""
-        self.bars.progress(text)
+    def progress(self, text: str, screen: str) -> None:
+        """What a run of a screen says while it runs; empty when it has ended."""
+        self.bars.progress(text, screen)
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """One line for the user, which the log keeps."""
@@ -179,7 +183,7 @@ class LidarcheckApp(App[int]):
 
     def note(self, text: str, bad: bool) -> None:
         """A line for the log alone."""
-        self.bars.note(text, bad)
+        self.bars.note(self.inside(text), bad)
 
     def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
         """Do something in the interface's own thread; from any thread, also when the interface has ended."""

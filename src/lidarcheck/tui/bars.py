@@ -15,9 +15,13 @@ from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
 if TYPE_CHECKING:
     from lidarcheck.tui.core.project import Project
 
-__all__ = ["Bars"]
+__all__ = ["STOPS", "Bars"]
 
 _KEPT_LINES, _ROOM_FOR_NAME = 1000, 100
+_READ_S = 4.0
+"""How long a line that was said stands before the progress of a run takes its place again."""
+STOPS = "   x stops it"
+"""At the end of a progress line."""
 
 
 class Bars:
@@ -25,13 +29,16 @@ class Bars:
 
     def __init__(self) -> None:
         self.top, self.below, self.keys = (Lines(id=name, bar=True) for name in ("top", "status", "keys"))
-        self.log = Lines("Log", label="l", id="log")
+        self.log = Lines("Log", label="l", id="log", folds=True)
         self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
         self.status: tuple[str, bool] = ("reading the project ...", False)
-        self._progress = ""
+        self._progress: dict[str, str] = {}
+        self._screen = ""
+        self._said_s = float("-inf")
 
     def show(self, screen: str, project: Project, width: int) -> None:
         """Everything anew, for the screen that is seen."""
+        self._screen = screen
         parts: list[tuple[str, Role]] = [
             (f"{key_name(place.key)} {place.short} ", "focus" if name == screen else "dim")
             for name, place in SCREENS.items()
@@ -45,12 +52,25 @@ class Bars:
         self._show_status()
 
     def _show_status(self) -> None:
-        text, bad = (self._progress, False) if self._progress else self.status
+        running = self._running() if time.monotonic() - self._said_s >= _READ_S else ""
+        text, bad = (running, False) if running else self.status
         self.below.show([line(text, "bad" if bad else "text")])
 
-    def progress(self, text: str) -> None:
-        """What a run says while it runs; empty when it has ended."""
-        self._progress = text
+    def _running(self) -> str:
+        """The progress of the screen that is seen; else that of another, which x does not stop from here."""
+        if self._screen in self._progress:
+            return self._progress[self._screen]
+        others = (f"{key_name(SCREENS[name].key)} {text}" for name, text in self._progress.items())
+        return next(others, "").removesuffix(STOPS)
+
+    def progress(self, text: str, screen: str) -> None:
+        """What a run of a screen says while it runs; empty when it has ended."""
+        if not text:
+            self._progress.pop(screen, None)
+        else:
+            if screen not in self._progress:
+                self._said_s = float("-inf")
+            self._progress[screen] = text
         self._show_status()
 
     def say(self, text: str | LidarcheckError, project: Project, bad: bool) -> None:
@@ -61,6 +81,7 @@ class Bars:
             self.note(project.inside(one), bad)
         more = f" (and {len(lines) - 1} more: L)" if len(lines) > 1 else ""
         self.status = (printable(project.inside(lines[0])) + more, bad)
+        self._said_s = time.monotonic()
         self._show_status()
 
     def note(self, text: str, bad: bool) -> None:

@@ -13,6 +13,8 @@ from lidarcheck.tui.widgets.lines import Line, line
 
 __all__ = ["LogHandler", "help_lines"]
 
+_KEYS = 12
+
 
 class LogHandler(logging.Handler):
     """Hands warnings to `note`, through `soon`, which is for any thread."""
@@ -31,7 +33,15 @@ def help_lines(words: str, screen: str, width: int) -> list[Line]:
     lines: list[Line] = [line(text) for text in textwrap.wrap(words, max(min(width, 100) - 2, 20))] + [line("")]
     for action in actions_of(screen):
         keys = " ".join(key_name(key) for key in action.keys)
-        lines.append(line(f"{keys:12}{action.help}"))
+        lines += [line(text) for text in _beside(keys, action.help, width)]
         if action.twin:
-            lines.append(line(f"{'':12}as: lidarcheck {action.twin}", "dim"))
+            lines.append(line(f"{'':{_KEYS}}as: lidarcheck {action.twin}", "dim"))
     return lines
+
+
+def _beside(keys: str, words: str, width: int) -> list[str]:
+    """What keys do, in as many lines as it needs."""
+    blank = " " * _KEYS
+    return textwrap.wrap(
+        words, max(width, 2 * _KEYS), initial_indent=f"{keys:{_KEYS}}", subsequent_indent=blank, break_on_hyphens=False
+    )

@@ -93,7 +93,7 @@ class FileSession(Generic[T]):
             self._look_back(self._journal)
             _sweep(self.path)
         except InputError as error:
-            self.read_only = error.lines()[0]
+            self.read_only = error.lines()[0].removeprefix("error: ")
         except OSError as error:
             self.read_only = f"{self.path.name} can be seen only: its lock cannot be taken, {error.strerror or error}"
 

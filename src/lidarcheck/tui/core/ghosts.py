@@ -14,7 +14,7 @@ from lidarcheck.calibration.figures import Page, Section
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.tui.core.jobs import Computed, Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.naming import ideal_of, numbers_in
+from lidarcheck.tui.core.naming import ideal_of, labels_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["ALL", "FIT", "GhostPage", "SignScan", "ghost_jobs", "sign_scans"]
+__all__ = ["ALL", "FIT", "GhostPage", "SignScan", "ghost_jobs", "sign_model", "sign_scans"]
 
 ALL, FIT = "all datasets", "fit"
 _SIGN = re.compile(r"(?<![a-z])(?:sign|ghost)s?(?![a-z])", re.IGNORECASE)
@@ -83,13 +83,20 @@ def _ideal(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
     return same[0] if len(same) == 1 else None
 
 
+def sign_model(project: Project, scans: Sequence[SignScan], wanted: str) -> Entry | None:
+    """The model for all of them: that called `wanted`, else the likely one for the variant that all names agree on."""
+    variants = {labels_of(Entry(scan.path, "scan", scan.name)).variant for scan in scans} - {""}
+    beside = scans[0].path.parent if scans else project.root
+    return chosen_model(project, wanted, beside, variants.pop() if len(variants) == 1 else "")
+
+
 def ghost_jobs(project: Project, wanted: str, bright: float | None) -> list[Job]:
     """All datasets together, each, and the fit; `wanted`: the model's name, as it was chosen."""
     scans = sign_scans(project)
     if not scans:
         return []
     sound = [scan for scan in scans if not scan.fault]
-    model = chosen_model(project, wanted, scans[0].path.parent)
+    model = sign_model(project, scans, wanted)
     given = _Given(project.root, None if model is None else model.path, bright)
     name = "no model" if model is None else model.path.name
     name += "" if bright is None else f", bright from {bright:g}"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from lidarcheck.tui.core.project import Entry, Project
 
-__all__ = ["Labels", "ideal_of", "is_simulated", "labels_of", "likely_model", "measured_in", "numbers_in", "partner_of"]
+__all__ = ["Labels", "ideal_of", "is_simulated", "labels_of", "measured_in", "numbers_in", "partner_of"]
 
 _WORDS = re.compile(r"ideal|postpro|scan|measured|real|at|[^a-z0-9.]+")
 _SIMULATED = re.compile(r"(?<![a-z])(?:sim|simulated|simulation)(?![a-z])")
@@ -78,9 +78,3 @@ def _key(entry: Entry) -> str:
 def _rest(entry: Entry) -> str:
     """What is left of a name without sides, vehicle and variant."""
     return _WORDS.sub("", _LABELS.sub("", _SIMULATED.sub("", entry.path.stem.lower())))
-
-
-def likely_model(models: Sequence[Entry], variant: str) -> Entry | None:
-    """The first model whose name has the variant in it, else the first."""
-    alike = [entry for entry in models if variant and variant.lower() in entry.name.lower()]
-    return next(iter([*alike, *models]), None)

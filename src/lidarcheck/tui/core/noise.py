@@ -14,7 +14,7 @@ from lidarcheck.calibration.figures import Figure, Page, Table
 from lidarcheck.formats.table import counted
 from lidarcheck.tui.core.jobs import Computed, Job, Tell
 from lidarcheck.tui.core.models import chosen_model
-from lidarcheck.tui.core.naming import ideal_of, numbers_in
+from lidarcheck.tui.core.naming import ideal_of, labels_of, numbers_in
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -34,9 +34,12 @@ _SIDE = re.compile(
 
 @dataclass(frozen=True)
 class Hall:
-    """Frames of one scene: `ideals` one for all frames or one for each; `faults` of the files that were left out."""
+    """Frames of one scene. `variant`: as their names say; `ideals`: one for all frames or one for each; `faults`: of
+    the files that were left out.
+    """
 
     name: str
+    variant: str
     frames: tuple[Path, ...]
     ideals: tuple[Path, ...] = ()
     simulated: tuple[Path, ...] = ()
@@ -70,7 +73,8 @@ def halls_of(project: Project) -> list[Hall]:
         name = (directory / stem).relative_to(project.root).as_posix()
         ideals = _ideals(project, sound, directory, stem)
         faults = tuple(project.inside(entry.fault) for entry in entries if entry.fault)
-        halls.append(Hall(name, _paths(sound), ideals, _paths(simulated), faults))
+        variant = labels_of(entries[0]).variant
+        halls.append(Hall(name, variant, _paths(sound), ideals, _paths(simulated), faults))
     return sorted(halls, key=lambda hall: numbers_in(hall.name))
 
 
@@ -108,7 +112,7 @@ def noise_jobs(project: Project, wanted: str) -> list[Job]:
 
 def _job(project: Project, hall: Hall, wanted: str) -> Job:
     directory = (project.root / hall.name).parent
-    model = chosen_model(project, wanted, directory) if hall.ideals else None
+    model = chosen_model(project, wanted, directory, hall.variant) if hall.ideals else None
     given = "" if model is None else model.name
     frames = counted(len(hall.frames), "frame") + (f" ({len(hall.faults)} left out)" if hall.faults else "")
     ideal = hall.ideals[0].name if len(hall.ideals) == 1 else "an ideal scan each"

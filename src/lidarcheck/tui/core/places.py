@@ -15,7 +15,8 @@ def private_directory(root: Path) -> Path:
     """`.lidarcheck/tui/` of a project, made if need be; `InputError` where that cannot be."""
     directory = root / ".lidarcheck"
     try:
-        (directory / "tui").mkdir(parents=True, exist_ok=True)
+        for made in (directory, directory / "tui"):  # and not the project's own, where somebody has removed it
+            made.mkdir(exist_ok=True)
     except OSError as error:
         fix = "what is edited would not survive a crash: make the project's directory writable"
         raise InputError(f"cannot make the directory: {error.strerror}", file=directory / "tui", fix=fix) from error
@@ -30,7 +31,8 @@ def private_directory(root: Path) -> Path:
 def key_of(path: Path) -> str:
     """A short name for a file, the same however its path was spelled."""
     real = os.path.realpath(path)
-    return f"{path.stem[:24]}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
+    stem = "".join(letter if letter.isprintable() else "_" for letter in path.stem[:24])
+    return f"{stem}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
 
 
 def sha256(content: bytes) -> str:

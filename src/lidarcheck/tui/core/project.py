@@ -38,7 +38,10 @@ _SETTINGS = re.compile(r"Blooming_Calibration_[VH]_", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Entry:
-    """A file: its path, one of `KINDS`, its name within the project, and its fault, empty where none is known."""
+    """A file: its path, one of `KINDS`, its name within the project, and its fault, empty where none is known.
+
+    A directory that cannot be read is one of the kind `directory`.
+    """
 
     path: Path
     kind: str
@@ -84,20 +87,27 @@ def read_project(root: Path) -> Project:
         what = "is not a directory" if root.exists() else "there is no such directory"
         raise InputError(what, file=root, fix="give the directory with scenarios, models and tables")
     files: list[Path] = []
+    closed: list[Entry] = []
     cut = False
-    for file in _files(root):
+    for file in _files(root, closed):
         if len(files) == _MOST:
             cut = True
             break
         files.append(file)
     found = (_entry(file, file.relative_to(root).as_posix()) for file in files)
-    return Project(root, tuple(sorted((e for e in found if e is not None), key=lambda entry: entry.name)), cut)
+    entries = [*(entry for entry in found if entry is not None), *closed]
+    return Project(root, tuple(sorted(entries, key=lambda entry: entry.name)), cut)
 
 
-def _files(root: Path) -> Iterator[Path]:
+def _files(root: Path, closed: list[Entry]) -> Iterator[Path]:
+    """The files that may be of use; `closed` gets the directories that cannot be read."""
+
     def refused(error: OSError) -> None:
         if error.filename is None or Path(error.filename) == root:
             raise InputError(f"cannot read: {error.strerror}", file=root, fix="check its permissions") from error
+        path = Path(error.filename)
+        fault = f"{path}: the directory cannot be read: {error.strerror}; check its permissions"
+        closed.append(Entry(path, "directory", path.relative_to(root).as_posix(), fault))
 
     for directory, below, names in os.walk(root, onerror=refused):
         deep = len(Path(directory).relative_to(root).parts) >= _DEEPEST
@@ -114,7 +124,12 @@ def _entry(path: Path, name: str) -> Entry | None:
     try:
         return _told(path, name, suffix)
     except LidarcheckError as error:
-        return None if kind is None else Entry(path, kind, name, error.lines()[0].removeprefix("error: "))
+        fault = error.lines()[0].removeprefix("error: ")
+    except OSError as error:
+        fault = f"{path}: cannot be read: {error.strerror or error}"
+    except Exception as error:  # noqa: BLE001 - no file may keep the others from being used
+        fault = f"{path}: cannot be looked at, {type(error).__name__}: {error}"
+    return None if kind is None else Entry(path, kind, name, fault)
 
 
 def _expected(name: str, suffix: str) -> str | None:
@@ -178,12 +193,13 @@ def _settings(path: Path, name: str) -> Entry:
 
 
 def _toml(path: Path, name: str) -> Entry | None:
+    from lidarcheck.formats.source import decode_text, read_source
+
+    text = decode_text(read_source(path), path)
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
-    except OSError as error:
-        raise InputError(f"cannot read: {error.strerror}", file=path, fix="check its permissions") from error
-    except UnicodeDecodeError as error:
-        raise InputError("the file is not UTF-8 text", file=path, fix="save it as UTF-8") from error
+        data: dict[str, Any] = tomllib.loads(text.replace("\r\n", "\n"))
+    except RecursionError:
+        raise InputError("lists or tables are nested too deeply", file=path, fix="write it flatter") from None
     except tomllib.TOMLDecodeError as error:
         where = re.search(r"at line (\d+)", str(error))
         line = int(where[1]) if where else None

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.core.jobs import Computed, Job, Tell
-from lidarcheck.tui.core.naming import ideal_of, labels_of, measured_in, partner_of
+from lidarcheck.tui.core.models import which_model
+from lidarcheck.tui.core.naming import ideal_of, measured_in, partner_of
 from lidarcheck.tui.core.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -77,20 +78,20 @@ def offers_of(model: Model, effects: Effects) -> list[Offer]:
     return offers
 
 
-def scene_jobs(project: Project, chosen: Callable[[str], tuple[Entry | None, Effects]]) -> list[Job]:
+def scene_jobs(project: Project, chosen: Callable[[Entry], tuple[Entry | None, Effects]]) -> list[Job]:
     """A job for each measured frame, those that can be computed first.
 
-    `chosen`: the model, None where there is none, and its effects, for the variant that a name says.
+    `chosen`: the model, None where there is none, and its effects, for a measured frame.
     """
     ideals = project.of("ideal")
     jobs = []
     for scan in measured_in(project, sound=False):
         ideal = ideal_of(scan, ideals) or partner_of(scan, ideals)
-        jobs.append(_job(scan, ideal, *chosen(labels_of(scan).variant)))
+        jobs.append(_job(scan, ideal, *chosen(scan), which_model(project.of("model"))))
     return sorted(jobs, key=lambda job: bool(job.fault))
 
 
-def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects) -> Job:
+def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects, lacking: str) -> Job:
     stem = scan.path.stem
     fault = scan.fault
     if not fault and ideal is None:
@@ -98,7 +99,7 @@ def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects)
             f"no ideal scan is named like it: ideal_{stem.removeprefix('real_').removesuffix('_real')}.txt, for example"
         )
     if not fault and model is None:
-        fault = "there is no model in this project"
+        fault = lacking
     return Job(
         name=scan.name,
         words=f"{ideal.name if ideal else ''}, {model.name if model else ''}{effects.words()}",

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.tui.core.jobs import Computed, Job, Tell
+from lidarcheck.tui.core.models import likely_model, which_model
 from lidarcheck.tui.core.naming import (
     Labels,
     is_simulated,
     labels_of,
-    likely_model,
     measured_in,
     partner_of,
 )
@@ -22,7 +22,7 @@ from lidarcheck.tui.core.project import Entry, Project
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles_compare import VehicleComparison
 
-__all__ = ["FILES", "Group", "Measurement", "groups_of", "job_of", "options_of"]
+__all__ = ["FILES", "Group", "Measurement", "groups_of", "job_of", "options_of", "source_of"]
 
 FILES = "simulated files"
 """In the place of a model's name: what was simulated stands in files."""
@@ -87,8 +87,20 @@ def options_of(group: Group, models: Sequence[Entry]) -> list[str]:
     files = [FILES] if group.used(FILES) else []
     if not any(m.ideal for m in group.measurements):
         return files
-    first = likely_model(models, group.labels.variant)
+    first = _likely(group, models)
     return files + sorted((entry.name for entry in models), key=lambda name: first is not None and name != first.name)
+
+
+def source_of(group: Group, models: Sequence[Entry], chosen: str) -> str:
+    """What it is compared with: as chosen, else simulated files, else the likely model; empty where none is."""
+    options, likely = options_of(group, models), _likely(group, models)
+    if chosen in options:
+        return chosen
+    return next((name for name in options if name == FILES or (likely is not None and name == likely.name)), "")
+
+
+def _likely(group: Group, models: Sequence[Entry]) -> Entry | None:
+    return likely_model(models, group.measurements[0].path.parent, group.labels.variant)
 
 
 def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
@@ -117,8 +129,8 @@ def _why_not(group: Group, models: Sequence[Entry]) -> str:
     faults = [m for m in group.measurements if m.fault]
     if len(faults) == len(group.measurements):
         return faults[0].fault
-    if not models and any(m.ideal for m in group.measurements):
-        return "there are ideal scans, but no model in this project"
+    if any(m.ideal and not m.fault for m in group.measurements):
+        return f"there are ideal scans, but {which_model(models).removeprefix('there is ')}"
     first = next(m for m in group.measurements if not m.fault)
     return f"no simulated file or ideal scan is named like {first.name}"
 

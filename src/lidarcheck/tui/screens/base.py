@@ -62,3 +62,7 @@ class View(Vertical):
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""
         self.ours.say(text, bad=bad)
+
+    def progress(self, text: str) -> None:
+        """What a run of this screen says while it runs; empty when it has ended."""
+        self.ours.progress(text, self.NAME)

@@ -155,7 +155,7 @@ class Editor(Generic[S]):
         there = session.path.exists()
         words = line("Somebody else has changed it since it was read here." if there else "It is gone.")
         self.asking = True
-        ask = Ask(f"{session.path.name} has changed on the disk", [words, *self.diff_lines()], answers)
+        ask = Ask(f"{session.path.name} has changed on the disk", [words, *self.diff_lines()], answers, unasked=True)
         self.view.app.push_screen(ask, lambda key: self._answer_disk(session, key))
 
     def _answer_disk(self, session: S, key: str | None) -> None:

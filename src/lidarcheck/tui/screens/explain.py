@@ -15,6 +15,7 @@ from textual.binding import Binding
 from lidarcheck.effects.base import find
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
+from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.explain_run import PROGRAM, ExplainRun, command_of
 from lidarcheck.tui.core.explained import CaseState, case_files, look_at, ready
 from lidarcheck.tui.screens.base import bindings
@@ -246,8 +247,8 @@ class Explain(Adopting):
         self._waits = False
         if self.run is None or self.of is None:
             return
-        self.ours.progress(
-            f"explain {self.of.name}: {self.run.heard.now or 'starting'} {far_in_words(self.run.heard)}   x stops it"
+        self.progress(
+            f"explain {self.of.name}: {self.run.heard.now or 'starting'} {far_in_words(self.run.heard)}{STOPS}"
         )
         if self.is_on_screen:
             self.draw()
@@ -257,7 +258,7 @@ class Explain(Adopting):
         if self.run is None or self.of is None:
             return
         heard, case, self.run = self.run.heard, self.of, None
-        self.ours.progress("")
+        self.progress("")
         if code != 0 and heard.fault:
             self._faults[case.path] = heard.fault
         self.project_changed()

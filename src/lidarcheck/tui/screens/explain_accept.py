@@ -62,7 +62,7 @@ class Adopting(View):
         if change.before is not None:
             answers |= {"n": "a new file instead"}
         title = f"Accept: how {name} changes" if change.before is not None else f"Accept: {name}, beside the case's"
-        ask = Ask(title, [*words, *diff_lines(change.diff)], answers)
+        ask = Ask(title, [*words, *diff_lines(change.diff)], answers, unasked=True)
         self.app.push_screen(ask, lambda key: self._answered(state, change, key))
 
     def _answered(self, state: CaseState, change: Adoption, key: str | None) -> None:

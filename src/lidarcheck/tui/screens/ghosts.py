@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.calibration.figures import Cloud, Distribution
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
-from lidarcheck.tui.core.ghosts import GhostPage, ghost_jobs, sign_scans
+from lidarcheck.tui.core.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
 from lidarcheck.tui.core.jobs import Computed, Job
-from lidarcheck.tui.core.models import NONE, chosen_model, next_model
+from lidarcheck.tui.core.models import NONE, next_model
 from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.pages import MOVES, PageView, together
 from lidarcheck.tui.widgets.dialogs import AskText
@@ -86,9 +86,8 @@ class Ghosts(PageView):
         if not project.of("model"):
             self.say("there is no model in the project")
             return
-        scans = sign_scans(project)
-        beside = scans[0].path.parent if scans else project.root
-        name = selected[_MODEL] = next_model(project, chosen_model(project, selected.get(_MODEL, ""), beside))
+        now = sign_model(project, sign_scans(project), selected.get(_MODEL, ""))
+        name = selected[_MODEL] = next_model(project, now)
         self.say("no model: real scans alone" if name == NONE else f"model: {name}; r computes with it")
         self.project_changed()
 

@@ -17,6 +17,7 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.harness.review import ReviewReport, review
 from lidarcheck.harness.review_words import objections
+from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.checks import Cancelled
 from lidarcheck.tui.core.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
 from lidarcheck.tui.screens.base import bindings
@@ -258,7 +259,7 @@ class Goldens(Accepting):
         moment = time.monotonic()
         if self.running and moment - self._told > 0.25:
             self._told = moment
-            self.ours.progress(f"review {done}/{total}: {now}   x stops it")
+            self.progress(f"review {done}/{total}: {now}{STOPS}")
 
     def _found(
         self, paths: Sequence[Path], result: ReviewReport | LidarcheckError, names: Sequence[str] | None
@@ -274,6 +275,8 @@ class Goldens(Accepting):
             for path in paths:
                 found = by_name[(path.resolve().parent, path.stem)]
                 self._put(path, reviewed(path, found))
+            if names is None:
+                self.say("reviewed: what speaks against accepting stands below")
         self.draw()
         if names is not None and isinstance(result, ReviewReport):
             self.ask_accept(result, names)
@@ -294,7 +297,7 @@ class Goldens(Accepting):
 
     def _ended(self, how: str) -> None:
         self.running = False
-        self.ours.progress("")
+        self.progress("")
         if how != "the review has ended":
             self.say(how, bad=how.startswith("error"))
         elif not self.waiting:

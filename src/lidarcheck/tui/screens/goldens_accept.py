@@ -101,7 +101,7 @@ class Accepting(View):
         words = [line("It cannot be taken back here; version control can.", "dim")]
         words += [line(text) for text in _in_short(report, names)]
         shown = diff_lines([self.ours.inside(text) for text in changes(texts)])
-        ask = Ask(title, [*words, *shown], {"Enter": "write"})
+        ask = Ask(title, [*words, *shown], {"Enter": "write"}, unasked=True)
         self.app.push_screen(ask, lambda key: self._answered(key, report, names, reason))
 
     def _answered(self, key: str | None, report: ReviewReport, names: Sequence[str], reason: str) -> None:

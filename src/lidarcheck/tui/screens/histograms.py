@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.tui.core.jobs import Computed, Job
-from lidarcheck.tui.core.vehicle_jobs import Group, groups_of, job_of, options_of
+from lidarcheck.tui.core.vehicle_jobs import Group, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.page_export import file_name
 from lidarcheck.tui.screens.page_lines import room_for, together
@@ -70,9 +70,8 @@ class Histograms(PageView):
 
     def _source(self, group: Group) -> str:
         """What a group is compared with: as chosen, else the likeliest."""
-        options = options_of(group, self.ours.project.of("model"))
         chosen = self.ours.state.selected.get(f"histograms {group.name}", "")
-        return chosen if chosen in options else next(iter(options), "")
+        return source_of(group, self.ours.project.of("model"), chosen)
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """Feature after feature, so many distances at once as can be read; then the points."""
@@ -181,7 +180,8 @@ class Histograms(PageView):
         if group is None or not options:
             self.say("there is nothing to compare with: neither simulated files, nor ideal scans and a model")
             return
-        now = options.index(self._source(group))
+        source = self._source(group)
+        now = options.index(source) if source in options else -1
         chosen = options[(now + 1) % len(options)]
         self.ours.state.selected[f"histograms {group.name}"] = chosen
         self.say(f"{group.name}: {chosen} ({(now + 1) % len(options) + 1} of {len(options)})")

@@ -10,7 +10,7 @@ from textual.containers import Horizontal
 
 from lidarcheck.tui.core.jobs import Job
 from lidarcheck.tui.core.models import NONE, chosen_model, next_model
-from lidarcheck.tui.core.noise import NoisePage, noise_jobs
+from lidarcheck.tui.core.noise import NoisePage, halls_of, noise_jobs
 from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.pages import MOVES, PageView, together
 from lidarcheck.tui.widgets.lines import Line, Lines, line
@@ -106,6 +106,7 @@ class Noise(PageView):
         self.all = not self.all
         self.turned, self._elsewhere = self._elsewhere, self.turned
         self.ours.state.selected[_ALL] = "yes" if self.all else ""
+        self.say("figures of all panels" if self.all else "figures of one panel")
         self.draw()
 
     def action_model(self) -> None:
@@ -114,9 +115,9 @@ class Noise(PageView):
         if not project.of("model"):
             self.say("there is no model in the project")
             return
-        job = self.job
-        beside = project.root if job is None else (project.root / job.name).parent
-        selected[_MODEL] = next_model(project, chosen_model(project, selected.get(_MODEL, ""), beside))
+        hall = next((hall for hall in halls_of(project) if self.job is not None and hall.name == self.job.name), None)
+        beside, variant = (project.root, "") if hall is None else ((project.root / hall.name).parent, hall.variant)
+        selected[_MODEL] = next_model(project, chosen_model(project, selected.get(_MODEL, ""), beside, variant))
         name = selected[_MODEL]
         self.say("no model: real frames alone" if name == NONE else f"model: {name}; r computes with it")
         self.project_changed()

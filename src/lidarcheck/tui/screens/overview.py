@@ -12,6 +12,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.message import Message
 
+from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.checks import Cancelled, Outcome, Runs, against, run_scenarios
 from lidarcheck.tui.core.project import Entry
 from lidarcheck.tui.screens.base import View, bindings
@@ -77,7 +78,7 @@ class Overview(View):
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one below."""
         yield Lines("Scenarios", label="s", id="scenarios")
-        yield Lines("KPIs", label="k", id="kpis")
+        yield Lines("KPIs", label="k", id="kpis", folds=True)
 
     # What is shown
 
@@ -190,13 +191,15 @@ class Overview(View):
     def _start(self, paths: list[Path]) -> None:
         if self.running:
             self.say("a run is going on; x stops it")
-        elif paths:
+        elif not paths:
+            self.say("there is no scenario to run here")
+        else:
             self.running = True
             self._stop.clear()
-            self._run(paths)
+            self._run(paths, self.ours.check)
 
     @work(thread=True, exclusive=True, group="runs", exit_on_error=False)
-    def _run(self, paths: list[Path]) -> None:
+    def _run(self, paths: list[Path], check: Any) -> None:
         def told(done: int, total: int, now: str) -> None:
             self.post_message(self.Told(done, total, now))
 
@@ -207,7 +210,7 @@ class Overview(View):
                 told=told,
                 found=lambda o: self.post_message(self.Found(o)),
                 stop=self._stop,
-                check=self.ours.check,
+                check=check,
             )
         except Cancelled:
             how = "the run was stopped"
@@ -220,7 +223,7 @@ class Overview(View):
         now = time.monotonic()
         if self.running and (now - self._told > 0.25 or message.done == 0):
             self._told = now
-            self.ours.progress(f"run {message.done}/{message.total}: {message.now}   x stops it")
+            self.progress(f"run {message.done}/{message.total}: {message.now}{STOPS}")
 
     def on_overview_found(self, message: Found) -> None:
         """An outcome."""
@@ -231,7 +234,7 @@ class Overview(View):
     def on_overview_ended(self, message: Ended) -> None:
         """The end of a run."""
         self.running = False
-        self.ours.progress("")
+        self.progress("")
         self.say(message.how, bad=message.how.startswith("error"))
 
     def action_stop(self) -> None:

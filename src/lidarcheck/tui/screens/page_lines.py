@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.tui.core.jobs import Job
 from lidarcheck.tui.themes import Role
-from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.lines import Line, line, printable
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page, Table
@@ -40,14 +40,14 @@ def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
 
 def name_room(jobs: Sequence[Job]) -> int:
     """How many letters the list has for names."""
-    return min(max([_NAME[0], *(len(job.name) for job in jobs)]), _NAME[1])
+    return min(max([_NAME[0], *(len(printable(job.name)) for job in jobs)]), _NAME[1])
 
 
 def job_line(job: Job, state: str, fault: str, here: bool, room: int) -> Line:
     """A job in the list: its name, in `room` letters, where it stands, and what is to be said of it."""
     from lidarcheck.plots.panel import squeezed
 
-    name = f"{'>' if here else ' '}{squeezed(job.name, room, '..'):{room}} "
+    name = f"{'>' if here else ' '}{squeezed(printable(job.name), room, '..'):{room}} "
     if fault and state != "running":
         return ((name, "text"), ("cannot    ", "bad"), (fault, "dim"))
     role: Role = "good" if state == "computed" else "dim"

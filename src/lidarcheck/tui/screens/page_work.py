@@ -8,6 +8,7 @@ from collections.abc import Hashable
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.bars import STOPS
 from lidarcheck.tui.core.jobs import Cancelled, Computed, Job, Pages, computed
 from lidarcheck.tui.screens.base import View
 
@@ -80,7 +81,7 @@ class PageWork(View):
             if time.monotonic() - told > _TELL_S:
                 told = time.monotonic()
                 count = f" {done}/{of}" if of > 1 else ""
-                app.soon(self._progress, job, f"{job.name}: {now}{count}   x stops it")
+                app.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
 
         try:
             tell(0, 1, "reading")
@@ -97,7 +98,7 @@ class PageWork(View):
 
     def _progress(self, job: Job, text: str) -> None:
         if self.running is job:
-            self.ours.progress(text)
+            self.progress(text)
 
     def _computed(self, job: Job, key: Hashable, made: Page | Computed) -> None:
         self.pages.keep(key, made)
@@ -114,7 +115,7 @@ class PageWork(View):
     def _ended(self, job: Job) -> None:
         if self.running is job:
             self.running = None
-            self.ours.progress("")
+            self.progress("")
         if self.is_mounted:
             self.draw()
 
@@ -124,7 +125,8 @@ class PageWork(View):
         if self.running is None:
             self.say("nothing is computed")
         else:
-            self.ours.progress(f"{self.running.name}: stopping after the step that runs now")
+            self.progress("")  # what begins anew is seen at once
+            self.progress(f"{self.running.name}: stopping after the step that runs now")
 
     def closing(self) -> None:
         """Let a computation end."""

@@ -204,7 +204,11 @@ class PageView(PageWork):
         """Other figures of the page."""
         page = self.page
         count = len(self.groups(page)) if page is not None else 0
-        if count:
+        if page is None:
+            self.say("nothing is computed here yet: r computes it")
+        elif count < 2:
+            self.say("there are no other figures")
+        else:
             self.turned = (self.turned + by) % count
             self.draw()
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.core.jobs import Job
-from lidarcheck.tui.core.naming import labels_of, likely_model
+from lidarcheck.tui.core.models import chosen_model, which_model
+from lidarcheck.tui.core.naming import labels_of
 from lidarcheck.tui.core.project import Entry
 from lidarcheck.tui.core.scene_jobs import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.base import bindings
@@ -46,8 +47,8 @@ class Scenes(PageView):
     def jobs(self) -> list[Job]:
         """A job for each measured frame, with the model and the effects that are chosen for its variant."""
 
-        def chosen(variant: str) -> tuple[Entry | None, Effects]:
-            model = self._model(variant)
+        def chosen(scan: Entry) -> tuple[Entry | None, Effects]:
+            model = self._model(scan)
             return model, self._effects(model)
 
         return scene_jobs(self.ours.project, chosen)
@@ -67,18 +68,16 @@ class Scenes(PageView):
     def _models(self) -> list[Entry]:
         return self.ours.project.of("model")
 
-    def _model(self, variant: str | None = None) -> Entry | None:
-        """The chosen model for a variant, by default that of the frame under the cursor; else the likeliest."""
-        wanted = self._variant() if variant is None else variant
-        chosen = self.ours.state.selected.get(f"scenes {wanted}", "")
-        found = next((entry for entry in self._models() if entry.name == chosen), None)
-        return found or likely_model(self._models(), wanted)
+    def _model(self, scan: Entry | None) -> Entry | None:
+        """The model that is chosen for the variant of a frame, else the likely one."""
+        project, variant = self.ours.project, _variant(scan)
+        beside = project.root if scan is None else scan.path.parent
+        return chosen_model(project, self.ours.state.selected.get(f"scenes {variant}", ""), beside, variant)
 
-    def _variant(self) -> str:
-        """What the name of the frame under the cursor says."""
+    def _scan(self) -> Entry | None:
+        """The frame under the cursor."""
         scans = self.ours.project.of("scan", sound=False)
-        entry = next((entry for entry in scans if self.job is not None and entry.name == self.job.name), None)
-        return "" if entry is None else labels_of(entry).variant
+        return next((entry for entry in scans if self.job is not None and entry.name == self.job.name), None)
 
     def _effects(self, model: Entry | None) -> Effects:
         kept = self.ours.state.selected
@@ -91,12 +90,13 @@ class Scenes(PageView):
 
     def action_next_model(self) -> None:
         """The next model."""
-        models, now = self._models(), self._model()
-        if now is None:
-            self.say("there is no model in this project")
+        models, scan = self._models(), self._scan()
+        if not models:
+            self.say(which_model(models))
             return
-        at = (models.index(now) + 1) % len(models)
-        self.ours.state.selected[f"scenes {self._variant()}"] = models[at].name
+        now = self._model(scan)
+        at = 0 if now is None else (models.index(now) + 1) % len(models)
+        self.ours.state.selected[f"scenes {_variant(scan)}"] = models[at].name
         self.say(f"model: {models[at].name} ({at + 1} of {len(models)})")
         self.project_changed()
 
@@ -104,9 +104,9 @@ class Scenes(PageView):
         """Switch effects on and off in a list."""
         from lidarcheck.model import load_model
 
-        entry = self._model()
+        entry = self._model(self._scan())
         if entry is None:
-            self.say("there is no model in this project")
+            self.say(which_model(self._models()))
             return
         try:
             model = load_model(entry.path)
@@ -128,6 +128,13 @@ class Scenes(PageView):
 
     def action_own_effects(self) -> None:
         """The model as its file says."""
-        entry = self._model()
-        if entry is not None:
+        entry = self._model(self._scan())
+        if entry is None:
+            self.say(which_model(self._models()))
+        else:
             self._choose(entry, Effects())
+
+
+def _variant(scan: Entry | None) -> str:
+    """What the name of a frame says."""
+    return "" if scan is None else labels_of(scan).variant

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -23,22 +24,32 @@ Ask Input, AskText Input, Palette Input { border: none; height: 1; padding: 0; b
 _SCROLL = {"pagedown": 1, "pageup": -1, "down": 1, "up": -1, "space": 1}
 
 
+UNASKED_S = 0.7
+"""For how long a question that comes by itself takes no key: what was typed then was meant for the screen below."""
+
+
 class Ask(ModalScreen[str | None]):
-    """A question with what belongs to it; one of `answers` (key: what it does) or Escape."""
+    """A question with what belongs to it; one of `answers` (key: what it does) or Escape.
+
+    `unasked`: it comes by itself, as a file is changed or a review ends, perhaps while something else is typed.
+    """
 
     CSS = _CSS
 
-    def __init__(self, title: str, lines: Sequence[Line], answers: Mapping[str, str]) -> None:
+    def __init__(self, title: str, lines: Sequence[Line], answers: Mapping[str, str], *, unasked: bool = False) -> None:
         super().__init__()
+        self._deaf_s = UNASKED_S if unasked else 0.0
+        self._shown_s = 0.0
         self._title, self._lines, self._answers = title, list(lines), dict(answers)
 
     def compose(self) -> ComposeResult:
         """The text, and the answers in the last line."""
-        yield Lines(self._title, id="question")
+        yield Lines(self._title, id="question", folds=True)
         yield Lines(id="answers", bar=True)
 
     def on_mount(self) -> None:
         """Fill both."""
+        self._shown_s = time.monotonic()
         self.query_one("#question", Lines).show(self._lines)
         keys = "   ".join(f"{key} {what}" for key, what in [*self._answers.items(), ("Esc", "back")])
         self.query_one("#answers", Lines).show([line(keys, "title")])
@@ -47,6 +58,8 @@ class Ask(ModalScreen[str | None]):
     def on_key(self, event: events.Key) -> None:
         """Answer, scroll or leave."""
         event.stop()
+        if time.monotonic() - self._shown_s < self._deaf_s:
+            return
         key = "Enter" if event.key == "enter" else event.character or event.key
         if key in self._answers:
             self.dismiss(key)
@@ -69,7 +82,7 @@ class AskText(ModalScreen[str | None]):
 
     def compose(self) -> ComposeResult:
         """The question and a line to type in."""
-        yield Lines(self._title, id="question")
+        yield Lines(self._title, id="question", folds=True)
         yield _input(self._value)
 
     def on_mount(self) -> None:

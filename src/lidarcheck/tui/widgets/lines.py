@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
+from itertools import groupby
 
+from rich.cells import cell_len
 from rich.segment import Segment
 from textual import events
 from textual.geometry import Region
@@ -16,6 +18,7 @@ from lidarcheck.tui.themes import Role, style
 __all__ = ["Line", "Lines", "line", "printable", "wrapped"]
 
 Line = tuple[tuple[str, Role], ...]
+_INDENT_FROM = 20
 
 
 def line(text: str, role: Role = "text") -> Line:
@@ -29,23 +32,53 @@ def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
     return [line(part, role) for part in fits]
 
 
+def folded(parts: Line, width: int) -> list[Line]:
+    """A line in as many as fit the width, broken at blanks where there are some, the later ones further in."""
+    if sum(cell_len(printable(text)) for text, _ in parts) <= width:
+        return [parts]
+    letters = [(letter, role) for text, role in parts for letter in printable(text)]
+    found: list[Line] = []
+    while letters:
+        indent = "  " if found and width > _INDENT_FROM else ""
+        room, fits = width - len(indent), 0
+        for letter, _ in letters:
+            room -= cell_len(letter)
+            if room < 0:
+                break
+            fits += 1
+        if fits < len(letters):
+            blank = next((at for at in range(fits, fits // 2, -1) if letters[at][0] == " "), None)
+            fits = blank + 1 if blank is not None else max(fits, 1)
+        now, letters = letters[:fits], letters[fits:]
+        runs = [("".join(letter for letter, _ in run), role) for role, run in groupby(now, lambda one: one[1])]
+        found.append((*line(indent), *runs) if indent else tuple(runs))
+    return found
+
+
 def printable(text: str) -> str:
     """A text that cannot drive the terminal, whatever a file has in it."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class Lines(Widget, can_focus=True):
-    """Lines under a title, scrolled so that the cursor's line is seen. Without a title it is a bar, not a pane."""
+    """Lines under a title, scrolled so that the cursor's line is seen. Without a title it is a bar, not a pane.
+
+    `folds`: a line that is wider than the pane goes on in the next, so that all of it can be read.
+    """
 
     DEFAULT_CSS = "Lines { height: 1fr; width: 1fr; } Lines.bar { height: 1; }"
 
-    def __init__(self, title: str = "", *, label: str = "", id: str | None = None, bar: bool = False) -> None:
+    def __init__(
+        self, title: str = "", *, label: str = "", id: str | None = None, bar: bool = False, folds: bool = False
+    ) -> None:
         super().__init__(id=id, classes="bar" if bar else None)
-        self.bar = bar
+        self.bar, self.folds = bar, folds
         self.label = label
         self.can_focus = not bar
         self.lines: list[Line] = []
         self.cursor: int | None = None
+        self._rows: list[Line] = []
+        self._row: int | None = None
         self._title = title
         self._top = 0
         self._drawn: list[Line] = []
@@ -56,7 +89,16 @@ class Lines(Widget, can_focus=True):
         self.lines = list(lines)
         self.cursor = cursor
         self._title = self._title if title is None else title
+        self._fold()
         self._redraw()
+
+    def _fold(self) -> None:
+        """The rows that the lines take; the cursor's is the last of its line."""
+        self._rows, self._row = self.lines, self.cursor
+        if self.folds and self.size.width > 0:
+            rows = [folded(parts, self.size.width) for parts in self.lines]
+            self._rows = [part for one in rows for part in one]
+            self._row = None if self.cursor is None else sum(map(len, rows[: self.cursor + 1])) - 1
 
     @property
     def rows(self) -> int:
@@ -70,14 +112,14 @@ class Lines(Widget, can_focus=True):
 
     def page(self, pages: int) -> None:
         """Scroll by pages, where there is no cursor."""
-        self._top = max(min(self._top + pages * max(self.rows, 1), len(self.lines) - self.rows), 0)
+        self._top = max(min(self._top + pages * max(self.rows, 1), len(self._rows) - self.rows), 0)
         self._redraw()
 
     def _redraw(self) -> None:
         rows = self.rows
-        if self.cursor is not None and rows:
-            self._top = min(max(self._top, self.cursor - rows + 1), self.cursor)
-        self._top = max(min(self._top, len(self.lines) - rows), 0)
+        if self._row is not None and rows:
+            self._top = min(max(self._top, self._row - rows + 1), self._row)
+        self._top = max(min(self._top, len(self._rows) - rows), 0)
         wanted = [self._line(y) for y in range(self.size.height)]
         if len(wanted) != len(self._drawn):
             self.refresh()
@@ -95,10 +137,10 @@ class Lines(Widget, can_focus=True):
                 return line(f"{'>' if focus else ' '}{label}{self._title}", "focus" if focus else "title")
             y -= 1
         at = self._top + y
-        if at >= len(self.lines):
+        if at >= len(self._rows):
             return ()
-        parts = self.lines[at]
-        return tuple((text, "cursor") for text, _ in parts) if at == self.cursor and self.has_focus else parts
+        parts = self._rows[at]
+        return tuple((text, "cursor") for text, _ in parts) if at == self._row and self.has_focus else parts
 
     def render_line(self, y: int) -> Strip:
         """One line as textual wants it."""
@@ -109,6 +151,7 @@ class Lines(Widget, can_focus=True):
     def on_resize(self, _event: events.Resize) -> None:
         """Keep the cursor in sight."""
         self._drawn = []
+        self._fold()
         self._redraw()
         self.when_resized()
 
