@@ -1,4 +1,4 @@
-"""Draws every screen of the terminal interface on a small project of simulated measurements. Run by ci/tui_pictures."""
+"""Draws every screen of the terminal interface on small projects of simulated measurements. Run by ci/tui_pictures."""
 
 from __future__ import annotations
 
@@ -14,66 +14,21 @@ from pathlib import Path
 from typing import Any, cast
 
 from textual.pilot import Pilot
+from tui_project import SCENARIOS, make_bench, make_drive
 
-from lidarcheck.cli import main as lidarcheck
-from lidarcheck.formats.lut import y_of_scaled
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.core.actions import SCREENS
 from lidarcheck.tui.screens.blooming import Blooming
+from lidarcheck.tui.screens.explain import Explain
+from lidarcheck.tui.screens.goldens import Goldens
 from lidarcheck.tui.screens.overview import Overview
+from lidarcheck.tui.screens.pages import PageView
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
 SIZE = (160, 42)
 PATIENCE_S = 600.0
-SCENARIOS = ("background_SLIM", "range_sweep_SLIM", "retro_reflector_SLIM", "incidence_SLIM", "weak_targets_SLIM")
-X = (-160, -120, -80, -50, -33, -20, -10, -6, -3, 0, 3, 6, 10, 20, 33, 50, 80, 100, 120, 140, 200)
-
 Prepare = Callable[[LidarcheckApp, Pilot[int]], Awaitable[None]]
-
-
-# The project
-
-
-def run(*words: object) -> None:
-    """A command, as a user runs it."""
-    if lidarcheck([*map(str, words), "--quiet"]) != 0:
-        sys.exit(f"lidarcheck {' '.join(map(str, words))} failed")
-
-
-def make_project(root: Path) -> None:
-    """Scenarios whose model has moved, and a sign at three distances, simulated with bloom that the table lacks."""
-    for part in ("scenarios", "goldens", "signs"):
-        (root / part).mkdir(parents=True)
-    for name in SCENARIOS:
-        for part in ("scenarios", "goldens"):
-            shutil.copy(ROOT / part / f"{name}.toml", root / part)
-    shutil.copytree(ROOT / "scenarios" / "models", root / "scenarios" / "models")
-    moved = root / "scenarios" / "models" / "SLIM.toml"
-    text = moved.read_text(encoding="utf-8")
-    moved.write_text(text.replace("[materials", "[sensor]\nsignal_at_1m = 6180.0\n\n[materials", 1), encoding="utf-8")
-    scaled = [1000 if x == 0 else 560 - abs(x) // 2 for x in X]
-    table = f"PostPro.LUT_blooming_X = {', '.join(map(str, X))}\n"
-    table += f"PostPro.LUT_blooming_Y = {', '.join(f'{y_of_scaled(s):.7f}' for s in scaled)}\n"
-    (root / "signs" / "vertical_lut.ini").write_text(table, encoding="utf-8")
-    with tempfile.TemporaryDirectory() as scratch:
-        blooming = Path(scratch) / "blooming.toml"
-        text = (ROOT / "scenarios" / "models" / "scenes_SLIM.toml").read_text(encoding="utf-8")
-        blooming.write_text(f'{text}\n[[effects]]\nname = "blooming_vertical"\n', encoding="utf-8")
-        for distance in ("69m", "156m", "199m"):
-            sign(root, blooming, distance)
-
-
-def sign(root: Path, model: Path, distance: str) -> None:
-    """A sign of the built-in scenes, cast in the columns about it, and what the sensor would report of it."""
-    scene = (ROOT / f"src/lidarcheck/scenes/builtin/sign_vertical_{distance}.toml").read_text(encoding="utf-8")
-    materials = ROOT / "src/lidarcheck/scenes/materials.toml"
-    file = model.with_name(f"{distance}.toml")
-    head = re.sub(r"^materials = .*$", f'materials = "{materials.as_posix()}"', scene, flags=re.MULTILINE)
-    file.write_text(head + "\n[scene.sampling]\nlayers = [170, 380]\npoints = [440, 520]\n", encoding="utf-8")
-    ideal = root / "signs" / f"ideal_sign_{distance}.parquet"
-    run("scene", file, "--out", ideal)
-    run("simulate", ideal, "--model", model, "--out", root / "signs" / f"simulated_sign_{distance}.csv", "--seed", 7)
 
 
 # The screens
@@ -130,8 +85,74 @@ async def blooming_four(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     await pilot.press("V", "E")
 
 
+async def computed(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """What is under the cursor is computed."""
+    view = cast(PageView, app.view)
+    await pilot.press("r")
+    await until(pilot, lambda: view.page is not None or (view.job is not None and view.fault_of(view.job)))
+    if view.page is None:
+        sys.exit(f"{view.NAME} computed nothing:\n{text_of(app)}")
+
+
+async def histograms(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The histograms of AREA."""
+    await computed(app, pilot)
+    await pilot.press("n")
+
+
+async def with_model(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The same with the project's own model, where the screen asks which of two is meant."""
+    view = cast(PageView, app.view)
+    await pilot.press("m")
+    await until(pilot, lambda: view.job is not None and "SLIM.toml" in view.job.words)
+    await computed(app, pilot)
+
+
+async def noise(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """A panel in the middle of the list."""
+    await with_model(app, pilot)
+    await pilot.press("n", "n")
+
+
+async def explain(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The case is explained; how long that takes is not shown any more when it is done."""
+    view = cast(Explain, app.view)
+    await until(pilot, lambda: view.cases)
+    await pilot.press("r")
+    await until(pilot, lambda: not view.running and (view.cases[0].found or view.cases[0].fault))
+    if view.cases[0].fault:
+        sys.exit(f"explain failed: {view.cases[0].fault}")
+
+
+async def goldens(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """What a run of all scenarios leaves, and a review of the first."""
+    view = cast(Goldens, app.view)
+    await pilot.press("f2")
+    await until(pilot, lambda: app.view.NAME == "overview")
+    await overview(app, pilot)
+    await pilot.press("f9")
+    await until(pilot, lambda: app.view is view and view.waiting)
+    await pilot.press("r")
+    await until(pilot, lambda: not view.running and (view.waiting[0].found or view.waiting[0].fault))
+    if view.waiting[0].fault:
+        sys.exit(f"the review failed: {view.waiting[0].fault}")
+    app.say(app.project.in_words())
+
+
 # A screen without a line here is drawn as it comes up.
-PREPARE: dict[str, Prepare] = {"overview": overview, "blooming": blooming, "blooming_four": blooming_four}
+PREPARE: dict[str, Prepare] = {
+    "overview": overview,
+    "histograms": histograms,
+    "noise": noise,
+    "blooming": blooming,
+    "blooming_four": blooming_four,
+    "ghosts": with_model,
+    "scenes": computed,
+    "explain": explain,
+    "goldens": goldens,
+}
+BENCH = ("overview", "blooming", "goldens")
+"""The screens that show the project of scenarios and a table; the others show that of measurements."""
 
 
 def without_links(svg: str) -> str:
@@ -144,10 +165,8 @@ def without_links(svg: str) -> str:
     return svg
 
 
-def draw(project: Path, name: str) -> None:
+def draw(project: Path, name: str, screen: str) -> None:
     """One screen as docs/images/tui_NAME.svg."""
-
-    screen = next(screen for screen in SCREENS if f"{name}_".startswith(f"{screen}_"))
 
     async def session() -> str:
         app = LidarcheckApp(project, theme="dark", screen=screen)
@@ -172,10 +191,14 @@ def main(wanted: list[str]) -> None:
         if name not in known:
             sys.exit(f"error: there is no screen {name}; use {', '.join(known)}")
     with tempfile.TemporaryDirectory() as scratch:
-        project = Path(scratch) / "bench"
-        make_project(project)
         for name in wanted or known:
-            draw(project, name)
+            screen = next(screen for screen in SCREENS if f"{name}_".startswith(f"{screen}_"))
+            project, make = (
+                (Path(scratch) / "bench", make_bench) if screen in BENCH else (Path(scratch) / "drive", make_drive)
+            )
+            if not project.exists():
+                make(project)
+            draw(project, name, screen)
 
 
 if __name__ == "__main__":

@@ -397,6 +397,12 @@ def test_the_page_and_the_document_hold_the_result(result):
     assert len(text) < 100_000
 
 
+def test_an_angle_that_rounds_to_nothing_has_no_sign(result):
+    panels = [replace(panel, azimuth_deg=-0.004, elevation_deg=-0.001) for panel in result.panels]
+    found = page(replace(result, panels=panels), {}).sections[0].tables[0]
+    assert {row[2:4] for row in found.rows} == {("0.00", "0.00")}
+
+
 # --- real captures and reference frames -------------------------------------------------------------------------------
 
 

@@ -126,7 +126,7 @@ def _found_table(result: PanelsResult) -> Table:
     )
     rows = tuple(
         (
-            str(p.number), f"{p.range_m:.2f}", f"{p.azimuth_deg:.2f}", f"{p.elevation_deg:.2f}",
+            str(p.number), f"{p.range_m:.2f}", f"{p.azimuth_deg:z.2f}", f"{p.elevation_deg:z.2f}",
             f"{p.width_m:.2f} x {p.height_m:.2f}", f"{p.incidence_deg:.0f}", _of(result, p) or "-",
             str(p.outline_beams), str(len(p.layer)),
         )
