@@ -562,3 +562,19 @@ def test_snapshots(explained, size):
         await as_stored(app, pilot, f"explain_{size[0]}x{size[1]}")
 
     drive(app_on(explained, theme=THEMES[0]), do, size)
+
+
+def test_a_run_from_the_background_can_be_stopped():
+    """A job that a shell has started with & ignores interrupts, and what it starts would too."""
+    ended = threading.Event()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        sleeps = [sys.executable, "-c", "import sys, time; print('up', file=sys.stderr, flush=True); time.sleep(300)"]
+        said = threading.Event()
+        run = ExplainRun(sleeps, told=said.set, note=lambda _text: None, ended=lambda _code: ended.set())
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+        assert said.wait(60)
+        run.stop()
+        assert ended.wait(60)
+    finally:
+        signal.signal(signal.SIGINT, before)

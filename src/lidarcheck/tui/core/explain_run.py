@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -78,6 +78,23 @@ class Heard:
         return next((one.removeprefix("error: ") for one in self.said if one.startswith("error: ")), "")
 
 
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """A process that is started here can be interrupted, also where this one was started in the background.
+
+    A shell lets what it starts with `&` ignore interrupts, and so would all that is started from there.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    ignored = main and signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    if ignored:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        if ignored:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 class ExplainRun:
     """A process that explains a case; its calls come from another thread.
 
@@ -97,16 +114,17 @@ class ExplainRun:
         self._told, self._note, self._ended = told, note, ended
         self._stopping = False
         try:
-            self._process = subprocess.Popen(
-                list(command),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                text=True,
-                encoding="utf-8",
-                errors="backslashreplace",
-                start_new_session=True,
-            )
+            with _interruptible():
+                self._process = subprocess.Popen(
+                    list(command),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                    encoding="utf-8",
+                    errors="backslashreplace",
+                    start_new_session=True,
+                )
         except OSError as error:
             fix = "check that it is installed"
             raise InputError(f"cannot be started: {error.strerror}", file=command[0], fix=fix) from error
