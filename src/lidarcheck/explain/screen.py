@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.crew import Crew
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
-from lidarcheck.explain.crew import Crew
 from lidarcheck.explain.lab import Lab
+
+if TYPE_CHECKING:
+    from lidarcheck.explain.notebook import Notebook
 
 __all__ = ["Screened", "chance_level", "screen"]
 
@@ -40,17 +44,24 @@ class Screened:
 
 
 def screen(
-    lab: Lab, probes: Sequence[Probe], told: Callable[[int, int], object] | None = None, crew: Crew | None = None
+    lab: Lab,
+    probes: Sequence[Probe],
+    told: Callable[[int, int], object] | None = None,
+    crew: Crew | None = None,
+    notebook: Notebook | None = None,
 ) -> list[Screened]:
-    """What every candidate would change, each with the same random numbers as the model itself."""
+    """What every candidate would change, each with the same random numbers as the model itself.
+
+    `notebook` has what an interrupted run found, and gets what this one finds.
+    """
     crew = crew or Crew()
-    start = [crew.notebook.get(_page(i)) if crew.notebook else None for i in range(len(probes))]
+    start = [notebook.get(_page(i)) if notebook else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
     for i, change in zip(open_, crew.map(_change, lab, [probes[i] for i in open_]), strict=True):
         changes[i] = change
-        if crew.notebook is not None:
-            crew.notebook.put(_page(i), [] if change is None else change)
+        if notebook is not None:
+            notebook.put(_page(i), [] if change is None else change)
         if told is not None:
             told(i + 1, len(probes))
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -71,15 +71,21 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - floor
     fitted = bench.start - bench.lab.floor_distance
+    own = None
     if before < _SHOWN_PART * fitted:
         before, after = fitted, now.distance - max(bench.lab.floor_distance, _own_distance(bench.lab, now))
     else:
-        after = select_distance(bench.select, now) - max(floor, _own_distance(bench.select, now))
+        own = max(floor, _own_distance(bench.select, now))
+        after = select_distance(bench.select, now) - own
     part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
     leads = [lead(name, now, trials) for name in now.names()]
     part = max(part, min(part + OPEN_PER_LEAD * min(leads, default=0.0), OPEN_MOST))
     small = min(OPEN_SMALL[0] * before, OPEN_SMALL[1])
-    return Closure(before, after, max(OPEN_CHANCE, part * before, small))
+    found = Closure(before, after, max(OPEN_CHANCE, part * before, small))
+    if found.holds or own is None:
+        return found
+    # A material may be in view of these frames alone, and its reflectance not quite what the table says.
+    return replace(found, after=min(after, fit_nuisance(bench.select, now).distance - own))
 
 
 def _open_part(name: str) -> float:

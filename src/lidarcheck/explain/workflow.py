@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.crew import Crew
+from lidarcheck.crew import Crew
 from lidarcheck.explain.explanation import (
     Explanation,
     Finding,
@@ -76,8 +76,15 @@ def explain(
     is found, in words, as soon as it is there. `notebook` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
-    with Crew(jobs, notebook) as crew:
-        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent, hear or _deaf))
+    with Crew(jobs, _wake) as crew:
+        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent, hear or _deaf, notebook))
+
+
+def _wake() -> None:
+    """Load what every task needs."""
+    import scipy.sparse  # noqa: F401
+
+    from lidarcheck.model import kernel  # noqa: F401
 
 
 def _explain(case: Case, run: Run) -> Explanation:
@@ -137,6 +144,7 @@ class Run:
     crew: Crew
     tell: Teller
     hear: Hearer = _deaf
+    notebook: Notebook | None = None
     steps: list[Step] = field(default_factory=list)
 
     def did(self, name: str, words: str) -> None:
@@ -178,7 +186,7 @@ class Run:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = [name for name in catalogue() if name not in self.exclude]
         probes = fixed_probes(names) + located_probes(bench.lab, names)
-        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n), self.crew)
+        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n), self.crew, self.notebook)
         return screened, dataclasses.replace(bench, level=chance_level(bench.lab, screened))
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:

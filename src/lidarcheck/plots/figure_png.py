@@ -20,6 +20,7 @@ from lidarcheck.plots.scales import equal_spans, limits, one_a_cell, round_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as SheetFigure
 
 __all__ = ["COLOURS", "write_png"]
 
@@ -37,6 +38,10 @@ _CELLS = (400, 200)
 """Dots that would fall into one cell of such a grid are drawn once."""
 _FEW = 40
 _WIDTH_IN, _HEIGHT_IN, _DPI = 7.0, 4.2, 130
+_LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN = 0.48, 0.2, 0.36, 0.5
+"""Room around the axes for labels and title, besides the ticks' words and the legend's rows. It is reckoned, not
+measured by matplotlib, which draws a picture twice for that."""
+_LETTER_IN, _LEGEND_ROW_PT = 0.078, 14.0
 _STYLE: Any = {
     "axes.linewidth": 0.7,
     "axes.spines.right": False,
@@ -65,10 +70,35 @@ def write_png(panels: Sequence[Panel], path: Path, columns: int = 1) -> None:
         rows = -(-len(panels) // columns)
         # Many panels on one sheet are each a little smaller.
         size = 1.0 if columns == 1 else 0.75
-        figure = Figure(figsize=(size * _WIDTH_IN * columns, size * _HEIGHT_IN * rows), dpi=_DPI, layout="constrained")
-        for place, panel in enumerate(panels, 1):
-            _draw(figure.add_subplot(rows, columns, place), panel)
+        wide, high = size * _WIDTH_IN, size * _HEIGHT_IN
+        figure = Figure(figsize=(wide * columns, high * rows), dpi=_DPI)
+        for place, panel in enumerate(panels):
+            row, column = divmod(place, columns)
+            _draw(figure.add_axes(_room((column * wide, (rows - 1 - row) * high, wide, high), figure)), panel)
         figure.savefig(path, format="png", metadata={"Software": None})
+
+
+def _room(cell: tuple[float, float, float, float], figure: SheetFigure) -> tuple[float, float, float, float]:
+    """The axes' place in the figure (left, bottom, width, height), as parts of it; `cell`: the same with what is
+    around the axes [in]."""
+    left, bottom, wide, high = cell
+    all_wide, all_high = figure.get_size_inches()
+    wide, high = wide - _LEFT_IN - _RIGHT_IN, high - _TOP_IN - _BOTTOM_IN
+    return (left + _LEFT_IN) / all_wide, (bottom + _BOTTOM_IN) / all_high, wide / all_wide, high / all_high
+
+
+def _make_room(axes: Axes, letters: int = 0) -> None:
+    """Move the axes' borders inward for the words of the vertical ticks, of at least so many letters, and the rows of
+    the legend."""
+    assert axes.figure is not None
+    wide, high = axes.figure.get_size_inches()
+    letters = max([letters, *(len(label.get_text()) for label in axes.get_yticklabels())])
+    left = _LETTER_IN * letters / wide
+    legend = axes.get_legend()
+    rows = -(-len(legend.get_texts()) // legend._ncols) if legend else 0
+    top = _LEGEND_ROW_PT / 72.0 * rows / high
+    place = axes.get_position()
+    axes.set_position((place.x0 + left, place.y0, place.width - left, place.height - top))
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
@@ -84,6 +114,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.text(0.5, 0.5, "nothing to draw", ha="center", va="center", transform=axes.transAxes)
     else:
         _draw_series(axes, panel, _span(axes, panel, points))
+        _make_room(axes)
 
 
 def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
@@ -160,7 +191,7 @@ def _legend(axes: Axes, panel: Panel) -> None:
         borderaxespad=0.1,
         columnspacing=1.2,
     )
-    axes.set_title(squeezed(panel.title, 90), loc="left", pad=8.0 + 14.0 * -(-len(names) // columns))
+    axes.set_title(squeezed(panel.title, 90), loc="left", pad=8.0 + _LEGEND_ROW_PT * -(-len(names) // columns))
 
 
 def _draw_map(axes: Axes, grid: Grid) -> None:
@@ -169,6 +200,7 @@ def _draw_map(axes: Axes, grid: Grid) -> None:
     values = values[np.argsort(grid.y)][:, np.argsort(grid.x)]
     colours = "PuOr_r" if grid.diverging else "cividis"
     shown = axes.pcolormesh(_borders(grid.x), _borders(grid.y), values, vmin=low, vmax=high, cmap=colours)
+    _make_room(axes, letters=6)  # matplotlib chooses the ticks, when it draws
     assert axes.figure is not None
     axes.figure.colorbar(shown, ax=axes, label=grid.value_label)
 

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lidarcheck import __version__
+from lidarcheck.crew import Crew
 from lidarcheck.errors import InputError
+from lidarcheck.harness.seeds import default_jobs
 from lidarcheck.plots.outputs import as_it_was, check_writable, json_text, make_directory, write_file, write_together
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
 ALL = "all"
 """In the place of a kind of picture: each of them."""
 Writer = Callable[[Path], object]
+_WORTH_A_PROCESS = 12
+"""Pictures that take about as long as a process to begin."""
 _PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 
 
@@ -166,14 +170,29 @@ def _fill(folder: Folder, staged: Path, place: Path) -> None:
 
 
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
-    """A PNG of each figure, as `kind` or in `all` the ways that it can be shown."""
+    """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
+    jobs = min(default_jobs(), len(figures) // _WORTH_A_PROCESS)
+    tasks = [*enumerate(figures, 1)]
+    with Crew(jobs, _wake) as crew:
+        for _ in crew.map(_draw_numbered, (directory, kind), tasks):
+            pass
+
+
+def _wake() -> None:
+    """Load what every picture needs."""
+    import matplotlib.figure  # noqa: F401
+
+    from lidarcheck.plots import figure_image  # noqa: F401
+
+
+def _draw_numbered(shared: tuple[Path, str], numbered: tuple[int, Figure]) -> None:
     from lidarcheck.plots.figure_image import save_figure
     from lidarcheck.plots.panels import kinds_of
 
-    for number, figure in enumerate(figures, 1):
-        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
-            view = f"-{one}" if one in kinds_of(figure) else ""
-            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
+    (directory, kind), (number, figure) = shared, numbered
+    for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
+        view = f"-{one}" if one in kinds_of(figure) else ""
+        save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
 
 
 def _slug(title: str) -> str:

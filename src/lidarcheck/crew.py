@@ -15,10 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from lidarcheck.explain.notebook import Notebook
+from typing import Any, TypeVar
 
 __all__ = ["Crew"]
 
@@ -30,11 +27,14 @@ _held: tuple[str, Any] = ("", None)
 
 
 class Crew:
-    """`jobs` processes side by side; a context manager. Results come in the order of the items, for any `jobs`."""
+    """`jobs` processes side by side; a context manager. Results come in the order of the items, for any `jobs`.
 
-    def __init__(self, jobs: int = 1, notebook: Notebook | None = None) -> None:
+    `wake`: a function of a module that each process begins with, to load what every task needs.
+    """
+
+    def __init__(self, jobs: int = 1, wake: Callable[[], object] | None = None) -> None:
         self.jobs = jobs
-        self.notebook = notebook
+        self._wake = wake
         self._pool: ProcessPoolExecutor | None = None
         self._files: tempfile.TemporaryDirectory[str] | None = None
         self._count = 0
@@ -42,10 +42,10 @@ class Crew:
     def __enter__(self) -> Crew:
         if self.jobs > 1 and not multiprocessing.current_process().daemon:
             context = multiprocessing.get_context("spawn")
-            self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-explain-", ignore_cleanup_errors=True)
+            self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
             self._pool = ProcessPoolExecutor(self.jobs, mp_context=context, initializer=_as_worker)
-            for _ in range(self.jobs):
-                self._pool.submit(_wake)
+            for _ in range(self.jobs if self._wake else 0):
+                self._pool.submit(self._wake)
         return self
 
     def __exit__(
@@ -98,13 +98,6 @@ def _as_worker() -> None:
     """The process that started the workers ends them and says what there is to say."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
-
-
-def _wake() -> None:
-    """Load what every task needs."""
-    import scipy.sparse  # noqa: F401
-
-    from lidarcheck.model import kernel  # noqa: F401
 
 
 def _call(work: Callable[[Any, Any], Any], place: str, item: Any) -> Any:
