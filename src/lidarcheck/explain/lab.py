@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.beams import Beams, beams_of
+from lidarcheck.explain.edges import EXTRA, runs_past, with_beams_of
 from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance, beside
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
@@ -32,6 +33,9 @@ _KEPT = 6
 _SEEDS_OF_RANDOM = 4
 _VARIES = 0.04
 """Mean logarithm of the variance, beyond that of the case's own model, from which on a model strikes at random."""
+EDGE_ERROR = 0.4
+"""How often, as a standard deviation, a run of beams at an edge meets what its neighbours do: a usual error of the pose
+is a tenth to a fifth of a beam."""
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
 
@@ -97,11 +101,21 @@ class Lab:
         self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
         self._paired: dict[int, FloatArray] = {}
         self._plain = {k: self._simulated(model, k, Nuisance()) for k in range(seeds)}
+        self.edges = self.edges_beside(base)
         self.metric, self.bare = _metrics(self)
         kinds = [(name.feature, name.covariate) for name in self.summaries.names]
         self._kind = np.unique(np.array([" by ".join(kind) for kind in kinds]), return_inverse=True)[1]
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
+
+    def edges_beside(self, simulated: Sequence[Sights], *, deep: bool = False) -> FloatArray:
+        """What each run of beams that sees past an edge, and not so in simulations, or the other way round, does to the
+        measured summaries, as a usual error of the pose; shape (n_summaries, runs). `deep`: see `edges.runs_past`."""
+        columns = [np.zeros((len(self.measured), 0))]
+        for run in runs_past(self.beams, self.measured_sights, simulated, deep=deep):
+            without = with_beams_of(self.measured_sights, simulated[0], run)
+            columns.append(EDGE_ERROR * (self.measured - self.summaries.of(without))[:, None])
+        return np.concatenate(columns, axis=1)
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
@@ -223,10 +237,7 @@ def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:
     detected = np.array([s.detected for s in drawn])[pick, rows]
     feature = np.array([s.feature for s in drawn])[pick, rows]
     mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
-    extra = {
-        name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)])
-        for name in ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
-    }
+    extra = {name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)]) for name in EXTRA}
     order = np.argsort(extra["extra_beam"], kind="stable")
     strayed = np.array([s.strayed for s in drawn])[pick, rows]
     return Sights(
@@ -236,7 +247,7 @@ def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:
 
 def _metrics(lab: Lab) -> tuple[Metric, Metric]:
     """The noise of a measurement and its correlations, with the nuisances as further noise and without."""
-    noise = (lab.floor / np.sqrt(len(lab.floor) - 1.0)).T
+    noise = np.concatenate([(lab.floor / np.sqrt(len(lab.floor) - 1.0)).T, lab.edges], axis=1)
     diagonal = np.full(len(noise), _MISFIT)
     columns = [column[:, None] for column in nuisances(lab).values()]
     return Metric(diagonal, np.concatenate([noise, *columns], axis=1)), Metric(diagonal, noise)

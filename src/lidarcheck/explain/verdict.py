@@ -13,8 +13,8 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, select_distance
-from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.forward import Bench, Trial, select_distance, select_shown
+from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 
@@ -23,7 +23,7 @@ __all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 
-OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.25
+OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.28
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
 where a beam looks elsewhere, and most where all that shows is at edges: without the scene, these are known to half a
 beam only."""
@@ -39,6 +39,7 @@ _SHOWN_PART = 0.2
 """Select frames whose excess is less than this part of that of the fit's frames do not show what these do."""
 _FORM_ERROR = 0.03
 """Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
+_EDGE_SEEDS = 4
 _LOOSE_FORMS = {"share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35}
 """The same where a number hangs more on the form: how often, and what a tail or a border is taken to be."""
 _EQUAL, _EQUAL_PART = 60.0, 0.012
@@ -67,25 +68,32 @@ class Closure:
 def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     """How much of the disagreement on the select frames is left, above the floor; on the frames of the fit where the
     select frames hardly show it: they need not have what the others do, a pane, a sign, a moving car."""
-    floor = bench.select.floor_distance
     zero = np.zeros((1, len(bench.select.measured)))
-    before = bench.select.distance(zero) - floor
+    before = bench.select.distance(zero) - bench.select.floor_distance
     fitted = bench.start - bench.lab.floor_distance
-    own = None
-    if before < _SHOWN_PART * fitted:
-        before, after = fitted, now.distance - max(bench.lab.floor_distance, _own_distance(bench.lab, now))
-    else:
-        own = max(floor, _own_distance(bench.select, now))
-        after = select_distance(bench.select, now) - own
+    in_select = before >= _SHOWN_PART * fitted
+    if not in_select:
+        before = fitted
+    after = _left(bench.select if in_select else bench.lab, now)
     part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
     leads = [lead(name, now, trials) for name in now.names()]
     part = max(part, min(part + OPEN_PER_LEAD * min(leads, default=0.0), OPEN_MOST))
     small = min(OPEN_SMALL[0] * before, OPEN_SMALL[1])
     found = Closure(before, after, max(OPEN_CHANCE, part * before, small))
-    if found.holds or own is None:
+    if found.holds or not in_select:
         return found
     # A material may be in view of these frames alone, and its reflectance not quite what the table says.
-    return replace(found, after=min(after, fit_nuisance(bench.select, now).distance - own))
+    return replace(found, after=min(after, _left(bench.select, fit_nuisance(bench.select, now))))
+
+
+def _left(lab: Lab, now: Fit) -> float:
+    """The distance above the floor that the fit leaves on the frames, but for where edges of surfaces lie to a part of
+    a beam."""
+    shown = select_shown(lab, now)
+    model = now.model(lab.model)
+    edges = lab.edges_beside([lab.sights(model, 800 + k, now.nuisance) for k in range(_EDGE_SEEDS)], deep=True)
+    metric = Metric(lab.metric.diagonal, np.concatenate([lab.metric.factors, edges], axis=1))
+    return lab.distance(shown, metric=metric) - max(lab.floor_distance, _own_distance(lab, now))
 
 
 def _open_part(name: str) -> float:

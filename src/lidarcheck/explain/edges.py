@@ -1,0 +1,117 @@
+"""Runs of beams that see past the edge of a surface together, since the scene is known to a part of a beam only.
+
+Where the border of a panel lies between two columns of beams, an angle that is off by a hundredth of a degree decides
+for a whole column what it meets. Beams are not independent there, and such a column is no sign of a missing effect.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.explain.beams import Beams, key_of
+from lidarcheck.explain.sights import Sights
+
+__all__ = ["EXTRA", "runs_past", "with_beams_of"]
+
+IndexArray = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+EXTRA = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
+"""The columns of `Sights` that have a row an echo of no surface."""
+_FEWEST = 3
+_TOGETHER = 0.8
+"""Of a run so large a part must see past the edge."""
+_SEEN = 0.9
+"""Only beams whose surface the model sees in so large a part of its simulations can be said to have missed it."""
+_APART_M, _APART = 1.0, 0.06
+"""Surfaces this much apart, or by this part of the range, are not one."""
+
+
+def runs_past(
+    beams: Beams, measured: Sights, simulated: Sequence[Sights], *, deep: bool = False
+) -> list[IndexArray]:
+    """The numbers of the beams of each run along the border of one object of which one side sees the object, the other
+    what is beside it: together, and in all simulations.
+
+    Runs are upright (along one point column) or level (along one layer). `deep`: not only the outermost beams but also
+    those next to them, as where an effect moves the border by more than a beam.
+    """
+    often = np.mean([_past(beams, one) for one in simulated], axis=0)
+    past = np.where(_past(beams, measured), often < 1.0 - _SEEN, often > _SEEN)
+    borders = _borders(beams)
+    surface = np.where(beams.object_id >= 0, beams.object_id, beams.material_id)
+    found = []
+    for line, sides in ((beams.point, (2, 3)), (beams.layer, (0, 1))):
+        for side in sides:
+            group = np.stack([beams.frame, line, surface])
+            found += _together(np.flatnonzero(borders[:, side]), group, past)
+            if deep:
+                inside = _next_inside(beams, borders[:, side], side, surface)
+                found += _together(np.flatnonzero(inside), group, past)
+    return _disjoint(found, len(beams))
+
+
+def _together(at: IndexArray, group: IndexArray, past: Flags) -> list[IndexArray]:
+    """The beams of each group among those `at` the border of which nearly all see past it."""
+    runs = np.unique(group[:, at], axis=1, return_inverse=True)[1].ravel()
+    count, missed = np.bincount(runs), np.bincount(runs, past[at])
+    whole = np.flatnonzero((missed >= _FEWEST) & (missed >= _TOGETHER * count))
+    return [at[(runs == run) & past[at]] for run in whole]
+
+
+def _next_inside(beams: Beams, border: Flags, side: int, surface: IndexArray) -> Flags:
+    """The beams of the same object beside those at its border, away from it."""
+    up, left = ((-1, 0), (1, 0), (0, -1), (0, 1))[side]
+    inside = key_of(beams.frame, beams.layer + up, beams.point + left)
+    place = np.minimum(np.searchsorted(beams.key, inside), len(beams) - 1)
+    mine = border & (beams.key[place] == inside) & (surface[place] == surface)
+    found = np.zeros(len(beams), dtype=bool)
+    found[place[mine]] = True
+    return found & ~border
+
+
+def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
+    """The sights, of these beams as the other ones have them."""
+    chosen = np.zeros(len(sights.detected), dtype=bool)
+    chosen[rows] = True
+    kept, taken = ~chosen[sights.extra_beam], chosen[other.extra_beam]
+    extra = {name: np.concatenate([getattr(sights, name)[kept], getattr(other, name)[taken]]) for name in EXTRA}
+    order = np.argsort(extra["extra_beam"], kind="stable")
+    return dataclasses.replace(
+        sights,
+        detected=np.where(chosen, other.detected, sights.detected),
+        feature=np.where(chosen[:, None], other.feature, sights.feature),
+        strayed=np.where(chosen, other.strayed, sights.strayed),
+        **{name: column[order] for name, column in extra.items()},
+    )
+
+
+def _past(beams: Beams, sights: Sights) -> Flags:
+    """Beams that show something in the place of their surface, or nothing where there may be nothing beside it."""
+    other = np.zeros(len(beams), dtype=bool)
+    other[sights.extra_beam] = True
+    nothing = (beams.neighbour_m <= 0.0).any(axis=1)
+    return np.where(beams.distance_m > 0.0, ~sights.detected & (other | nothing), other)
+
+
+def _borders(beams: Beams) -> Flags:
+    """Whether each side of a beam shows another surface, nothing, or was not fired at; shape (n, 4)."""
+    own, beside = beams.distance_m[:, None], beams.neighbour_m
+    apart = np.abs(beside - own) > np.maximum(_APART_M, _APART * own)
+    return np.asarray(np.where(own > 0.0, apart, beside > 0.0))
+
+
+def _disjoint(runs: Sequence[IndexArray], n: int) -> list[IndexArray]:
+    """The runs, the longest first, each without the beams of those before it."""
+    taken = np.zeros(n, dtype=bool)
+    found = []
+    for run in sorted(runs, key=len, reverse=True):
+        own = run[~taken[run]]
+        if len(own) >= _FEWEST:
+            taken[own] = True
+            found.append(own)
+    return found

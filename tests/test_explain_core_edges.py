@@ -1,0 +1,104 @@
+"""A column of beams that sees past a panel's edge is one error of the pose, and not many missing echoes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from explain_core_kit import PANEL, WALL, model, street
+from lidarcheck.explain import lab as bench
+from lidarcheck.explain.edges import EXTRA, runs_past, with_beams_of
+from lidarcheck.explain.lab import Frame, Lab
+from lidarcheck.model import simulate
+from lidarcheck.scan import IdealScan
+
+WHERE = {"layers": range(246, 279, 2), "points": range(360, 480, 6)}
+LEFT_POINT = max(p for p in WHERE["points"] if abs(p - 420) < 36)
+INNER_POINT = 420
+
+
+def met(point: int, layers: range = range(253, 272)) -> IdealScan:
+    """The street, but these beams of the panel meet the wall behind it."""
+    ideal = street(0, **WHERE)
+    beside = {int(a): d for a, p, d in zip(ideal.layer, ideal.point, ideal.distance_m, strict=True) if p == 360}
+    past = (ideal.point == point) & (ideal.material_id == PANEL) & np.isin(ideal.layer, layers)
+    wall_m = np.array([beside[int(a)] for a in ideal.layer])
+    return dataclasses.replace(
+        ideal,
+        distance_m=np.where(past, wall_m, ideal.distance_m),
+        material_id=np.where(past, WALL, ideal.material_id),
+    )
+
+
+def lab_of(true: IdealScan, lost: int | None = None) -> Lab:
+    frames = []
+    for k in range(2):
+        ideal = street(k, **WHERE)
+        scan = simulate(true if k == 0 else ideal, model(), seed=5, frame=k, threads=1)
+        if lost is not None and k == 0:
+            scan = scan.take(~((scan.point == lost) & (scan.range_m < 10.0)))
+        frames.append(Frame(k, ideal, scan, 0.1 * k))
+    return Lab(frames, model(), 3)
+
+
+def found(lab: Lab) -> list[set[tuple[int, int]]]:
+    """Layer and point of each run's beams."""
+    simulated = [lab.sights(lab.model, 1000 + k) for k in range(4)]
+    runs = runs_past(lab.beams, lab.measured_sights, simulated)
+    return [{(int(lab.beams.layer[i]), int(lab.beams.point[i])) for i in run} for run in runs]
+
+
+def past_beams(true: IdealScan) -> set[tuple[int, int]]:
+    changed = true.material_id != street(0, **WHERE).material_id
+    return set(zip(true.layer[changed].tolist(), true.point[changed].tolist(), strict=True))
+
+
+def test_a_column_that_sees_past_the_edge_is_one_run() -> None:
+    true = met(LEFT_POINT)
+    runs = found(lab_of(true))
+    assert len(past_beams(true)) > 5
+    assert len(runs) == 1
+    assert runs[0] == past_beams(true)
+
+
+@pytest.mark.parametrize(
+    "lab",
+    [
+        pytest.param(lambda: lab_of(street(0, **WHERE)), id="nothing is off"),
+        pytest.param(lambda: lab_of(met(INNER_POINT)), id="not at the edge"),
+        pytest.param(lambda: lab_of(met(LEFT_POINT, range(253, 272, 8))), id="only some of the column"),
+        pytest.param(lambda: lab_of(street(0, **WHERE), lost=LEFT_POINT), id="lost and not past it"),
+    ],
+)
+def test_what_is_no_run(lab) -> None:
+    assert found(lab()) == []
+
+
+def test_a_run_counts_as_one_error(monkeypatch) -> None:
+    """With the runs as noise a column past the edge costs about 1 / EDGE_ERROR^2, without it ten times more."""
+    zero = np.zeros(1)
+    plain = lab_of(street(0, **WHERE))
+    past = lab_of(met(LEFT_POINT))
+    usual = plain.distance(zero + np.zeros((1, len(plain.measured))))
+    forgiven = past.distance(np.zeros((1, len(past.measured))))
+    monkeypatch.setattr(bench, "EDGE_ERROR", 0.0)
+    strict = lab_of(met(LEFT_POINT))
+    counted = strict.distance(np.zeros((1, len(strict.measured))))
+    assert forgiven - usual < 40.0
+    assert counted - usual > 10.0 * (forgiven - usual)
+
+
+def test_sights_are_mixed_beam_by_beam() -> None:
+    lab = lab_of(street(0, **WHERE))
+    one, other = (lab.sights(lab.model, seed) for seed in (1, 2))
+    rows = np.flatnonzero(np.random.default_rng(1).random(len(lab.beams)) < 0.3)
+    mixed = with_beams_of(one, other, rows)
+    for i in range(len(lab.beams)):
+        source = other if i in set(rows.tolist()) else one
+        assert mixed.detected[i] == source.detected[i]
+        assert mixed.strayed[i] == source.strayed[i]
+        np.testing.assert_array_equal(mixed.feature[i], source.feature[i])
+        for name in EXTRA:
+            mine = getattr(mixed, name)[mixed.extra_beam == i]
+            np.testing.assert_array_equal(mine, getattr(source, name)[source.extra_beam == i])
+    assert (np.diff(mixed.extra_beam) >= 0).all()
