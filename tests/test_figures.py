@@ -216,3 +216,19 @@ def test_colours_of_png_are_those_of_the_page():
     style = (resources.files("lidarcheck.plots") / "templates" / "colours.css").read_text()
     light = dict(reversed(re.findall(r"--s(\d): (#\w+)", style)))
     assert tuple(light[str(i)] for i in range(8)) == COLOURS
+
+
+def test_pictures_are_the_same_drawn_by_one_process_or_by_three(tmp_path, monkeypatch):
+    from lidarcheck.plots import page_files
+
+    rng = np.random.default_rng(3)
+    figures = [Distribution(f"AREA {k}", "AREA", "", {"real": rng.normal(size=50)}) for k in range(40)]
+    drawn = []
+    for jobs in (1, 3):
+        monkeypatch.setattr(page_files, "default_jobs", lambda jobs=jobs: jobs)
+        place = tmp_path / str(jobs)
+        place.mkdir()
+        page_files.draw_pictures(figures, place, "histogram")
+        drawn.append({path.name: path.read_bytes() for path in place.iterdir()})
+    assert len(drawn[0]) == 40
+    assert drawn[0] == drawn[1]

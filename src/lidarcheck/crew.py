@@ -44,8 +44,9 @@ class Crew:
             context = multiprocessing.get_context("spawn")
             self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
             self._pool = ProcessPoolExecutor(self.jobs, mp_context=context, initializer=_as_worker)
-            for _ in range(self.jobs if self._wake else 0):
-                self._pool.submit(self._wake)
+            if self._wake is not None:
+                for _ in range(self.jobs):
+                    self._pool.submit(self._wake)
         return self
 
     def __exit__(

@@ -31,9 +31,7 @@ _APART_M, _APART = 1.0, 0.06
 """Surfaces this much apart, or by this part of the range, are not one."""
 
 
-def runs_past(
-    beams: Beams, measured: Sights, simulated: Sequence[Sights], *, deep: bool = False
-) -> list[IndexArray]:
+def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, deep: bool = False) -> list[IndexArray]:
     """The numbers of the beams of each run along the border of one object of which one side sees the object, the other
     what is beside it: together, and in all simulations.
 

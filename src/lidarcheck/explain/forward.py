@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.candidates import Probe
 from lidarcheck.crew import Crew
+from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error

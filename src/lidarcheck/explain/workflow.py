@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.crew import Crew
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.crew import Crew
 from lidarcheck.explain.explanation import (
     Explanation,
     Finding,

@@ -171,28 +171,28 @@ def _fill(folder: Folder, staged: Path, place: Path) -> None:
 
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
     """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
-    jobs = min(default_jobs(), len(figures) // _WORTH_A_PROCESS)
-    tasks = [*enumerate(figures, 1)]
-    with Crew(jobs, _wake) as crew:
-        for _ in crew.map(_draw_numbered, (directory, kind), tasks):
-            pass
+    numbered = [*enumerate(figures, 1)]
+    jobs = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1)
+    # This process draws too, and as many pictures more as the others need to begin.
+    own = (len(figures) + _WORTH_A_PROCESS * (jobs - 1)) // jobs
+    with Crew(jobs) as crew:
+        others = [
+            crew.beside(_draw, numbered[own + k :: jobs - 1], directory, kind)
+            for k in range(jobs - 1)
+        ]  # fmt: skip
+        _draw(numbered[:own], directory, kind)
+        for wait in others:
+            wait()
 
 
-def _wake() -> None:
-    """Load what every picture needs."""
-    import matplotlib.figure  # noqa: F401
-
-    from lidarcheck.plots import figure_image  # noqa: F401
-
-
-def _draw_numbered(shared: tuple[Path, str], numbered: tuple[int, Figure]) -> None:
+def _draw(numbered: Sequence[tuple[int, Figure]], directory: Path, kind: str) -> None:
     from lidarcheck.plots.figure_image import save_figure
     from lidarcheck.plots.panels import kinds_of
 
-    (directory, kind), (number, figure) = shared, numbered
-    for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
-        view = f"-{one}" if one in kinds_of(figure) else ""
-        save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
+    for number, figure in numbered:
+        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
+            view = f"-{one}" if one in kinds_of(figure) else ""
+            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
 
 
 def _slug(title: str) -> str:
