@@ -15,13 +15,14 @@ from lidarcheck.scan import IdealScan
 WHERE = {"layers": range(246, 279, 2), "points": range(360, 480, 6)}
 LEFT_POINT = max(p for p in WHERE["points"] if abs(p - 420) < 36)
 INNER_POINT = 420
+PANEL_POINTS = [p for p in WHERE["points"] if abs(p - 420) < 36]
 
 
-def met(point: int, layers: range = range(253, 272)) -> IdealScan:
+def met(*points: int, layers: range = range(253, 272)) -> IdealScan:
     """The street, but these beams of the panel meet the wall behind it."""
     ideal = street(0, **WHERE)
     beside = {int(a): d for a, p, d in zip(ideal.layer, ideal.point, ideal.distance_m, strict=True) if p == 360}
-    past = (ideal.point == point) & (ideal.material_id == PANEL) & np.isin(ideal.layer, layers)
+    past = np.isin(ideal.point, points) & (ideal.material_id == PANEL) & np.isin(ideal.layer, layers)
     wall_m = np.array([beside[int(a)] for a in ideal.layer])
     return dataclasses.replace(
         ideal,
@@ -66,8 +67,9 @@ def test_a_column_that_sees_past_the_edge_is_one_run() -> None:
     [
         pytest.param(lambda: lab_of(street(0, **WHERE)), id="nothing is off"),
         pytest.param(lambda: lab_of(met(INNER_POINT)), id="not at the edge"),
-        pytest.param(lambda: lab_of(met(LEFT_POINT, range(253, 272, 8))), id="only some of the column"),
+        pytest.param(lambda: lab_of(met(LEFT_POINT, layers=range(253, 272, 8))), id="only some of the column"),
         pytest.param(lambda: lab_of(street(0, **WHERE), lost=LEFT_POINT), id="lost and not past it"),
+        pytest.param(lambda: lab_of(met(*PANEL_POINTS)), id="the whole surface and not its border"),
     ],
 )
 def test_what_is_no_run(lab) -> None:

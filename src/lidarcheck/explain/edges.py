@@ -45,31 +45,32 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
     found = []
     for line, sides in ((beams.point, (2, 3)), (beams.layer, (0, 1))):
         for side in sides:
-            group = np.stack([beams.frame, line, surface])
-            found += _together(np.flatnonzero(borders[:, side]), group, past)
+            group, inside = np.stack([beams.frame, line, surface]), _inside(beams, side, surface)
+            at = np.flatnonzero(borders[:, side])
+            found += _together(at, group, past, inside)
             if deep:
-                inside = _next_inside(beams, borders[:, side], side, surface)
-                found += _together(np.flatnonzero(inside), group, past)
+                at = np.setdiff1d(inside[at], [-1, *at])
+                found += _together(at, group, past, inside)
     return _disjoint(found, len(beams))
 
 
-def _together(at: IndexArray, group: IndexArray, past: Flags) -> list[IndexArray]:
-    """The beams of each group among those `at` the border of which nearly all see past it."""
+def _together(at: IndexArray, group: IndexArray, past: Flags, inside: IndexArray) -> list[IndexArray]:
+    """The beams of each group among those `at` the border of which nearly all see past it, and those inside do not:
+    what a whole surface suffers, as in fog, is not of its border."""
     runs = np.unique(group[:, at], axis=1, return_inverse=True)[1].ravel()
     count, missed = np.bincount(runs), np.bincount(runs, past[at])
-    whole = np.flatnonzero((missed >= _FEWEST) & (missed >= _TOGETHER * count))
-    return [at[(runs == run) & past[at]] for run in whole]
+    held, lost = np.bincount(runs, inside[at] >= 0), np.bincount(runs, (inside[at] >= 0) & past[inside[at]])
+    whole = (missed >= _FEWEST) & (missed >= _TOGETHER * count) & (lost <= (1.0 - _TOGETHER) * held)
+    return [at[(runs == run) & past[at]] for run in np.flatnonzero(whole)]
 
 
-def _next_inside(beams: Beams, border: Flags, side: int, surface: IndexArray) -> Flags:
-    """The beams of the same object beside those at its border, away from it."""
+def _inside(beams: Beams, side: int, surface: IndexArray) -> IndexArray:
+    """The beam of the same object beside each, away from the side; -1 where there is none."""
     up, left = ((-1, 0), (1, 0), (0, -1), (0, 1))[side]
-    inside = key_of(beams.frame, beams.layer + up, beams.point + left)
-    place = np.minimum(np.searchsorted(beams.key, inside), len(beams) - 1)
-    mine = border & (beams.key[place] == inside) & (surface[place] == surface)
-    found = np.zeros(len(beams), dtype=bool)
-    found[place[mine]] = True
-    return found & ~border
+    step = [np.min(np.diff(np.unique(line)), initial=1 << 20) for line in (beams.layer, beams.point)]
+    key = key_of(beams.frame, beams.layer + up * step[0], beams.point + left * step[1])
+    place = np.minimum(np.searchsorted(beams.key, key), len(beams) - 1)
+    return np.where((beams.key[place] == key) & (surface[place] == surface), place, -1)
 
 
 def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
@@ -89,10 +90,12 @@ def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
 
 
 def _past(beams: Beams, sights: Sights) -> Flags:
-    """Beams that show something in the place of their surface, or nothing where there may be nothing beside it."""
+    """Beams that show something beside their surface or behind it in its place, or nothing where nothing is beside
+    it."""
     other = np.zeros(len(beams), dtype=bool)
-    other[sights.extra_beam] = True
-    nothing = (beams.neighbour_m <= 0.0).any(axis=1)
+    beyond = (sights.extra_side >= 0) | (sights.extra_m > beams.distance_m[sights.extra_beam])
+    other[sights.extra_beam[beyond]] = True
+    nothing = (beams.neighbour_m == 0.0).any(axis=1)
     return np.where(beams.distance_m > 0.0, ~sights.detected & (other | nothing), other)
 
 
