@@ -191,7 +191,9 @@ class LidarcheckApp(App[int]):
             self.post_message(self.Soon(do, arguments))
 
     async def on_lidarcheck_app_soon(self, message: Soon) -> None:
-        """What a thread has asked for."""
+        """What a thread has asked for; nothing any more while the interface ends and its panes are going."""
+        if not self.is_running:
+            return
         done = message.do(*message.arguments)
         if inspect.isawaitable(done):
             await done
