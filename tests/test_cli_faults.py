@@ -69,6 +69,31 @@ def test_a_signal_ends_a_check_and_its_external_models(told: signal.Signals, cod
     wait_for(lambda: not any(alive(group) for group in groups))
 
 
+BETWEEN = """
+import pathlib, sys, time
+from concurrent.futures import ThreadPoolExecutor
+begin = ThreadPoolExecutor.submit
+def interrupted(self, *arguments):
+    begin(self, *arguments)
+    while not pathlib.Path("scenarios/pids").exists():
+        time.sleep(0.02)
+    raise KeyboardInterrupt
+ThreadPoolExecutor.submit = interrupted
+from lidarcheck.cli import main
+sys.argv = ["lidarcheck", "check"]
+sys.exit(main())
+"""
+
+
+def test_an_interrupt_between_beginning_a_task_and_keeping_its_future_ends_the_check(tmp_path: Path) -> None:
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "scenarios" / "slow.toml").write_text(SLOW)
+    ended = subprocess.run(
+        [sys.executable, "-c", BETWEEN], cwd=tmp_path, capture_output=True, text=True, timeout=40, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
 def test_a_signal_while_writing_leaves_nothing(tmp_path: Path) -> None:
     source, target = tmp_path / "big.txt", tmp_path / "big.pcd"
     row = "24.34180069 -8.17420006 0.79573798 331 295 1 39 6007 236\n"

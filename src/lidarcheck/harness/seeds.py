@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -94,11 +95,13 @@ class Runner:
                 found[futures[future]] = future.result()
                 self._progress(self._done + len(found), total, tasks[futures[future]][0].label)
         except BaseException:
-            # An external model may run for minutes; nobody waits for it after an error or an interrupt.
-            pool.shutdown(wait=False, cancel_futures=True)
-            while left := [future for future in futures if not future.done()]:
+            # An external model may run for minutes; nobody waits for it after an error or an interrupt. Not the futures
+            # tell what still runs: an interrupt may come after a task was begun and before its future was kept.
+            ending = threading.Thread(target=pool.shutdown, kwargs={"wait": True, "cancel_futures": True})
+            ending.start()
+            while ending.is_alive():
                 stop_external_models()  # again and again: a thread may be about to start one
-                wait(left, timeout=0.1)
+                ending.join(timeout=0.1)
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
