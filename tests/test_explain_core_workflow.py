@@ -1,5 +1,6 @@
 """The whole way on four small frames: nothing missing, a name, something that no catalogue has; the same again."""
 
+import dataclasses
 import json
 import math
 
@@ -13,6 +14,7 @@ from lidarcheck.explain.adopt import write_model
 from lidarcheck.explain.case import Case
 from lidarcheck.explain.explanation import Explanation
 from lidarcheck.explain.forward import Bench, select_distance
+from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.workflow import PROGRESS, explain
@@ -128,6 +130,19 @@ def test_too_few_frames_are_refused() -> None:
         explain(case(model(), model(), 2), seed=1)
 
 
+def test_a_name_that_does_not_carry_over_to_unseen_frames_is_withdrawn() -> None:
+    """The last two frames, which verify, lack what the others have: a name for these closes nothing there."""
+    off, right = (case(m, model(), 6) for m in (model(make("range_offset", {"offset_m": OFFSET_M})), model()))
+    opposite = case(model(make("range_offset", {"offset_m": -OFFSET_M})), model(), 6)
+    held = set(explain(right, seed=1).split["verify"])
+    mixed = tuple(opposite.frames[i] if i in held else off.frames[i] for i in range(6))
+    found = explain(dataclasses.replace(off, frames=mixed), seed=1, exclude=AT_REST)
+    assert found.verdict == "unknown"
+    assert [one.name for one in found.findings] == ["unknown"]
+    assert all(one.name in empirical() for one in found.model.effects)
+    assert "range_offset" in next(step.words for step in found.steps if step.name == "withdrawn")
+
+
 # Describing what has no name
 
 
@@ -141,7 +156,8 @@ def bench() -> Bench:
 
 def test_a_description_brings_model_and_measurement_together_on_other_frames(bench: Bench, tmp_path) -> None:
     told: list[tuple[str, int, int]] = []
-    found = describe(bench, 9, lambda *what: told.append(what))
+    seen = Scale.of((*bench.lab.frames, *bench.select.frames), model(), 8)
+    found = describe(bench, seen, 9, lambda *what: told.append(what))
     before = bench.select.distance(np.zeros((1, len(bench.select.measured))))
     assert found.effects
     described = model()
@@ -173,7 +189,8 @@ def round_trip(described: Model, directory) -> Model:
 def test_nothing_is_described_where_nothing_is_missing() -> None:
     measured = frames(model(), 2)
     lab, select = Lab(measured[:1], model(), 3), Lab(measured[1:], model(), 4)
-    found = describe(Bench(lab, select, 10.0, lab.floor_distance), 9, lambda *_: None)
+    seen = Scale.of(measured, model(), 8)
+    found = describe(Bench(lab, select, 10.0, lab.floor_distance), seen, 9, lambda *_: None)
     assert found.effects == ()
     assert found.words == ""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from lidarcheck.explain.explanation import Candidate, Finding
 from lidarcheck.explain.fit import Fit, with_effects
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.verdict import Closure, confidence, intervals
 from lidarcheck.explain.words import standouts
 
@@ -25,18 +26,16 @@ WIDEN = 1.5
 _DIGITS = 5
 
 
-def findings_of(
-    bench: Bench, search: Search, closed: Closure, equals: Mapping[str, tuple[str, ...]], last: tuple[Lab, Fit]
-) -> list[Finding]:
+def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished) -> list[Finding]:
     """The accepted effects, the most important first, with the parameters of the last fit."""
     now, lab = search.fit, bench.lab
-    parameters = intervals(*last, WIDEN)
-    effects = rounded_effects(last[1])
+    parameters = intervals(polish.lab, polish.last, WIDEN)
+    effects = rounded_effects(polish.last)
     changes = [_change(lab, now, i) for i in range(len(now.probes))]
     found = []
     for i in np.argsort([-lab.metric.square(change) for change in changes], kind="stable"):
         name = now.probes[i].name
-        equal = equals.get(name, ())
+        equal = polish.equals.get(name, ())
         shown = standouts(lab.summaries.names, changes[i], 2.0, 3)
         found.append(
             Finding(

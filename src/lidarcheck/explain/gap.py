@@ -31,7 +31,7 @@ IndexArray = npt.NDArray[np.int64]
 
 PARTS = (*FEATURES, "detected", "other echoes")
 _BASE_SEEDS = 6
-_SEEDS = 4
+_SEEDS, _FLOORS = 4, 6
 _RESAMPLED = 16
 _CLIP = 12.0
 _STRATA = ("material", "amplitude", "layer", "point", "edge", "field of view")
@@ -41,7 +41,7 @@ _RATE_SPREAD = 0.05
 
 @dataclass(frozen=True)
 class Scale:
-    """The verify frames with all that measuring the gap takes: beams, what the case's model expects, the strata."""
+    """Some frames with all that measuring the gap takes: beams, what the case's model expects, the strata."""
 
     frames: tuple[Frame, ...]
     beams: Beams
@@ -70,6 +70,13 @@ class Scale:
         run, posed = nuisance.posed(nuisance.model(model), [Surfaces(f.ideal) for f in self.frames])
         frames = [Frame(f.number, one.ideal, f.measured, f.time_s) for f, one in zip(self.frames, posed, strict=True)]
         return [_sights(frames, self.beams, run, self.seed, first + k) for k in range(count)]
+
+    def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
+        """The gap that a model leaves above its own noise, and that noise's standard deviation."""
+        shown = self.simulated(model, 9300, _SEEDS, nuisance)
+        others = self.simulated(model, 9400, _FLOORS, nuisance)
+        noise = [float(self.distance(other, shown).mean()) for other in others]
+        return float(self.distance(self.measured(), shown).mean() - np.mean(noise)), float(np.std(noise, ddof=1))
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
@@ -162,40 +169,45 @@ def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins:
 
 
 Told = Callable[[int, int, float], object]
-"""Told (stages done, of how many with the floor, the last one's gap)."""
+"""Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
 def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None) -> Gap:
     """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
 
-    The floor is what two simulations of the last model are apart. Intervals are 5 % to 95 % quantiles over beams drawn
-    anew with replacement.
+    The floor is what two simulations of the last model are apart. What a stage's own model makes by chance counts as
+    much as the last one's: an effect that strikes at random adds noise to the model, which is no gap. Intervals are
+    5 % to 95 % quantiles over beams drawn anew with replacement.
     """
-    measured = scale.measured()
+    measured, weights = scale.measured(), _drawn_anew(scale)
+    found: list[FloatArray] = []
+    chance: list[FloatArray] = []
+    for i, (_, model) in enumerate(stages):
+        shown = scale.simulated(model, 9100, _SEEDS)
+        others = scale.simulated(model, 9200, _FLOORS)
+        found.append(scale.distances(measured, shown, weights))
+        chance.append(np.array([scale.distance(other, shown) for other in others]))
+        if told is not None:
+            told(i + 1, len(stages) + 1, float(found[-1][0].mean() - chance[-1].mean()))
+    noise = chance[-1].mean(axis=0)
+    parts = [one + (noise - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
+    totals = [_interval(one[0].mean(), [drawn.mean() for drawn in one[1:]]) for one in parts]
+    floor = _interval(float(noise.mean()), list(chance[-1].mean(axis=1)), centred=True)
+    by_feature = {
+        name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(noise[j])) for j, name in enumerate(PARTS)
+    }
+    waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
+    return Gap(totals[0], totals[-1], floor, by_feature, waterfall, float(chance[0].mean(axis=1).std(ddof=1)))
+
+
+def _drawn_anew(scale: Scale) -> list[FloatArray]:
+    """How often each beam counts: once, and as drawn with replacement, so many times."""
     rng = np.random.default_rng(np.random.SeedSequence([scale.seed & 0xFFFFFFFF, 5]))
     # Whole columns are drawn: what shakes or moves in the sweep moves a column at once.
     column = np.unique(scale.beams.frame * 1024 + scale.beams.point, return_inverse=True)[1]
-    weights = [
-        rng.multinomial(column.max() + 1, np.full(column.max() + 1, 1.0 / (column.max() + 1)))[column].astype(float)
-        for _ in range(_RESAMPLED)
-    ]
-    totals, parts = [], []
-    for i, (_, model) in enumerate(stages):
-        shown = scale.simulated(model, 9100, _SEEDS)
-        found, *drawn = scale.distances(measured, shown, [np.ones(len(scale.beams)), *weights])
-        totals.append(_interval(found.mean(), [one.mean() for one in drawn]))
-        parts.append(found)
-        if told is not None:
-            told(i + 1, len(stages) + 1, totals[-1].value)
-    last = scale.simulated(stages[-1][1], 9100, _SEEDS)
-    others = scale.simulated(stages[-1][1], 9200, 6)
-    floors = np.array([scale.distance(other, last) for other in others])
-    floor = _interval(float(floors.mean()), list(floors.mean(axis=1)), centred=True)
-    by_feature = {
-        name: (float(parts[0][j]), float(parts[-1][j]), float(floors[:, j].mean())) for j, name in enumerate(PARTS)
-    }
-    waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
-    return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
+    columns = column.max() + 1
+    drawn = [rng.multinomial(columns, np.full(columns, 1.0 / columns)) for _ in range(_RESAMPLED)]
+    return [np.ones(len(scale.beams)), *(times[column].astype(float) for times in drawn)]
 
 
 def _interval(value: float, draws: Sequence[float], *, centred: bool = False) -> Interval:

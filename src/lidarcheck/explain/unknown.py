@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.forward import Bench
+from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import dimming_of
 from lidarcheck.explain.nuisances import beside
@@ -70,23 +71,29 @@ class _Residual:
     limit: float
 
 
-def describe(bench: Bench, seed: int, told: Told) -> Description:
+def describe(bench: Bench, seen: Scale, seed: int, told: Told) -> Description:
     """Add the term that helps most while one helps on the select frames, at most three of different kinds.
 
-    The chosen kinds are then fitted again on the fit and select frames together, which cover more.
+    The chosen kinds are then fitted again on the fit and select frames together, which cover more, and kept as long as
+    they bring these, `seen`, nearer beam by beam too.
     """
     specs = _chosen(bench, told)
     if not specs:
         return Description((), "")
     lab = Lab((*bench.lab.frames, *bench.select.frames), bench.lab.model, seed)
     model = lab.model
-    effects: list[Effect] = []
+    left = seen.excess(model)[0]
+    kept: list[tuple[_Spec, Effect]] = []
     for spec in specs:
-        effect = next((e for one, e in _terms(lab, model, {e.name for e in effects}) if one == spec), None)
-        if effect is not None:
-            model = _with(model, effect)
-            effects.append(effect)
-    return Description(tuple(effects), "; ".join(spec.words for spec in specs))
+        found = next((e for one, e in _terms(lab, model, {e.name for _, e in kept}) if one == spec), None)
+        if found is None:
+            continue
+        nearer = _with(model, found)
+        now = seen.excess(nearer)[0]
+        if now < left:
+            model, left = nearer, now
+            kept.append((spec, found))
+    return Description(tuple(effect for _, effect in kept), "; ".join(spec.words for spec, _ in kept))
 
 
 def _chosen(bench: Bench, told: Told) -> list[_Spec]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,16 +12,15 @@ from lidarcheck.effects.base import find
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.explanation import Interval
-from lidarcheck.explain.fit import Fit, fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, select_distance, select_shown
+from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
+from lidarcheck.explain.forward import Bench, Trial, select_shown
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["Closure", "closure", "confidence", "equivalents", "intervals", "not_testable"]
+__all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
 
 FloatArray = npt.NDArray[np.float64]
-Told = Callable[[str, int, int], object]
 
 OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.28
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
@@ -42,8 +41,6 @@ _FORM_ERROR = 0.03
 _EDGE_SEEDS = 4
 _LOOSE_FORMS = {"share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35}
 """The same where a number hangs more on the form: how often, and what a tail or a border is taken to be."""
-_EQUAL, _EQUAL_PART = 60.0, 0.012
-"""Two names whose distances differ by less than this, or this part of what they explain, are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -112,48 +109,6 @@ def _own_distance(select: Lab, now: Fit) -> float:
     shown = select.shows(model, nuisance=now.nuisance)
     others = [select.summaries.of(select.sights(model, 700 + k, now.nuisance)) for k in range(3)]
     return float(np.mean([select.distance(shown, other) for other in others]))
-
-
-def equivalents(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> dict[str, tuple[str, ...]]:
-    """For each accepted effect, the others that explain these data as well in its place, at most two."""
-    found: dict[str, tuple[str, ...]] = {}
-    names = now.names()
-    best = now.distance + select_distance(bench.select, now)
-    rivals = _rivals(names, trials)
-    for i, name in enumerate(names):
-        equal = []
-        for trial in rivals.get(name, ()):
-            swapped = _swapped(bench.lab, now, i, trial)
-            other = swapped.distance + select_distance(bench.select, swapped)
-            if other - best < max(_EQUAL, _EQUAL_PART * trial.merit):
-                equal.append((other, trial.name))
-        found[name] = tuple(other for _, other in sorted(equal)[:2])
-        told("equivalence", i + 1, len(names))
-    return found
-
-
-def _rivals(names: Sequence[str], trials: Sequence[Trial]) -> dict[str, list[Trial]]:
-    """The trials of the round in which each effect was accepted that came near it."""
-    found = {}
-    for name in names:
-        own = [t for t in trials if t.name == name and t.passes]
-        if not own:
-            continue
-        last = own[-1]
-        near = [
-            t for t in trials
-            if t.round == last.round and t.name not in names and t.merit > 0.85 * last.merit
-        ]  # fmt: skip
-        found[name] = sorted(near, key=lambda t: -t.merit)[:2]
-    return found
-
-
-def _swapped(lab: Lab, now: Fit, place: int, trial: Trial) -> Fit:
-    """The fit with another effect in one's place, all fitted again."""
-    mine = trial.fit.names().index(trial.name)
-    probes, x = list(now.probes), list(now.x)
-    probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
-    return fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
 
 
 def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure) -> float:

@@ -24,17 +24,16 @@ from lidarcheck.explain.explanation import (
     Teller,
 )
 from lidarcheck.explain.findings import candidates_table, findings_of
-from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
-from lidarcheck.explain.polish import polished
+from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.split import Split, split_frames
-from lidarcheck.explain.unknown import Description, describe
-from lidarcheck.explain.verdict import Closure, closure, equivalents, not_testable
+from lidarcheck.explain.unknown import describe
+from lidarcheck.explain.verdict import Closure, closure, not_testable
 from lidarcheck.explain.words import depends_on, standouts
 from lidarcheck.model.spec import Model
 
@@ -95,12 +94,15 @@ def _explain(case: Case, run: Run) -> Explanation:
     screened, bench = run.screen_candidates(bench)
     search = run.fit_and_select(bench, screened)
     closed = closure(bench, search.fit, search.trials)
-    equals = run.find_equivalents(bench, search, closed)
-    last = run.polish(split, search, closed)
+    others = run.find_rivals(bench, search, closed)
+    seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
+    last = run.polish(seen, search, closed, others)
     untestable = run.list_untestable(bench, screened)
-    unknown = run.describe_unknown(bench, search, closed)
-    answer = run.decide(bench, search, closed, equals, last, unknown)
+    answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
+    if answer.verdict == "explained" and not gap.shrinks:
+        answer = run.withdraw(bench, seen, search, answer, gap)
+        gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
 
 
@@ -112,10 +114,12 @@ def _deaf(_step: Step) -> None:
     return None
 
 
-def _calibration_helps(bench: Bench, now: Fit) -> bool:
-    """Whether the fitted nuisances bring the select frames nearer too, by more than chance."""
-    plain = dataclasses.replace(now, nuisance=Nuisance())
-    return select_distance(bench.select, plain) - select_distance(bench.select, now) > 2.0 * bench.level
+def _calibrated(seen: Scale, model: Model, off: Nuisance) -> Model:
+    """The model with the small errors put right that were fitted beside the effects, all or those of reflectances,
+    whichever comes nearest: an ideal scan says too little of edges to turn its beams by a part of one."""
+    tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
+    ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
+    return min(ways, key=lambda way: seen.excess(way)[0]) if len(ways) > 1 else model
 
 
 def _part(step: str, done: int, of: int) -> tuple[int, int]:
@@ -200,19 +204,24 @@ class Run:
         self.did("select", f"distance {select_distance(bench.select, now):.0f} on the select frames")
         return found
 
-    def find_equivalents(self, bench: Bench, search: Search, closed: Closure) -> Mapping[str, tuple[str, ...]]:
-        """Which other effects these data cannot tell from the accepted ones."""
+    def find_rivals(self, bench: Bench, search: Search, closed: Closure) -> list[Rival]:
+        """The effects that explain the data nearly as well in the place of an accepted one."""
         if not closed.holds or not search.fit.probes:
-            return {}
-        return equivalents(
+            return []
+        return rivals(
             bench, search.fit, search.trials, lambda _s, i, n: self.tell("equivalence and testability", i, n + 1)
         )
 
-    def polish(self, split: Split, search: Search, closed: Closure) -> tuple[Lab, Fit] | None:
-        """The accepted effects once more on all frames but those of the verification; None where there are none."""
+    def polish(self, seen: Scale, search: Search, closed: Closure, others: Sequence[Rival]) -> Polished | None:
+        """The accepted effects once more on all frames but those of the verification, or rivals that come nearer there;
+        None where no effect is accepted."""
         if not closed.holds or not search.fit.probes:
             return None
-        return polished((*split.fit, *split.select), self.model, search.fit, 2 * self.seed + 4)
+        found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4)
+        if found.fit is not search.fit:
+            self.did("rivals", f"{', '.join(found.fit.names())} in the place of {', '.join(search.fit.names())}")
+            search.fit = found.fit
+        return found
 
     def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects these scenes could not show."""
@@ -221,58 +230,50 @@ class Run:
         self.tell("equivalence and testability", 1, 1)
         return found
 
-    def describe_unknown(self, bench: Bench, search: Search, closed: Closure) -> Description | None:
-        """An empirical term where the named effects leave too much open."""
-        if closed.holds:
-            return None
-        found = describe(bench, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
-        self.tell("unknown", 1, 1)
-        return found
-
-    def decide(
-        self,
-        bench: Bench,
-        search: Search,
-        closed: Closure,
-        equals: Mapping[str, tuple[str, ...]],
-        last: tuple[Lab, Fit] | None,
-        unknown: Description | None,
-    ) -> Answer:
+    def decide(self, bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished | None) -> Answer:
         """No gap, explained by name, or unknown."""
-        answer = self._answer(bench, search, closed, equals, last, unknown)
+        if not closed.holds:
+            answer = self._unknown(bench, seen, search, 1.0 - closed.share)
+        elif last is None:
+            answer = Answer("no_gap", (), (("", self.model),), "")
+        else:
+            answer = self._explained(bench, seen, search, closed, last)
         self.did("unknown", answer.words or "nothing is left that needs a description")
         for one in answer.findings:
             self.hear(Step("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
         return answer
 
-    def _answer(
-        self,
-        bench: Bench,
-        search: Search,
-        closed: Closure,
-        equals: Mapping[str, tuple[str, ...]],
-        last: tuple[Lab, Fit] | None,
-        unknown: Description | None,
-    ) -> Answer:
-        if unknown is not None:
-            depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
-            finding = Finding("unknown", {}, min(max(1.0 - closed.share, 0.0), 1.0), (), depends, "", unknown.effects)
-            described = self.model
-            for effect in unknown.effects:
-                described = described.with_(effect)
-            name = f"empirical: {unknown.words}" if unknown.effects else "empirical: no term helps"
-            return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
-        if last is None:
-            return Answer("no_gap", (), (("", self.model),), "")
-        findings = findings_of(bench, search, closed, equals, last)
+    def _explained(self, bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
+        findings = findings_of(bench, search, closed, last)
         stages, model = [("", self.model)], self.model
         for finding in findings:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
-        if last[1].nuisance.words() and _calibration_helps(bench, last[1]):
-            stages.append(("gain, reflectances and pose", last[1].nuisance.calibrated(model)))
+        calibrated = _calibrated(seen, model, last.last.nuisance)
+        if calibrated is not model:
+            stages.append(("gain, reflectances and pose", calibrated))
         return Answer("explained", tuple(findings), tuple(stages), "")
+
+    def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
+        """What the residual depends on, and an empirical term; `left`: the part that no name explains."""
+        found = describe(bench, seen, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
+        self.tell("unknown", 1, 1)
+        depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
+        finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), depends, "", found.effects)
+        described = self.model
+        for effect in found.effects:
+            described = described.with_(effect)
+        name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
+        return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
+
+    def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
+        """Names that bring frames which no fit has seen no nearer are not given: what is missing is unknown."""
+        names = ", ".join(finding.name for finding in answer.findings)
+        self.did("withdrawn", f"{names}: on frames that no fit has seen {100.0 * gap.closed:.0f} % of the gap close")
+        found = self._unknown(bench, seen, search, 1.0 - gap.closed)
+        self.did("unknown", found.words)
+        return found
 
     def verify(self, split: Split, answer: Answer) -> Gap:
         """The gap before, after each effect, and its floor, on frames that nothing above has seen."""

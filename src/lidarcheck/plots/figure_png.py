@@ -7,6 +7,7 @@ gives the same bytes with the same matplotlib.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,8 @@ _LEFT_IN, _RIGHT_IN, _TOP_IN, _BOTTOM_IN = 0.48, 0.2, 0.36, 0.5
 """Room around the axes for labels and title, besides the ticks' words and the legend's rows. It is reckoned, not
 measured by matplotlib, which draws a picture twice for that."""
 _LETTER_IN, _LEGEND_ROW_PT = 0.078, 14.0
+_TICK_PT, _WORDS_PT = 3.5, 6.0
+"""A tick's length, and how far its words stand from the axes."""
 _STYLE: Any = {
     "axes.linewidth": 0.7,
     "axes.spines.right": False,
@@ -65,8 +68,8 @@ def write_png(panels: Sequence[Panel], path: Path, columns: int = 1) -> None:
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
+        current: dict[Any, Any] = matplotlib.rcParams
+        dict.update(current, _settings())  # not their own update, which checks each again
         rows = -(-len(panels) // columns)
         # Many panels on one sheet are each a little smaller.
         size = 1.0 if columns == 1 else 0.75
@@ -79,6 +82,17 @@ def write_png(panels: Sequence[Panel], path: Path, columns: int = 1) -> None:
         figure.savefig(path, format="png", metadata={"Software": None}, pil_kwargs={"compress_level": 2})
 
 
+@cache
+def _settings() -> dict[str, Any]:
+    """matplotlib's own settings with the project's style, whatever the user's are; checked once for all pictures."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        return {key: value for key, value in dict.items(matplotlib.rcParams) if not key.startswith("backend")}
+
+
 def _room(cell: tuple[float, float, float, float], figure: SheetFigure) -> tuple[float, float, float, float]:
     """The axes' place in the figure (left, bottom, width, height), as parts of it; `cell`: the same with what is
     around the axes [in]."""
@@ -89,12 +103,10 @@ def _room(cell: tuple[float, float, float, float], figure: SheetFigure) -> tuple
 
 
 def _make_room(axes: Axes, *, rows: int = 0, letters: int = 0) -> None:
-    """Move the axes' borders inward for the words of the vertical ticks, of at least so many letters, and as many rows
-    of a legend."""
+    """Move the axes' borders inward for the words of the vertical ticks, of so many letters, and rows of a legend."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     wide, high = figure.get_size_inches()
-    letters = max([letters, *(len(label.get_text()) for label in axes.get_yticklabels())])
     left = _LETTER_IN * letters / wide
     top = _LEGEND_ROW_PT / 72.0 * rows / high
     place = axes.get_position()
@@ -102,7 +114,7 @@ def _make_room(axes: Axes, *, rows: int = 0, letters: int = 0) -> None:
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
-    axes.set_title(squeezed(panel.title, 90), loc="left")
+    _title(axes, panel, rows=0)
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     points = panel.points()
@@ -113,11 +125,18 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.set_yticks([])
         axes.text(0.5, 0.5, "nothing to draw", ha="center", va="center", transform=axes.transAxes)
     else:
-        _make_room(axes, rows=_draw_series(axes, panel, _span(axes, panel, points)))
+        spans = _span(axes, panel, points)
+        letters = _draw_ticks(axes, panel, spans)
+        _make_room(axes, rows=_draw_series(axes, panel, spans), letters=letters)
+
+
+def _title(axes: Axes, panel: Panel, rows: int) -> None:
+    """Above the axes and so many rows of a legend. Its height is given: matplotlib would measure all ticks for it."""
+    axes.set_title(squeezed(panel.title, 90), loc="left", y=1.0, pad=(8.0 if rows else 6.0) + _LEGEND_ROW_PT * rows)
 
 
 def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
-    """What the axes span, after setting their limits and ticks, the same as in text and SVG."""
+    """What the axes span, after setting their limits, the same as in text and SVG."""
     x, y = limits(points[:, 0], 0.02), limits(points[:, 1], 0.04)
     if panel.equal:
         x, y, equal = equal_spans(x, y, 0.86 * _WIDTH_IN, 0.76 * _HEIGHT_IN)
@@ -125,18 +144,42 @@ def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
             axes.set_xlabel(f"{panel.x_label} (not to one scale)")
     axes.set_xlim(*x)
     axes.set_ylim(*y)
-    axes.set_xticks(*_true_minus(round_ticks(*x, 9, panel.log_x)))
-    if panel.y_names:
-        axes.set_yticks([float(i) for i in range(len(panel.y_names))], [squeezed(name, 24) for name in panel.y_names])
-    else:
-        axes.set_yticks(*_true_minus(round_ticks(*y, 7, panel.log_y)))
-    axes.grid(axis="y")
-    axes.set_axisbelow(True)
     return x, y
 
 
-def _true_minus(ticks: tuple[list[float], list[str]]) -> tuple[list[float], list[str]]:
-    return ticks[0], [words.replace("-", "−") for words in ticks[1]]
+def _draw_ticks(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> int:
+    """Ticks, their words and a grid, the same as in text and SVG; how many letters the longest word at the left has.
+
+    All ticks of an axis are one object: as matplotlib's own, five objects a tick, they take a third of a picture's
+    time.
+    """
+    x, y = spans
+    across, words_across = round_ticks(*x, 9, panel.log_x)
+    if panel.y_names:
+        up, words_up = [float(i) for i in range(len(panel.y_names))], [squeezed(name, 24) for name in panel.y_names]
+    else:
+        up, words_up = round_ticks(*y, 7, panel.log_y)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    mark: dict[str, Any] = {"ls": "", "color": _STYLE["axes.edgecolor"], "ms": _TICK_PT, "mew": 0.7, "clip_on": False}
+    axes.plot(across, np.zeros(len(across)), marker=3, transform=axes.get_xaxis_transform(), **mark)
+    axes.plot(np.zeros(len(up)), up, marker=0, transform=axes.get_yaxis_transform(), **mark)
+    grid: dict[str, Any] = {"color": _STYLE["grid.color"], "lw": _STYLE["grid.linewidth"], "zorder": 0.5}
+    axes.hlines(up, 0.0, 1.0, transform=axes.get_yaxis_transform(), **grid)
+    below, _, _ = axes.get_xaxis_text1_transform(_WORDS_PT)
+    beside, _, _ = axes.get_yaxis_text1_transform(_WORDS_PT)
+    for at, words in zip(across, words_across, strict=True):
+        axes.text(at, 0.0, _true_minus(words), transform=below, ha="center", va="top")
+    for at, words in zip(up, words_up, strict=True):
+        axes.text(0.0, at, _true_minus(words), transform=beside, ha="right", va="center_baseline")
+    letters = max(map(len, words_up), default=0)
+    axes.xaxis.labelpad = _WORDS_PT + 12.0
+    axes.yaxis.labelpad = _WORDS_PT + 72.0 * _LETTER_IN * letters
+    return letters
+
+
+def _true_minus(words: str) -> str:
+    return words.replace("-", "−")
 
 
 def _draw_series(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> int:
@@ -193,7 +236,7 @@ def _legend(axes: Axes, panel: Panel) -> int:
         columnspacing=1.2,
     )
     rows = -(-len(names) // columns)
-    axes.set_title(squeezed(panel.title, 90), loc="left", pad=8.0 + _LEGEND_ROW_PT * rows)
+    _title(axes, panel, rows)
     return rows
 
 

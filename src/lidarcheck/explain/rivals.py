@@ -1,0 +1,114 @@
+"""Which names explain the data nearly as well: the accepted one's rivals, and the contest between them.
+
+The search judges by summaries, which are blunt far from the case's own model. So rivals are fitted once more around the
+model that each of them makes, and judged there by the distance beam by beam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.forward import Bench, Trial, select_distance
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.polish import polished
+from lidarcheck.model.spec import Model
+
+__all__ = ["Polished", "Rival", "contest", "rivals"]
+
+Told = Callable[[str, int, int], object]
+
+_NEAR_MERIT = 0.85
+_MOST = 3
+"""So many names beside the accepted one are looked at, those that explain most."""
+_NEAR, _NEAR_PART = 300.0, 0.06
+"""A rival's distance is larger by no more than this, or this part of what it explains."""
+_MOST_EQUAL = 2
+_MARGIN = 2.0
+"""Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of an accepted one: its name, that one's place, the fit, how much farther it is."""
+
+    name: str
+    place: int
+    fit: Fit
+    farther: float
+
+
+@dataclass(frozen=True)
+class Polished:
+    """The winner of a contest: its fit, the lab around its model with the last fit there, and each effect's equals."""
+
+    fit: Fit
+    lab: Lab
+    last: Fit
+    equals: Mapping[str, tuple[str, ...]]
+
+
+def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
+    """The effects that are nearly as near as an accepted one is, when they take its place; the nearest first."""
+    found = []
+    names = now.names()
+    best = now.distance + select_distance(bench.select, now)
+    for place, name in enumerate(names):
+        for trial in _near(name, names, trials):
+            swapped = _swapped(bench.lab, now, place, trial)
+            farther = swapped.distance + select_distance(bench.select, swapped) - best
+            if farther < max(_NEAR, _NEAR_PART * trial.merit):
+                found.append(Rival(trial.name, place, swapped, farther))
+        told("equivalence", place + 1, len(names))
+    return sorted(found, key=lambda one: one.farther)
+
+
+def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of the round in which an effect was accepted that came near it, the best of each other name."""
+    own = [t for t in trials if t.name == name and t.passes]
+    if not own:
+        return []
+    last, best = own[-1], dict[str, Trial]()
+    for t in trials:
+        near = t.round == last.round and t.name not in names and t.merit > _NEAR_MERIT * last.merit
+        if near and (t.name not in best or t.merit > best[t.name].merit):
+            best[t.name] = t
+    return sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+
+
+def _swapped(lab: Lab, now: Fit, place: int, trial: Trial) -> Fit:
+    """The fit with another effect in one's place, all fitted again."""
+    mine = trial.fit.names().index(trial.name)
+    probes, x = list(now.probes), list(now.x)
+    probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
+    return fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+
+
+def contest(scale: Scale, model: Model, now: Fit, others: Sequence[Rival], seed: int) -> Polished:
+    """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
+
+    A rival takes an accepted effect's place only where it is nearer by more than chance; those that chance may make as
+    near are its equals, at most two.
+    """
+    lab, last = polished(scale.frames, model, now, seed)
+    if not others:
+        return Polished(now, lab, last, {})
+    own, chance = scale.excess(last.model(model), last.nuisance)
+    found = [(one, polished(scale.frames, model, one.fit, seed)) for one in others[:_MOST]]
+    gaps = {one.name: scale.excess(at.model(model), at.nuisance)[0] for one, (_, at) in found}
+    best, (its_lab, its_last) = min(found, key=lambda pair: gaps[pair[0].name])
+    equals = {now.names()[k]: _equals(others, k, gaps, own + _MARGIN * chance) for k in range(len(now.names()))}
+    if gaps[best.name] >= own - _MARGIN * chance:
+        return Polished(now, lab, last, equals)
+    near = _equals([one for one in others if one is not best], best.place, gaps, gaps[best.name] + _MARGIN * chance)
+    return Polished(best.fit, its_lab, its_last, {best.name: near})
+
+
+def _equals(others: Sequence[Rival], place: int, gaps: Mapping[str, float], most: float) -> tuple[str, ...]:
+    """The names of the rivals in a place whose gaps are no larger, the smallest first."""
+    near = [one.name for one in others if one.place == place and gaps.get(one.name, np.inf) < most]
+    return tuple(sorted(near, key=lambda name: gaps[name])[:_MOST_EQUAL])

@@ -1,0 +1,61 @@
+"""The contest between names that explain the data nearly as well."""
+
+import numpy as np
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import make
+from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.fit import fit
+from lidarcheck.explain.forward import Bench, Trial
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.rivals import Rival, contest, rivals
+
+OFFSET = make("range_offset", {"offset_m": 0.12})
+FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    measured = frames(model(OFFSET), 4, **FINE)
+    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
+    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+
+
+def fitted(lab: Lab, name: str):
+    """The fit of one effect alone, from its first start."""
+    probe = fixed_probes([name])[0]
+    return fit(lab, [probe], [probe.start()], rounds=2)
+
+
+def trial(bench: Bench, name: str, gain: float) -> Trial:
+    found = fitted(bench.lab, name)
+    return Trial(name, 1, found, gain, 1.0, 1000.0, 100.0)
+
+
+def test_the_nearer_name_takes_the_place(bench: Bench) -> None:
+    scale = Scale.of((*bench.lab.frames, *bench.select.frames), model(), 5)
+    right, wrong = (fitted(bench.lab, name) for name in ("range_offset", "range_scale"))
+    for now, other in ((wrong, right), (right, wrong)):
+        found = contest(scale, model(), now, [Rival(other.names()[0], 0, other, 0.0)], 7)
+        assert found.fit.names() == found.last.names() == ("range_offset",)
+        assert found.equals["range_offset"] == ()
+        assert found.last.effects()[0].settings()["offset_m"] == pytest.approx(0.12, abs=0.01)
+
+
+def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:
+    scale = Scale.of(bench.select.frames, model(), 5)
+    now = fitted(bench.lab, "range_offset")
+    found = contest(scale, model(), now, [], 7)
+    assert found.fit is now
+    assert found.equals == {}
+
+
+def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: Bench) -> None:
+    names = {"range_offset": 1000.0, "range_scale": 990.0, "signal_gain": 100.0}
+    trials = [trial(bench, name, gain) for name, gain in names.items()]
+    found = rivals(bench, trials[1].fit, [trials[1], trials[0], trials[2]], lambda *_: None)
+    assert [one.name for one in found] == ["range_offset"]
+    assert found[0].farther < 0.0
+    assert rivals(bench, trials[0].fit, trials, lambda *_: None) == [] or found[0].farther < 0.0
