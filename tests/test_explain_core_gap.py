@@ -8,7 +8,6 @@ import pytest
 from explain_core_kit import WALL, frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.explanation import Gap, Interval
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Trial
 from lidarcheck.explain.gap import PARTS, Scale, _wasserstein, gap_of
@@ -111,26 +110,14 @@ def test_an_effect_that_makes_it_worse_closes_nothing() -> None:
 
 def test_the_noise_of_an_effect_that_strikes_at_random_is_no_gap() -> None:
     """What the effect adds by chance is as large between two of its own simulations."""
-    struck = model(make("interference", {"share": 0.05, "columns": 0.05}))
+    struck = model(make("interference", {"share": 0.1}))
     found = [
         gap_of(Scale.of(frames(m, 2), model(), 4), [("", model()), ("interference", struck)]) for m in (struck, model())
     ]
     right, wrong = found
-    assert right.floor.value > 1.3 * wrong.chance
+    assert right.floor.value > 1.1 * gap_of(Scale.of(frames(model(), 2), model(), 4), [("", model())]).floor.value
     assert right.closed > 0.6
-    assert right.shrinks
-    assert wrong.closed < 0.0 or wrong.before.value - wrong.floor.value < 3.0 * wrong.chance
-
-
-def test_a_gap_that_hardly_closes_does_not_shrink() -> None:
-    def of(before: float, after: float, chance: float) -> Gap:
-        parts = (Interval(value, value, value) for value in (before, after, 0.05))
-        return Gap(*parts, chance=chance)
-
-    assert of(0.25, 0.06, 0.01).shrinks
-    assert not of(0.25, 0.20, 0.01).shrinks
-    assert not of(0.25, 0.40, 0.01).shrinks
-    assert of(0.07, 0.08, 0.01).shrinks, "so small a gap says nothing"
+    assert wrong.closed < 0.3
 
 
 def test_the_scale_is_that_of_the_case_s_model() -> None:

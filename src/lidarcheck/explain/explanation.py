@@ -99,18 +99,13 @@ class Candidate:
     equivalent_to: tuple[str, ...] = ()
 
 
-_LEAST_CLOSED, _SURE = 0.4, 3.0
-"""Effects that close less of the gap on frames that no fit has seen are not what these frames show, if the gap there is
-more than chance by so many of its standard deviations."""
-
-
 @dataclass(frozen=True)
 class Gap:
     """The distance of measured and simulated echoes on the frames that no fit has seen.
 
     `before`, `after`, `floor` (two simulations of the last model apart by their seeds only), each with its interval;
     the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
-    the floor. `chance`: standard deviation of what two simulations of the case's own model are apart.
+    the floor.
     """
 
     before: Interval
@@ -118,7 +113,6 @@ class Gap:
     floor: Interval
     by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     waterfall: tuple[tuple[str, Interval], ...] = ()
-    chance: float = 0.0
 
     @property
     def closed(self) -> float:
@@ -126,12 +120,6 @@ class Gap:
         excess = self.before.value - self.floor.value
         # Below the floor there is nothing to close, and what falls below it is chance.
         return min((self.before.value - self.after.value) / excess, 1.0) if excess > 0.0 else 0.0
-
-    @property
-    def shrinks(self) -> bool:
-        """Whether a good part of the gap is closed; where there is none beyond chance, this cannot be asked."""
-        excess = self.before.value - self.floor.value
-        return excess <= _SURE * self.chance or self.closed >= _LEAST_CLOSED
 
 
 @dataclass(frozen=True, slots=True)

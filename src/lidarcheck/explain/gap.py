@@ -72,11 +72,16 @@ class Scale:
         return [_sights(frames, self.beams, run, self.seed, first + k) for k in range(count)]
 
     def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
-        """The gap that a model leaves above its own noise, and that noise's standard deviation."""
+        """The gap that a model leaves beyond its own noise, and that noise's standard deviation.
+
+        A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
+        scatters more than the sensor.
+        """
         shown = self.simulated(model, 9300, _SEEDS, nuisance)
         others = self.simulated(model, 9400, _FLOORS, nuisance)
-        noise = [float(self.distance(other, shown).mean()) for other in others]
-        return float(self.distance(self.measured(), shown).mean() - np.mean(noise)), float(np.std(noise, ddof=1))
+        noise = np.array([self.distance(other, shown) for other in others])
+        beyond = np.abs(self.distance(self.measured(), shown) - noise.mean(axis=0))
+        return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
@@ -188,16 +193,17 @@ def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None 
         found.append(scale.distances(measured, shown, weights))
         chance.append(np.array([scale.distance(other, shown) for other in others]))
         if told is not None:
-            told(i + 1, len(stages) + 1, float(found[-1][0].mean() - chance[-1].mean()))
+            told(i + 1, len(stages) + 1, float(np.abs(found[-1][0] - chance[-1].mean(axis=0)).mean()))
     noise = chance[-1].mean(axis=0)
-    parts = [one + (noise - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
+    # A measurement that is nearer than a model's own simulations are to each other differs from it too.
+    parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
     totals = [_interval(one[0].mean(), [drawn.mean() for drawn in one[1:]]) for one in parts]
     floor = _interval(float(noise.mean()), list(chance[-1].mean(axis=1)), centred=True)
     by_feature = {
         name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(noise[j])) for j, name in enumerate(PARTS)
     }
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
-    return Gap(totals[0], totals[-1], floor, by_feature, waterfall, float(chance[0].mean(axis=1).std(ddof=1)))
+    return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
 
 
 def _drawn_anew(scale: Scale) -> list[FloatArray]:

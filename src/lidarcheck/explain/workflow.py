@@ -31,6 +31,7 @@ from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.second_look import is_open, second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
 __all__ = ["PROGRESS", "Answer", "Run", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
+_LEAST_CLOSED, _SURE = 0.4, 3.0
+"""Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard
+deviations."""
 _HEARD_PLACES = 5
 """So many of what stands out are told while the work goes on; the report has all."""
 
@@ -93,14 +97,15 @@ def _explain(case: Case, run: Run) -> Explanation:
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
     search = run.fit_and_select(bench, screened)
+    seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
+    search = run.look_again(bench, seen, search)
     closed = closure(bench, search.fit, search.trials)
     others = run.find_rivals(bench, search, closed)
-    seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
     last = run.polish(seen, search, closed, others)
     untestable = run.list_untestable(bench, screened)
     answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
-    if answer.verdict == "explained" and not gap.shrinks:
+    if answer.verdict == "explained" and not _carries_over(seen, answer, gap):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
@@ -120,6 +125,18 @@ def _calibrated(seen: Scale, model: Model, off: Nuisance) -> Model:
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
     ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
     return min(ways, key=lambda way: seen.excess(way)[0]) if len(ways) > 1 else model
+
+
+def _carries_over(seen: Scale, answer: Answer, gap: Gap) -> bool:
+    """Whether a good part of the gap closes, over the frames that no fit has seen and all others alike.
+
+    Where there is no gap beyond chance, this cannot be asked.
+    """
+    before, chance = seen.excess(answer.stages[0][1])
+    after, _ = seen.excess(answer.stages[-1][1])
+    whole = before + gap.before.value - gap.floor.value
+    left = after + gap.after.value - gap.floor.value
+    return whole <= _SURE * chance or left <= (1.0 - _LEAST_CLOSED) * whole
 
 
 def _part(step: str, done: int, of: int) -> tuple[int, int]:
@@ -204,6 +221,15 @@ class Run:
         self.did("select", f"distance {select_distance(bench.select, now):.0f} on the select frames")
         return found
 
+    def look_again(self, bench: Bench, seen: Scale, search: Search) -> Search:
+        """At candidates that seem not to hold, beside effects that leave much open."""
+        if not is_open(bench, search.fit):
+            return search
+        found = second_look(bench, seen, search, 2 * self.seed + 4)
+        if found is not search:
+            self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
+        return found
+
     def find_rivals(self, bench: Bench, search: Search, closed: Closure) -> list[Rival]:
         """The effects that explain the data nearly as well in the place of an accepted one."""
         if not closed.holds or not search.fit.probes:
@@ -268,9 +294,10 @@ class Run:
         return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
 
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
-        """Names that bring frames which no fit has seen no nearer are not given: what is missing is unknown."""
+        """Names that do not close the gap are not given: what is missing is unknown."""
         names = ", ".join(finding.name for finding in answer.findings)
-        self.did("withdrawn", f"{names}: on frames that no fit has seen {100.0 * gap.closed:.0f} % of the gap close")
+        part = f"{100.0 * gap.closed:.0f} % of the gap on frames that no fit has seen"
+        self.did("withdrawn", f"{names}: with these, too little closes, {part}")
         found = self._unknown(bench, seen, search, 1.0 - gap.closed)
         self.did("unknown", found.words)
         return found
