@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lidarcheck import __version__
-from lidarcheck.crew import Crew
+from lidarcheck.crew import Processes
 from lidarcheck.errors import InputError
 from lidarcheck.harness.seeds import default_jobs
 from lidarcheck.plots.outputs import as_it_was, check_writable, json_text, make_directory, write_file, write_together
@@ -175,7 +175,7 @@ def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None
     jobs = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1)
     # This process draws too, and as many pictures more as the others need to begin.
     own = (len(figures) + _WORTH_A_PROCESS * (jobs - 1)) // jobs
-    with Crew(jobs) as crew:
+    with Processes(jobs) as crew:
         others = [
             crew.beside(_draw, numbered[own + k :: jobs - 1], directory, kind)
             for k in range(jobs - 1)
