@@ -20,13 +20,13 @@ from itertools import takewhile
 from types import TracebackType
 from typing import Any
 
-from lidarcheck.crew.address import START, check_address, check_reachable
+from lidarcheck.crew.address import START, check_reachable
 from lidarcheck.crew.base import Held, Remote, pack_task, pack_thing
 from lidarcheck.crew.identity import identity
 from lidarcheck.crew.on_worker import refusal, run_task
 from lidarcheck.errors import UsageError, WorkerError
 
-__all__ = ["Cluster", "crew_of"]
+__all__ = ["Cluster"]
 
 _CONNECT_S = 10.0
 _LOOK_S = 1.0
@@ -37,11 +37,6 @@ _MOST_BEGUN = 5
 _TOGETHER = 8
 _LARGE_BYTES = 1 << 20
 """A task that is larger goes to a worker and not into the scheduler's memory."""
-
-
-def crew_of(scheduler: str | None) -> Cluster | None:
-    """A cluster where a scheduler is named; None, for this machine's cores, where not. `UsageError` for no address."""
-    return None if scheduler is None else Cluster(check_address(scheduler))
 
 
 @dataclass(eq=False)
@@ -188,7 +183,7 @@ class Cluster(Remote[_Flight]):
 
         while future.status in ("pending", "lost"):
             with contextlib.suppress(TimeoutError, CancelledError):
-                wait(future, timeout=_LOOK_S)
+                wait(future, timeout=_LOOK_S)  # type: ignore[no-untyped-call]
             self._look()
 
     def _begin_again(self, waiting: deque[_Flight]) -> None:
@@ -235,7 +230,7 @@ def _connected(address: str) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+            return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise WorkerError(f"no scheduler of dask answers at {address}: {reason}", fix=START) from None
