@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import threading
 import time
 import uuid
 import warnings
@@ -60,6 +61,7 @@ class Cluster(Remote[_Flight]):
         self.jobs = 1
         self._client: Any = None
         self._placed: weakref.WeakKeyDictionary[Held[Any], Any] = weakref.WeakKeyDictionary()
+        self._news = threading.Event()
         self._looked_s = 0.0
         self._empty_since_s: float | None = None
 
@@ -149,7 +151,9 @@ class Cluster(Remote[_Flight]):
         body = self._place(packed, raw=True) if isinstance(packed, Held) else packed
         key = f"lidarcheck-{uuid.uuid4().hex}"
         with self._scheduler_there():
-            return self._client.submit(run_task, identity(), body, list(things), list(things.values()), key=key)
+            future = self._client.submit(run_task, identity(), body, list(things), list(things.values()), key=key)
+        future.add_done_callback(lambda _future: self._news.set())
+        return future
 
     def _place(self, held: Held[Any], *, raw: bool = False) -> Any:
         """The future of a held thing's bytes, which one worker has now and others get from each other."""
@@ -179,11 +183,11 @@ class Cluster(Remote[_Flight]):
 
     def _wait_for(self, future: Any) -> None:
         """Until there is a result, an error, or nothing to wait for any more."""
-        from distributed import wait
-
-        while future.status in ("pending", "lost"):
-            with contextlib.suppress(TimeoutError, CancelledError):
-                wait(future, timeout=_LOOK_S)  # type: ignore[no-untyped-call]
+        while True:
+            self._news.clear()
+            if future.status not in ("pending", "lost"):
+                return
+            self._news.wait(_LOOK_S)
             self._look()
 
     def _begin_again(self, waiting: deque[_Flight]) -> None:

@@ -11,7 +11,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -147,13 +147,8 @@ class Frames:
         found = self._found()
         if found is None:
             return {**mine, "ideals": ideals}
-        words = {
-            "model": "another model",
-            "seed": "another seed",
-            "scene": "another scene",
-            "source": "another version",
-        }
-        others = [words[key] for key in mine if found.get(key) != mine[key]]
+        words = {"source": "version of lidarcheck"}
+        others = [f"another {words.get(key, key)}" for key in mine if found.get(key) != mine[key]]
         before = found.get("ideals", {})
         others += [f"another {stem}" for stem in ideals if before.get(stem, ideals[stem]) != ideals[stem]]
         if others:
@@ -168,9 +163,8 @@ class Frames:
         except (OSError, ValueError):
             found = {}
         if found is not None and not (isinstance(found, dict) and isinstance(found.get("ideals"), dict)):
-            raise InputError(
-                "cannot be read: whose frames these are is not known", file=path, fix="remove its directory"
-            )
+            what = "cannot be read, so that nobody knows of what the frames are"
+            raise InputError(what, file=path, fix="remove it with the frames, or name another directory")
         there = [task.place for task in self._tasks() if task.place.exists()] if found is None else []
         if there:
             fix = "move it away, or name another directory"
@@ -214,7 +208,7 @@ def _read(source: _Source, directory: Path) -> IdealScan:
     file = directory / f"ideal{Path(source.file).suffix}"
     file.write_bytes(source.content)
     try:
-        return load_ideal(file)
+        return replace(load_ideal(file), file=source.file)
     except LidarcheckError as error:
         error.file = source.file
         raise
