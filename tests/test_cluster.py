@@ -20,6 +20,7 @@ from explain_kit import write_case as small_case
 from lidarcheck import __version__
 from lidarcheck.calibration.fit.loop import Asked, calibrate
 from lidarcheck.cli import main
+from lidarcheck.cli.bench_cluster import costs
 from lidarcheck.crew import Crew, Held, Processes
 from lidarcheck.crew import cluster as cluster_module
 from lidarcheck.crew.identity import Identity, identity
@@ -197,6 +198,14 @@ def test_the_command_writes_what_it_writes_without_a_cluster(farm, cluster, inpu
     there, here = ({path.name: path.read_bytes() for path in (tmp_path / n).iterdir()} for n in ("there", "here"))
     assert sorted(here) == ["frames.json", "ideal0_000000.txt", "ideal0_000001.txt"]
     assert there == here
+
+
+def test_the_cost_of_a_task_and_of_a_held_thing_is_measured(processes, cluster):
+    task, held = costs(cluster, processes, tasks=10, size=1_000_000, repeats=2)
+    assert (task.name, task.unit, held.name, held.unit) == ("cluster_task_ms", "ms", "cluster_held_1mb_ms", "ms")
+    for figure in (task, held):
+        assert 0.0 < figure.best <= figure.median
+        assert figure.against[0].ratio == pytest.approx(figure.against[0].best / figure.best)
 
 
 def test_an_error_in_a_task_is_the_one_that_its_caller_would_see(cluster, inputs, tmp_path, capsys):

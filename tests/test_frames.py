@@ -133,8 +133,6 @@ def test_what_does_not_go_together_is_said(place, capsys, arguments, words):
 
 
 def test_what_cannot_be_done_is_said_before_the_work(place, capsys):
-    assert run(place, ideals=()) == 2
-    assert "lidarcheck simulate needs IDEAL" in capsys.readouterr().err
     (place / "b").mkdir()
     shutil.copy(place / "i0.txt", place / "b")
     assert run(place, ideals=("i0.txt", "b/i0.txt")) == 2
@@ -142,6 +140,12 @@ def test_what_cannot_be_done_is_said_before_the_work(place, capsys):
     (place / "external.toml").write_text('[external]\ncommand = ["true", "{scan}"]\n')
     assert run(place, "--frames", "2", model="external.toml") == 2
     assert "an external model does not know frames: all would be the same" in capsys.readouterr().err
+    (place / "out").mkdir()
+    shutil.copy(place / "i0.txt", place / "out")
+    where = ["--model", str(place / "model.toml"), "--out", str(place / "out"), "--format", "txt"]
+    assert main(["simulate", str(place / "out/i0.txt"), str(place / "i1.txt"), *where]) == 2
+    assert "i0.txt would be replaced by its frame; name another" in capsys.readouterr().err
+    shutil.rmtree(place / "out")
     (place / "out").write_text("a file")
     assert run(place, "--frames", "2") == 2
     assert "out: is not a directory" in capsys.readouterr().err

@@ -22,7 +22,9 @@ __all__ = ["simulate"]
 
 
 def simulate(
-    *ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
+    ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
+    /,
+    *more: Annotated[Path, Parameter(name="MORE", help="Further ideal scans, a file each.")],
     model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
     out: Annotated[
         Path,
@@ -54,18 +56,16 @@ def simulate(
     hush(quiet)
     from lidarcheck.cli.scene import find_scene
 
-    if not ideal:
-        raise UsageError("lidarcheck simulate needs IDEAL", fix="see lidarcheck simulate --help")
-    if len(ideal) > 1 or frames is not None:
+    if more or frames is not None:
         found = None if scene is None else find_scene(scene)
         return simulate_frames(
-            ideal, model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
+            (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
             scheduler=scheduler,
         )  # fmt: skip
     for option, value in {"--format": format, "--scheduler": scheduler}.items():
         if value is not None:
             raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
-    return _one(ideal[0], model, out, scene=None if scene is None else find_scene(scene), seed=seed, jobs=jobs)
+    return _one(ideal, model, out, scene=None if scene is None else find_scene(scene), seed=seed, jobs=jobs)
 
 
 def _one(ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: int, jobs: int | None) -> int:

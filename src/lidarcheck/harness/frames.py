@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -81,6 +82,10 @@ class Frames:
             if other is not ideal:
                 what = f"{other} and {ideal} would be written to the same files"
                 raise UsageError(what, fix="name each once, and give them different names")
+        read = {os.path.realpath(ideal): ideal for ideal in self.ideals}
+        for task in self._tasks():
+            if found := read.get(os.path.realpath(task.place)):
+                raise UsageError(f"{found} would be replaced by its frame", fix="name another directory for --out")
         if self.out.exists() and not self.out.is_dir():
             raise InputError("is not a directory", file=self.out, fix="name a directory for the frames")
 
