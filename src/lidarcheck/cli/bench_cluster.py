@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 
 from lidarcheck.cli.bench_kit import Figure, Other, times
 from lidarcheck.crew import Crew, Held, Processes
@@ -33,11 +34,12 @@ def cluster_figures(repeats: int, quick: bool) -> list[Figure]:
 
 def costs(cluster: Crew, own: Crew, tasks: int, size: int, repeats: int) -> list[Figure]:
     """The figures of two crews. `tasks`: so many are timed together; `size`: of what is held [bytes]."""
-    empty = [
-        [1e3 * s / tasks for s in times(lambda crew=crew: _empty(crew, tasks), repeats)] for crew in (cluster, own)
+    empty = [times(partial(_empty, crew, tasks), repeats) for crew in (cluster, own)]
+    held = [times(partial(_held, crew, size), repeats) for crew in (cluster, own)]
+    return [
+        _beside("cluster_task_ms", [[1e3 * s / tasks for s in one] for one in empty]),
+        _beside(f"cluster_held_{size // 1_000_000}mb_ms", [[1e3 * s for s in one] for one in held]),
     ]
-    held = [[1e3 * s for s in times(lambda crew=crew: _held(crew, size), repeats)] for crew in (cluster, own)]
-    return [_beside("cluster_task_ms", empty), _beside(f"cluster_held_{size // 1_000_000}mb_ms", held)]
 
 
 def _empty(crew: Crew, tasks: int) -> None:
