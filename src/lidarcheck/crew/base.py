@@ -5,12 +5,12 @@ from __future__ import annotations
 import pickle
 import uuid
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from types import TracebackType
 from typing import Any, Generic, NamedTuple, TypeVar
 
-__all__ = ["Crew", "Held", "Remote", "pack_task", "pack_thing", "perform", "things_of"]
+__all__ = ["Crew", "Held", "Remote", "held_by", "pack_tasks", "pack_thing", "perform", "things_of"]
 
 _Result = TypeVar("_Result")
 _Thing = TypeVar("_Thing")
@@ -64,7 +64,7 @@ class Crew:
 
 
 class Remote(Crew, Generic[_Flight]):
-    """A crew whose tasks are begun now and waited for later; a flight is a task under way, as each kind keeps it."""
+    """A crew whose tasks are begun now and waited for later; a flight is one or some under way."""
 
     def map(self, work: Callable[..., _Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[_Result]:
         """See `Crew.map`."""
@@ -72,8 +72,8 @@ class Remote(Crew, Generic[_Flight]):
         source = iter(tasks)
         try:
             while True:
-                for task in islice(source, max(self._window() - len(waiting), 0)):
-                    waiting.append(self._begin(work, task))
+                for tasks in self._dealt(source, max(self._window() - len(waiting), 0), self._together(work)):
+                    waiting.append(self._begin(work, tasks))
                 if not waiting:
                     return
                 yield from self._landed(waiting)
@@ -82,18 +82,34 @@ class Remote(Crew, Generic[_Flight]):
 
     def beside(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
         """See `Crew.beside`."""
-        waiting = deque([self._begin(work, task)])
+        waiting = deque([self._begin(work, [task])])
         return lambda: next(iter(self._landed(waiting)))
 
+    def _dealt(
+        self, source: Iterator[tuple[Any, ...]], flights: int, together: int
+    ) -> Iterator[Sequence[tuple[Any, ...]]]:
+        """The next tasks for so many flights, some together; the last ones so that each worker has some."""
+        if together == 1:
+            yield from ([task] for task in islice(source, flights))
+            return
+        tasks = [*islice(source, flights * together)]
+        if len(tasks) < flights * together:
+            together = min(together, -(-len(tasks) // self.jobs) or 1)
+        yield from (tasks[start : start + together] for start in range(0, len(tasks), together))
+
     def _window(self) -> int:
-        """So many tasks are begun and not yet taken: some for every worker, so that none waits for the next."""
+        """So many flights are begun and not yet taken: some for every worker, so that none waits for the next."""
         return 2 * self.jobs + 2
 
-    def _begin(self, work: Callable[..., Any], task: tuple[Any, ...]) -> _Flight:
+    def _together(self, work: Callable[..., Any]) -> int:
+        """So many tasks make a flight."""
+        return 1
+
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
         raise NotImplementedError
 
     def _landed(self, waiting: deque[_Flight]) -> Sequence[Any]:
-        """Wait for the first flight; its result and those behind it that are there too, which leave the queue."""
+        """Wait for the first flight; its results and those that are there behind it, which leave the queue."""
         raise NotImplementedError
 
     def _give_up(self, waiting: deque[_Flight]) -> None:
@@ -106,10 +122,15 @@ def things_of(task: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(one.thing if isinstance(one, Held) else one for one in task)
 
 
-def pack_task(work: Callable[..., Any], task: tuple[Any, ...]) -> bytes:
-    """The task without what is held."""
-    slots = tuple(_Slot(one.key) if isinstance(one, Held) else one for one in task)
+def pack_tasks(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bytes:
+    """The tasks without what is held."""
+    slots = [tuple(_Slot(one.key) if isinstance(one, Held) else one for one in task) for task in tasks]
     return pickle.dumps((work, slots), protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def held_by(tasks: Sequence[tuple[Any, ...]]) -> tuple[Held[Any], ...]:
+    """What the tasks hold, each once."""
+    return tuple({one.key: one for task in tasks for one in task if isinstance(one, Held)}.values())
 
 
 def pack_thing(held: Held[Any]) -> bytes:
@@ -117,7 +138,7 @@ def pack_thing(held: Held[Any]) -> bytes:
     return pickle.dumps(held.thing, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def perform(packed: bytes, held: Mapping[str, Any]) -> Any:
-    """Do a packed task, in the worker, with what is held by its key."""
-    work, task = pickle.loads(packed)  # written by the process that started this work
-    return work(*(held[one.key] if isinstance(one, _Slot) else one for one in task))
+def perform(packed: bytes, thing: Callable[[str], Any]) -> list[Any]:
+    """Do packed tasks, in the worker; `thing`: what is held, by its key."""
+    work, tasks = pickle.loads(packed)  # written by the process that started this work
+    return [work(*(thing(one.key) if isinstance(one, _Slot) else one for one in task)) for task in tasks]

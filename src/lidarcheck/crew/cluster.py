@@ -22,9 +22,9 @@ from types import TracebackType
 from typing import Any
 
 from lidarcheck.crew.address import START, check_reachable
-from lidarcheck.crew.base import Held, Remote, pack_task, pack_thing
+from lidarcheck.crew.base import Held, Remote, held_by, pack_tasks, pack_thing
 from lidarcheck.crew.identity import identity
-from lidarcheck.crew.on_worker import refusal, run_task
+from lidarcheck.crew.on_worker import refusal, run_tasks
 from lidarcheck.errors import UsageError, WorkerError
 
 __all__ = ["Cluster"]
@@ -35,15 +35,18 @@ NO_WORKERS_S = 60.0
 """So long a run waits for workers when all are gone."""
 _MOST_BEGUN = 5
 """So often a task is begun whose held things or whose own result were lost."""
-_TOGETHER = 8
+_TOGETHER, _MOST_TOGETHER = 8, 64
+"""Flights whose results are fetched together, and tasks in one of them."""
 _LARGE_BYTES = 1 << 20
 """A task that is larger goes to a worker and not into the scheduler's memory."""
 
 
 @dataclass(eq=False)
 class _Flight:
-    """A task under way. `held`: what it needs besides; `begun`: how often."""
+    """Some tasks under way, so many of the same `work`. `held`: what they need besides; `begun`: how often."""
 
+    work: Callable[..., Any]
+    count: int
     packed: bytes | Held[bytes]
     held: tuple[Held[Any], ...]
     future: Any
@@ -53,12 +56,15 @@ class _Flight:
 class Cluster(Remote[_Flight]):
     """The workers of a scheduler; a context manager. `WorkerError` where it cannot be used, or is lost.
 
-    Leaving it takes this side's tasks back and leaves the cluster running.
+    Leaving it takes this side's tasks back and leaves the cluster running. `batch_s`: short tasks are sent together, as
+    many as take about so long; 0: one by one.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, batch_s: float = 0.2) -> None:
         self.address = address
         self.jobs = 1
+        self.batch_s = batch_s
+        self._took_s: dict[Callable[..., Any], float] = {}
         self._client: Any = None
         self._placed: weakref.WeakKeyDictionary[Held[Any], Any] = weakref.WeakKeyDictionary()
         self._news = threading.Event()
@@ -138,20 +144,22 @@ class Cluster(Remote[_Flight]):
     def _lost(self) -> WorkerError:
         return WorkerError(f"the scheduler at {self.address} was lost", fix=f"see whether it still runs; else {START}")
 
-    def _begin(self, work: Callable[..., Any], task: tuple[Any, ...]) -> _Flight:
+    def _together(self, work: Callable[..., Any]) -> int:
+        """As many tasks as take `batch_s` by what the last ones of their kind took: each flight has its price."""
+        return min(max(int(self.batch_s / max(self._took_s.get(work, self.batch_s), 1e-6)), 1), _MOST_TOGETHER)
+
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
         self._look()
-        packed: bytes | Held[bytes] = pack_task(work, task)
-        if len(packed) > _LARGE_BYTES:  # type: ignore[arg-type]
-            packed = Held(packed)  # type: ignore[arg-type]
-        held = tuple(one for one in task if isinstance(one, Held))
-        return _Flight(packed, held, self._submitted(packed, held))
+        content, held = pack_tasks(work, tasks), held_by(tasks)
+        packed = Held(content) if len(content) > _LARGE_BYTES else content
+        return _Flight(work, len(tasks), packed, held, self._submitted(packed, held))
 
     def _submitted(self, packed: bytes | Held[bytes], held: Sequence[Held[Any]]) -> Any:
         things = {one.key: self._place(one) for one in held}
         body = self._place(packed, raw=True) if isinstance(packed, Held) else packed
         key = f"lidarcheck-{uuid.uuid4().hex}"
         with self._scheduler_there():
-            future = self._client.submit(run_task, identity(), body, list(things), list(things.values()), key=key)
+            future = self._client.submit(run_tasks, identity(), body, list(things), list(things.values()), key=key)
         future.add_done_callback(lambda _future: self._news.set())
         return future
 
@@ -174,10 +182,11 @@ class Cluster(Remote[_Flight]):
             there = [*takewhile(lambda flight: flight.future.status == "finished", [*waiting][:_TOGETHER])]
             if there:
                 with contextlib.suppress(CancelledError, OSError):
-                    results: Sequence[Any] = self._client.gather([flight.future for flight in there])
-                    for _ in there:
+                    found = self._client.gather([flight.future for flight in there])
+                    for flight, (seconds, _) in zip(there, found, strict=True):
+                        self._took_s[flight.work] = seconds / flight.count
                         waiting.popleft()
-                    return results
+                    return [result for _, results in found for result in results]
             self._look(now=True)  # which tells a lost scheduler from what was lost with a worker
             self._begin_again(waiting)
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from lidarcheck.crew.base import Crew, Held, Remote, pack_task, pack_thing, perform, things_of
+from lidarcheck.crew.base import Crew, Held, Remote, held_by, pack_tasks, pack_thing, perform, things_of
 from lidarcheck.crew.identity import limit_blas
 from lidarcheck.crew.keeping import kept
 from lidarcheck.errors import WorkerError
@@ -63,8 +63,9 @@ class Threads(Remote["Future[Any]"]):
                 ending.join(timeout=0.1)
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def _begin(self, work: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> Future[Any]:
         assert self._pool is not None
+        [task] = tasks
         return self._pool.submit(work, *things_of(task))
 
     def _landed(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
@@ -79,7 +80,7 @@ class Threads(Remote["Future[Any]"]):
 
 @dataclass
 class _Flight:
-    """A task under way in a pool of processes."""
+    """Tasks under way in a pool of processes."""
 
     packed: bytes
     held: Mapping[str, str]
@@ -131,9 +132,9 @@ class Processes(Remote[_Flight]):
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake,))
 
-    def _begin(self, work: Callable[..., Any], task: tuple[Any, ...]) -> _Flight:
-        held = {one.key: self._put(one) for one in task if isinstance(one, Held)}
-        packed, pool = pack_task(work, task), self._running
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
+        held = {one.key: self._put(one) for one in held_by(tasks)}
+        packed, pool = pack_tasks(work, tasks), self._running
         return _Flight(packed, held, pool, self._submit(packed, held))
 
     def _submit(self, packed: bytes, held: Mapping[str, str]) -> Future[Any]:
@@ -147,7 +148,7 @@ class Processes(Remote[_Flight]):
         while True:
             first = waiting[0]
             try:
-                result = first.future.result()
+                results: list[Any] = first.future.result()
             except BrokenProcessPool:
                 if first.pool is self._pool:
                     self._replace(first.pool)
@@ -157,7 +158,7 @@ class Processes(Remote[_Flight]):
             else:
                 self._deaths = 0
                 waiting.popleft()
-                return [result]
+                return results
 
     def _replace(self, broken: ProcessPoolExecutor) -> None:
         """New processes for those of which one has died."""
@@ -212,5 +213,5 @@ def _nothing() -> None:
     return None
 
 
-def _call(packed: bytes, held: Mapping[str, str]) -> Any:
-    return perform(packed, {key: kept(key, Path(place).read_bytes) for key, place in held.items()})
+def _call(packed: bytes, held: Mapping[str, str]) -> list[Any]:
+    return perform(packed, lambda key: kept(key, Path(held[key]).read_bytes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,15 +12,21 @@ from lidarcheck.crew.identity import Identity, identity, limit_blas
 from lidarcheck.crew.keeping import kept
 from lidarcheck.errors import WorkerError
 
-__all__ = ["refusal", "run_task"]
+__all__ = ["refusal", "run_tasks"]
 
 
-def run_task(caller: Identity, packed: bytes, keys: Sequence[str], things: Sequence[bytes]) -> Any:
-    """Do a packed task with what is held; `WorkerError` where this process would find other numbers."""
+def run_tasks(caller: Identity, packed: bytes, keys: Sequence[str], things: Sequence[bytes]) -> tuple[float, list[Any]]:
+    """Do packed tasks with what is held; how long that took [s], and the results.
+
+    `WorkerError` where this process would find other numbers.
+    """
     if words := refusal(identity(), caller):
         raise words
     _prepare()
-    return perform(packed, {key: kept(key, thing) for key, thing in zip(keys, things, strict=True)})
+    content = dict(zip(keys, things, strict=True))
+    start = time.perf_counter()
+    results = perform(packed, lambda key: kept(key, content[key]))
+    return time.perf_counter() - start, results
 
 
 @functools.cache
