@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.cli.terminal import note, progress
 from lidarcheck.cli.workers import workers
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.table import counted
 
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
@@ -42,6 +41,7 @@ def simulate_frames(
 ) -> int:
     """Simulate what is not in the directory yet, and say what was done."""
     from lidarcheck.crew import Processes
+    from lidarcheck.formats.table import counted
     from lidarcheck.harness.frames import Frames
     from lidarcheck.harness.seeds import default_jobs
     from lidarcheck.model import load_model
