@@ -268,12 +268,15 @@ def test_all_workers_killed_in_the_middle_lose_nothing_once_there_are_others(far
     assert [*results] == [499500] * 59
 
 
-def test_a_task_that_ends_its_workers_ends_in_one_line_and_so_does_a_lost_scheduler(farm, cluster):
+def test_what_ends_all_workers_or_the_scheduler_ends_in_one_line(farm, cluster, monkeypatch):
     until(lambda: workers_of(cluster) == 3)
     with pytest.raises(
         WorkerError, match=r"the same task has ended 3 workers, the last of them tcp://127\.0\.0\.1:\d+"
     ):
         [*cluster.map(os._exit, [(1,)])]
+    monkeypatch.setattr(cluster_module, "NO_WORKERS_S", 1.0)
+    with pytest.raises(WorkerError, match=f"the scheduler at {farm.address} has had no workers for 1 s; start workers"):
+        [*cluster.map(abs, [(-1,)])]
 
     def tasks():
         for number in range(5):
