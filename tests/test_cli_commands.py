@@ -266,6 +266,7 @@ def small_bench(monkeypatch, bench_dir):
     monkeypatch.setattr(bench_scene, "lab_frame", lambda: frame.take(slice(0, len(frame), 5000)))
     monkeypatch.setattr(bench_scene, "write_rows", lambda path, rows: path.write_text("X Y Z\n" + "1 2 3\n" * 100))
     monkeypatch.setattr(bench_figures, "_lidarcheck", lambda *arguments: None)
+    monkeypatch.setattr(bench_figures, "cluster_figures", lambda *_: [])  # tests/test_cluster.py has a cluster
     Path("scenarios").mkdir()
 
 

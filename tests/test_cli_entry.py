@@ -78,7 +78,7 @@ WRONG_LINES = {
     "simulate a --out b.txt": "lidarcheck simulate needs --model; see lidarcheck simulate --help",
     "simulate a --model": "--model needs a value; see lidarcheck simulate --help",
     "simulate a --model b --out c.txt --sed 3": "lidarcheck simulate has no option --sed; did you mean --seed?",
-    "simulate a b --model b --out c": "lidarcheck simulate has no use for 'b'; see lidarcheck simulate --help",
+    "convert a b c": "lidarcheck convert has no use for 'c'; see lidarcheck convert --help",
     "simulate a --model b --model c --out d.txt": "--model is given more than once; give it once",
     "compare a": "lidarcheck compare needs SIMULATED; see lidarcheck compare --help",
     "compare a b --json": "--json needs a value; see lidarcheck compare --help",

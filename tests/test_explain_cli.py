@@ -47,7 +47,7 @@ class Workflow:
         self.answer = explanation
         self.fails = None
 
-    def explain(self, case, *, seed=0, exclude=(), jobs=1, tell=None, hear=None, notebook=None):
+    def explain(self, case, *, seed=0, exclude=(), jobs=1, crew=None, tell=None, hear=None, notebook=None):
         self.calls.append({"seed": seed, "exclude": exclude, "jobs": jobs, "kept": notebook.get("split")})
         tell("split", 1, 1)
         if hear is not None:

@@ -7,6 +7,7 @@ Every error a user can cause is a `LidarcheckError`; the command line prints `li
 - `ConfigError`: a TOML, INI or JSON configuration has wrong keys or values; holds all of them, a line each.
 - `ExternalModelError`: somebody else's sensor model failed, timed out or wrote nothing usable.
 - `GoldenError`: a golden file is damaged, edited by hand or belongs to another scenario.
+- `WorkerError`: a process or a cluster that shares the work cannot be used, or was lost.
 
 A programming mistake is not one of these and keeps its traceback. A KPI that fell out is not an error but a verdict:
 `lidarcheck check` then exits with 1. All errors here exit with 2, "could not run".
@@ -18,7 +19,15 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import Any
 
-__all__ = ["ConfigError", "ExternalModelError", "GoldenError", "InputError", "LidarcheckError", "UsageError"]
+__all__ = [
+    "ConfigError",
+    "ExternalModelError",
+    "GoldenError",
+    "InputError",
+    "LidarcheckError",
+    "UsageError",
+    "WorkerError",
+]
 
 
 class LidarcheckError(Exception):
@@ -92,3 +101,7 @@ class ExternalModelError(LidarcheckError):
 
 class GoldenError(LidarcheckError):
     """A golden is damaged, was edited by hand or belongs to another scenario."""
+
+
+class WorkerError(LidarcheckError):
+    """A process or a cluster that shares the work cannot be used, or was lost."""

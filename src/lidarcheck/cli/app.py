@@ -16,11 +16,17 @@ __all__ = ["COMMANDS", "Command", "make_app"]
 COMMANDS = (
     Command(
         "simulate",
-        "IDEAL --model MODEL --out SCAN [OPTIONS]",
-        "Run one ideal scan through the sensor model.",
+        "IDEAL [IDEAL ...] --model MODEL --out SCAN [OPTIONS]",
+        "Run ideal scans through the sensor model.",
         "The ideal scan says what each beam meets, the model what sensor looks. The suffix of --out names the format. "
-        "The same seed gives the same bytes, on any number of cores.",
-        ("lidarcheck simulate ideal.txt --model SLIM.toml --out scan.pcd --seed 7",),
+        "The same seed gives the same bytes, on any number of cores and machines. Several ideal scans, or --frames N, "
+        "give many frames: --out is then a directory, with a file each; given again, the command makes those that are "
+        "not there yet.",
+        (
+            "lidarcheck simulate ideal.txt --model SLIM.toml --out scan.pcd --seed 7",
+            "lidarcheck simulate ideal.txt --model SLIM.toml --frames 1000 --out frames",
+            "lidarcheck simulate drive/*.pcd --model SLIM.toml --out frames",
+        ),
     ),
     Command(
         "scene",

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lidarcheck.cli.bench_cluster import cluster_figures
 from lidarcheck.cli.bench_frames import effects_figures, raycast_figures
 from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times
 from lidarcheck.errors import UsageError
@@ -30,6 +31,7 @@ def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
         "ray casting": lambda: raycast_figures(repeats, quick),
         "reading text": lambda: _read_text(repeats, quick),
         "KPIs": lambda: _wasserstein(repeats, quick),
+        "cluster": lambda: cluster_figures(repeats, quick),
         "check": lambda: _check(1 if quick else 3),
         "help": lambda: _help(3 if quick else 9),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
+import functools
 import shutil
 import sys
 import textwrap
@@ -18,11 +18,13 @@ from lidarcheck.cli.explain_watch import clock_text
 from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable
 from lidarcheck.cli.terminal import hush, note, progress, stage
+from lidarcheck.cli.workers import Scheduler, workers
 from lidarcheck.cli.workflow_output import PAGE, RESULT, Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.fit.loop import Asked, Calibration, Round
+    from lidarcheck.crew import Crew
     from lidarcheck.explain.case import Case
 
 __all__ = ["calibrate"]
@@ -68,6 +70,7 @@ def calibrate(
     rounds: Annotated[int, Parameter(converter=_rounds, help="Most rounds before the last fit, 1 to 50.")] = 8,
     seed: Seed = 0,
     jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
@@ -83,7 +86,9 @@ def calibrate(
         dict(_value(text, "--fix") if "=" in text else (text, None) for text in _names(fix or ())),
     )
     loaded = _checked(case, asked, out, json)
-    _calibrated(loaded, asked, out, seed, jobs, rounds, lambda found: _write(found, loaded, out, json, plot))
+    with workers(scheduler, jobs) as crew:
+        write = functools.partial(_write, loaded=loaded, out=out, json=json, plot=plot)
+        _calibrated(loaded, asked, out, seed, jobs, rounds, write, crew)
     return 0
 
 
@@ -140,10 +145,12 @@ def _calibrated(
     jobs: int | None,
     rounds: int,
     write: Callable[[Calibration], None],
+    crew: Crew | None,
 ) -> None:
     """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
     from lidarcheck.calibration.fit.loop import calibrate as run
     from lidarcheck.explain.notebook import Notebook, notebook_key
+    from lidarcheck.harness.seeds import default_jobs
 
     key = notebook_key(loaded.hashes, loaded.model, seed, [repr(asked)])
     with Notebook(out / KEPT, key) as notebook:
@@ -152,18 +159,14 @@ def _calibrated(
         with _course(rounds) as (told, watched, seen):
             try:
                 found = run(
-                    loaded, asked, seed=seed, jobs=jobs or _cores(), rounds=rounds, told=told, watched=watched,
-                    notebook=notebook,
+                    loaded, asked, seed=seed, jobs=jobs or default_jobs(), crew=crew, rounds=rounds, told=told,
+                    watched=watched, notebook=notebook,
                 )  # fmt: skip
             except KeyboardInterrupt:
                 _say_best(seen, loaded, asked, out)
                 raise
         write(found)
         notebook.discard()
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager

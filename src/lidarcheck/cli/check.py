@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import complain, emit, hush, progress, stage
+from lidarcheck.cli.workers import Scheduler, workers
 from lidarcheck.errors import LidarcheckError
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ def check(
     seed: Annotated[Seed | None, Parameter(help="Also run fresh seeds, drawn from this one, 0 to 2^64 - 1.")] = None,
     model: Annotated[Path | None, Parameter(help="A model to ask in the place of the scenarios' own.")] = None,
     jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
     json: JsonFile | None = None,
     html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
     junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
@@ -42,8 +44,8 @@ def check(
     from lidarcheck.harness.junit import junit_text
 
     try:
-        with progress("checking") as show:
-            report = run(scenario, seed=seed, model=model, jobs=jobs, progress=show)
+        with workers(scheduler, jobs) as crew, progress("checking") as show:
+            report = run(scenario, seed=seed, model=model, jobs=jobs, crew=crew, progress=show)
     except LidarcheckError as error:
         if junit is not None:
             write_result(junit, junit_text(error))

@@ -17,10 +17,12 @@ from lidarcheck.cli.explain_watch import JsonLines, watched
 from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import emit, hush, note, progress, stage
+from lidarcheck.cli.workers import Scheduler, workers
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.places import KEPT, MODEL, PAGE, REPORT
 
 if TYPE_CHECKING:
+    from lidarcheck.crew import Crew
     from lidarcheck.explain.case import Case
     from lidarcheck.explain.explanation import Explanation
 
@@ -47,6 +49,7 @@ def explain(
         Parameter(negative=(), help="Effects that are not to be named, with commas between them; may be repeated."),
     ] = None,
     jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
     into: Annotated[
         str | None,
         Parameter(
@@ -78,7 +81,8 @@ def explain(
         from lidarcheck.cli.explain_benchmark import benchmark as run
 
         others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
-        _refuse_beside("--benchmark", others | {"--progress": progress_as == "json"})
+        others |= {"--progress": progress_as == "json", "--scheduler": scheduler}
+        _refuse_beside("--benchmark", others)
         return run(
             benchmark,
             seed=seed,
@@ -97,9 +101,9 @@ def explain(
         raise UsageError(f"lidarcheck explain needs {missing}", fix="see lidarcheck explain --help")
     names = _effects(exclude or ())
     loaded = _checked(case, out, json, into)
-    with _interruptible(out):
+    with workers(scheduler, jobs) as crew, _interruptible(out):
         watch = _watched(quiet, progress_as == "json")
-        found = _explained(loaded, out, seed, names, jobs, watch, no_html)
+        found = _explained(loaded, out, seed, names, jobs, watch, no_html, crew)
     _show(found, loaded, json)
     note(f"{out}: {REPORT}, {MODEL}{'' if no_html else f', {PAGE}'}")
     if into is not None:
@@ -178,7 +182,14 @@ def _watched(quiet: bool, as_json: bool) -> Iterator[tuple[Any, Any]]:
 
 
 def _explained(
-    loaded: Case, out: Path, seed: int, exclude: tuple[str, ...], jobs: int | None, watch: Any, no_html: bool
+    loaded: Case,
+    out: Path,
+    seed: int,
+    exclude: tuple[str, ...],
+    jobs: int | None,
+    watch: Any,
+    no_html: bool,
+    crew: Crew | None,
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
     from lidarcheck.explain.notebook import Notebook, notebook_key
@@ -190,7 +201,9 @@ def _explained(
             note(f"going on with what an interrupted run left in {out / KEPT}")
         with watch as (tell, hear):
             cores = jobs or _cores()
-            found = run(loaded, seed=seed, exclude=exclude, jobs=cores, tell=tell, hear=hear, notebook=notebook)
+            found = run(
+                loaded, seed=seed, exclude=exclude, jobs=cores, crew=crew, tell=tell, hear=hear, notebook=notebook
+            )
         with stage("writing"):
             _write(found, loaded, out, no_html)
         notebook.discard()

@@ -1,15 +1,18 @@
-"""`lidarcheck simulate`: one ideal scan through the sensor model."""
+"""`lidarcheck simulate`: ideal scans through the sensor model."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import Quiet, Seed
+from lidarcheck.cli.options import Jobs, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable
+from lidarcheck.cli.simulate_frames import frames_number, simulate_frames
 from lidarcheck.cli.terminal import hush, note, progress, stage
+from lidarcheck.cli.workers import Scheduler
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
@@ -21,9 +24,14 @@ __all__ = ["simulate"]
 def simulate(
     ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
     /,
-    *,
+    *more: Annotated[Path, Parameter(name="MORE", help="Further ideal scans, a file each.")],
     model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
-    out: Annotated[Path, Parameter(help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet.")],
+    out: Annotated[
+        Path,
+        Parameter(
+            help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet; of many frames, a directory."
+        ),
+    ],
     scene: Annotated[
         str | None,
         Parameter(
@@ -32,11 +40,36 @@ def simulate(
         ),
     ] = None,
     seed: Seed = 0,
+    frames: Annotated[
+        int | None,
+        Parameter(converter=frames_number, help="So many frames of each ideal scan, with other random numbers each."),
+    ] = None,
+    format: Annotated[
+        Literal["parquet", "pcd", "txt", "csv", "las", "laz", "ply"] | None,
+        Parameter(help="Of many frames: what each is written as, parquet by default."),
+    ] = None,
+    jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
     quiet: Quiet = False,
 ) -> int:
-    """Run one ideal scan through the sensor model."""
+    """Run ideal scans through the sensor model."""
     hush(quiet)
     from lidarcheck.cli.scene import find_scene
+
+    if more or frames is not None:
+        found = None if scene is None else find_scene(scene)
+        return simulate_frames(
+            (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
+            scheduler=scheduler,
+        )  # fmt: skip
+    for option, value in {"--format": format, "--scheduler": scheduler}.items():
+        if value is not None:
+            raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
+    return _one(ideal, model, out, scene=None if scene is None else find_scene(scene), seed=seed, jobs=jobs)
+
+
+def _one(ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: int, jobs: int | None) -> int:
+    from lidarcheck.crew import one_blas_thread
     from lidarcheck.formats import load_ideal, save_scan
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
@@ -45,16 +78,16 @@ def simulate(
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
-    scene_file = None if scene is None else find_scene(scene)
-    check_writable(out, option="--out", besides=_read(sensor_model, scene_file))
+    check_writable(out, option="--out", besides=_read(sensor_model, scene))
     with stage(f"reading {ideal.name}"):
         beams_meet = load_ideal(ideal)
-    with progress("simulating") as show:
+    with progress("simulating") as show, one_blas_thread():
         scan = run(
             beams_meet,
             sensor_model,
             seed=seed,
-            scene=None if scene_file is None else scene_file.scene,
+            threads=jobs,
+            scene=None if scene is None else scene.scene,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
     with stage(f"writing {out.name}"):

@@ -181,7 +181,7 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     probes = [one.probe.scaled(scale) for scale, one in order]
     trials = []
     least = max(1.3 * bench.level, bench.worth)
-    tried = bench.crew.map(_tried, (lab, bench.select, now, shown, least), probes)
+    tried = bench.crew.map(_tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
     for i, (alone, after, change) in enumerate(tried):
         one = order[i][1]
         if not alone.possible:
@@ -205,9 +205,8 @@ def are_kin(one: str, other: str) -> bool:
     return one != other and any(one in kin and other in kin for kin in KIN)
 
 
-def _tried(shared: tuple[Lab, Lab, Fit, FloatArray, float], probe: Probe) -> tuple[Fit, float, float]:
+def _tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe) -> tuple[Fit, float, float]:
     """The fit with one more effect, how far it is on the select frames, and how far it moves them."""
-    lab, select, now, before, least = shared
     found = fit_next(lab, now, probe, least)
     for _ in range(_WEAKER):
         if not found.possible:
@@ -278,7 +277,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance, slopes=now.jacobian))
     while now.probes:
         without = []
-        for fewer in bench.crew.map(_without, (lab, now), range(len(now.probes))):
+        for fewer in bench.crew.map(_without, [(lab.held, now, j) for j in range(len(now.probes))]):
             without.append(fewer)
             told("leave out again", len(without), len(now.probes))
         losses = [one.distance - now.distance for one in without]
@@ -293,8 +292,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     return now
 
 
-def _without(shared: tuple[Lab, Fit], left_out: int) -> Fit:
-    lab, now = shared
+def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
     rest = [j for j in range(len(now.probes)) if j != left_out]
     fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
     small = fewer.distance < SMALL * lab.floor_distance

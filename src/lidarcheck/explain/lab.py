@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.crew import Held
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.beams import Beams, beams_of
 from lidarcheck.explain.edges import EXTRA, runs_past, with_beams_of
@@ -117,9 +118,15 @@ class Lab:
             columns.append(EDGE_ERROR * (self.measured - self.summaries.of(without))[:, None])
         return np.concatenate(columns, axis=1)
 
+    @functools.cached_property
+    def held(self) -> Held[Lab]:
+        """The lab for the tasks of a crew."""
+        return Held(self)
+
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
-        return {**self.__dict__, "_unread": {}, "_posed": {}}
+        kept = {name: value for name, value in self.__dict__.items() if name != "held"}
+        return {**kept, "_unread": {}, "_posed": {}}
 
     def scans(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> list[Scan]:
         """What the model shows of every frame, with random numbers of its own."""

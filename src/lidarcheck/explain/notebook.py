@@ -18,6 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from lidarcheck import __version__
+from lidarcheck.crew.identity import source_of_results
 from lidarcheck.errors import InputError, UsageError
 
 __all__ = ["Notebook", "notebook_key"]
@@ -33,19 +34,9 @@ def notebook_key(hashes: Mapping[str, str], model: object, seed: int, exclude: I
         "model": repr(model),
         "seed": seed,
         "exclude": sorted(exclude),
-        "program": f"{__version__} {_source_hash()}",
+        "program": f"{__version__} {source_of_results()}",
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-
-def _source_hash() -> str:
-    root = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] not in ("cli", "plots", "tui"):
-            digest.update(path.relative_to(root).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 class Notebook:

@@ -58,7 +58,7 @@ def screen(
     start = [notebook.get(_page(i)) if notebook else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
-    for i, change in zip(open_, crew.map(_change, lab, [probes[i] for i in open_]), strict=True):
+    for i, change in zip(open_, crew.map(_change, ((lab.held, probes[i]) for i in open_)), strict=True):
         changes[i] = change
         if notebook is not None:
             notebook.put(_page(i), [] if change is None else change)

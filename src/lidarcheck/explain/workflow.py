@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.crew import Crew
+from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.explanation import (
@@ -69,22 +70,25 @@ def explain(
     seed: int = 0,
     exclude: Sequence[str] = (),
     jobs: int = 1,
+    crew: Crew | None = None,
     tell: Teller | None = None,
     hear: Hearer | None = None,
     notebook: Notebook | None = None,
 ) -> Explanation:
-    """Explain a case; the same case and seed give the same answer, for any number of jobs.
+    """Explain a case; the same case and seed give the same answer, whoever works: `jobs` processes, or a `crew`.
 
     `exclude`: effects that are not to be named. `tell` hears (step, done, of), `hear` what
     is found, in words, as soon as it is there. `notebook` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
-    with Crew(jobs, _wake) as crew:
-        return _explain(case, Run(case.model, seed, tuple(exclude), crew, tell or _silent, hear or _deaf, notebook))
+    own = Processes(jobs, _wake)
+    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
+        return _explain(case, Run(case.model, seed, tuple(exclude), workers, tell or _silent, hear or _deaf, notebook))
 
 
 def _wake() -> None:
     """Load what every task needs."""
+    import scipy.linalg
     import scipy.sparse  # noqa: F401
 
     from lidarcheck.model import kernel  # noqa: F401

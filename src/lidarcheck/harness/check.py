@@ -9,7 +9,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from lidarcheck.errors import InputError
+from lidarcheck.crew import Crew
+from lidarcheck.errors import InputError, UsageError
 from lidarcheck.harness import gate
 from lidarcheck.harness.case import Case, Load, Measure, open_case, suite_size
 from lidarcheck.harness.gate import Evidence, Verdict
@@ -35,6 +36,7 @@ def check(
     seed: int | None = None,
     model: Model | Path | str | None = None,
     jobs: int | None = None,
+    crew: Crew | None = None,
     progress: Progress | None = None,
     measure: Measure | None = None,
     load: Load | None = None,
@@ -43,17 +45,20 @@ def check(
 
     `paths`: scenario files, directories of them or names; none: the project's `scenarios/`. `seed`: makes an
     independent re-run with fresh seeds, also of a model that is bit-identical. `model`: asked in place of the
-    scenarios' own, where the variant is theirs. `jobs`: seeds run side by side, which changes no result. `measure`,
-    `load`: stand-ins for `harness.measure.measure` and `harness.scenario.load_scenario`. A KPI that fell out is in the
-    report; a `LidarcheckError` means that the run could not be made. Goldens are never written.
+    scenarios' own, where the variant is theirs. `jobs`: seeds run side by side, which changes no result; `crew`: who
+    runs them in the place of this machine's cores. `measure`, `load`: stand-ins for `harness.measure.measure` and
+    `harness.scenario.load_scenario`. A KPI that fell out is in the report; a `LidarcheckError` means that the run could
+    not be made. Goldens are never written.
     """
     start = time.monotonic()
     selection = select(paths)
     cases = [open_case(file, model, measure, load) for file in selection.files]
     kpis_in_suite = suite_size(cases)
     share = gate.error_share(kpis_in_suite)
-    run = Runner(jobs, progress)
+    run = Runner(jobs, progress, crew)
     active = [case for case in cases if not case.skipped]
+    if crew is not None:
+        _refuse_external(active)
 
     run.seeds([case.paired_job for case in active], _PAIRED)
     compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
@@ -77,6 +82,14 @@ def check(
         versions=versions(),
         source=source_hash(),
     )
+
+
+def _refuse_external(cases: Sequence[Case]) -> None:
+    """`UsageError` for a model that is a program: it is on this machine, with its files, and not on the workers'."""
+    for case in cases:
+        if case.model.external is not None:
+            what = f"the scenario {case.scenario.name} runs an external model, which is on this machine alone"
+            raise UsageError(what, fix="leave out --scheduler, or name the other scenarios")
 
 
 def _nothing_new(case: Case) -> bool:

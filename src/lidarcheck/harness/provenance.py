@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import hashlib
-import importlib.metadata
 import json
 import os
-import platform
 from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import lidarcheck
+from lidarcheck.crew.identity import versions
 from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.errors import InputError
 from lidarcheck.harness.scenario import Scenario
@@ -35,7 +34,7 @@ __all__ = [
 ]
 
 _PACKAGE = Path(lidarcheck.__file__).resolve().parent
-_NO_RESULTS = ("__main__.py", "cli", "tui", "plots", "calibration", "explain")
+_NO_RESULTS = ("__main__.py", "cli", "crew", "tui", "plots", "calibration", "explain")
 _NO_MEASURING = (
     "accept.py",
     "annotations.py",
@@ -105,16 +104,6 @@ def provenance_of(scenario: Scenario, model: Model, *, seeds: str, reference_see
         lidarcheck=found["lidarcheck"],
         date=datetime.datetime.now(datetime.UTC).date().isoformat(),
     )
-
-
-def versions() -> dict[str, str]:
-    """The versions that results depend on, by name."""
-    return {
-        "python": platform.python_version(),
-        "numpy": importlib.metadata.version("numpy"),
-        "numba": importlib.metadata.version("numba"),
-        "lidarcheck": lidarcheck.__version__,
-    }
 
 
 def package_directory() -> Path:

@@ -6,17 +6,17 @@ distances, so that no seed is compared with itself. Fresh seeds follow from one 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.crew import Crew, Held, Threads, one_blas_thread
 from lidarcheck.harness import gate
 from lidarcheck.harness.kpi_spec import Measurement
 from lidarcheck.model.external import stop_external_models
@@ -66,16 +66,18 @@ class Job(NamedTuple):
 
 
 class Runner:
-    """Runs seeds of several scenarios side by side, whose results do not depend on `jobs`.
+    """Runs seeds of several scenarios side by side, whose results do not depend on who works.
 
-    Threads serve: the kernels release the interpreter's lock. On an error or interrupt nothing new is started, external
-    models are killed, kernels that run are waited for, and no record is kept. `progress` is called from the calling
-    thread.
+    `crew`: who works, `jobs` threads where None: the kernels release the interpreter's lock. On an error or interrupt
+    nothing new is started, external models are killed, kernels that run are waited for, and no record is kept.
+    `progress` is called from the calling thread.
     """
 
-    def __init__(self, jobs: int | None = None, progress: Progress | None = None) -> None:
+    def __init__(self, jobs: int | None = None, progress: Progress | None = None, crew: Crew | None = None) -> None:
         self._jobs = jobs or default_jobs()
         self._progress = progress or (lambda done, total, label: None)
+        self._crew = crew
+        self._held: dict[int, Held[Callable[[int], Measurement]]] = {}
         self._done = 0
 
     def seeds(self, jobs: Sequence[Job], seeds: Sequence[int]) -> None:
@@ -85,33 +87,24 @@ class Runner:
             return
         total = self._done + len(tasks)
         self._progress(self._done, total, tasks[0][0].label)
-        found: dict[int, SeedRecord] = {}
-        futures: dict[Future[SeedRecord], int] = {}
-        pool = ThreadPoolExecutor(max_workers=self._jobs, thread_name_prefix="lidarcheck")
-        try:
-            for index, (job, seed) in enumerate(tasks):
-                futures[pool.submit(_run, job, seed)] = index
-            for future in as_completed(futures):
-                found[futures[future]] = future.result()
-                self._progress(self._done + len(found), total, tasks[futures[future]][0].label)
-        except BaseException:
-            # An external model may run for minutes; nobody waits for it after an error or an interrupt. Not the futures
-            # tell what still runs: an interrupt may come after a task was begun and before its future was kept.
-            ending = threading.Thread(target=pool.shutdown, kwargs={"wait": True, "cancel_futures": True})
-            ending.start()
-            while ending.is_alive():
-                stop_external_models()  # again and again: a thread may be about to start one
-                ending.join(timeout=0.1)
-            raise
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+        found: list[SeedRecord] = []
+        # External models may run for minutes; nobody waits for them after an error or an interrupt.
+        own = Threads(self._jobs, hurry=stop_external_models)
+        with one_blas_thread(), own if self._crew is None else contextlib.nullcontext(self._crew) as crew:
+            for record in crew.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
+                self._progress(self._done + len(found) + 1, total, tasks[len(found)][0].label)
+                found.append(record)
         self._done = total
-        for index, (job, _) in enumerate(tasks):
-            job.records.append(found[index])
+        for (job, _), record in zip(tasks, found, strict=True):
+            job.records.append(record)
+
+    def _holding(self, job: Job) -> Held[Callable[[int], Measurement]]:
+        """What runs a seed, the same thing for all seeds of a scenario."""
+        return self._held.setdefault(id(job.run), Held(job.run))
 
 
-def _run(job: Job, seed: int) -> SeedRecord:
-    return record_of(job.run(seed))
+def _run(run: Callable[[int], Measurement], seed: int) -> SeedRecord:
+    return record_of(run(seed))
 
 
 def fresh_seeds(number: int | None, count: int) -> tuple[int, ...]:

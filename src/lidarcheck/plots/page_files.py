@@ -169,14 +169,14 @@ def _fill(folder: Folder, staged: Path, place: Path) -> None:
 
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
     """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
-    from lidarcheck.crew import Crew
+    from lidarcheck.crew import Processes
     from lidarcheck.harness.seeds import default_jobs
 
     numbered = [*enumerate(figures, 1)]
     jobs = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1)
     # This process draws too, and as many pictures more as the others need to begin.
     own = (len(figures) + _WORTH_A_PROCESS * (jobs - 1)) // jobs
-    with Crew(jobs) as crew:
+    with Processes(jobs) as crew:
         others = [crew.beside(_draw, numbered[own + k :: jobs - 1], directory, kind) for k in range(jobs - 1)]
         _draw(numbered[:own], directory, kind)
         for wait in others:

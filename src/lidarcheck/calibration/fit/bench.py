@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
-from collections.abc import Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.fit.statistics import Statistics
+from lidarcheck.crew import Crew, Held
+from lidarcheck.errors import UsageError
 from lidarcheck.explain.beams import Beams, beams_of, key_of
 from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import Scan
 
 __all__ = ["Bench", "Metric", "Reference", "seed_of"]
 
@@ -74,49 +75,67 @@ class Reference:
     measured: FloatArray
     measured_parts: FloatArray
 
+    @functools.cached_property
+    def held(self) -> Held[Statistics]:
+        """The statistics for the tasks of a crew."""
+        return Held(self.statistics)
+
 
 class Bench:
     """Some frames of which the beams that are `used` take part, and simulations of them.
 
-    `beams`: those of the frames' ideal scans. `used` (n_beams,): in their order. `pool`: simulates frames side by side.
+    `beams`: those of the frames' ideal scans. `used` (n_beams,): in their order. `crew`: simulates side by side.
     """
 
     def __init__(
-        self, frames: Sequence[Frame], beams: Beams, used: BoolArray, seed: int, pool: Executor | None = None
+        self, frames: Sequence[Frame], beams: Beams, used: BoolArray, seed: int, crew: Crew | None = None
     ) -> None:
         self.frames = tuple(frames)
         self.beams = beams
         self.used = used
         self.seed = seed
-        self.pool = pool
+        self.crew = crew or Crew()
         self.measured: Sights = sights_of(beams, [f.measured for f in frames])
 
     @classmethod
-    def of(cls, frames: Sequence[Frame], model: Model, seed: int, pool: Executor | None = None) -> Bench:
+    def of(cls, frames: Sequence[Frame], model: Model, seed: int, crew: Crew | None = None) -> Bench:
         """A bench on which all beams of the frames take part."""
         beams = beams_of([f.ideal for f in frames], model)
-        return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, pool)
+        return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, crew)
+
+    @functools.cached_property
+    def held(self) -> Held[Bench]:
+        """The bench for the tasks of a crew."""
+        return Held(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without who works: a worker has no workers of its own."""
+        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "crew": Crew()}
 
     def sights(self, model: Model, purpose: str, k: int) -> Sights:
         """What the model shows of each beam with the k-th seed of a purpose."""
         seed = seed_of(self.seed, purpose, k)
-        side_by_side = self.pool is not None and len(self.frames) > 1
-        threads = 1 if side_by_side else None
+        scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1) for f in self.frames]
+        return sights_of(self.beams, scans)
 
-        def scan(frame: Frame) -> Scan:
-            return simulate(frame.ideal, model, seed=seed, frame=frame.number, threads=threads)
+    def totals(self, reference: Reference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
+        """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such
+        numbers."""
+        return [*self.crew.map(_total, ((self.held, reference.held, *one) for one in asked))]
 
-        if self.pool is None or not side_by_side:
-            return sights_of(self.beams, [scan(frame) for frame in self.frames])
-        return sights_of(self.beams, list(self.pool.map(scan, self.frames)))
+    def by_cluster(self, reference: Reference, model: Model, purpose: str, seeds: int) -> FloatArray:
+        """The statistics over each cluster with the first seeds of a purpose, (seeds, n_clusters, n_statistics)."""
+        return self._by_cluster(reference.held, model, purpose, seeds)
+
+    def _by_cluster(self, statistics: Held[Statistics], model: Model, purpose: str, seeds: int) -> FloatArray:
+        tasks = ((self.held, statistics, model, purpose, k) for k in range(seeds))
+        return np.array([*self.crew.map(_clustered, tasks)])
 
     def reference(self, model: Model, purpose: str) -> Reference:
         """The statistics around a model, with seeds of their own."""
-        base = [self.sights(model, f"{purpose} base", k) for k in range(_BASE_SEEDS)]
-        statistics = Statistics(self.beams, self.used, base)
-        drawn = np.array(
-            [statistics.by_cluster(self.sights(model, f"{purpose} noise", k)) for k in range(_NOISE_SEEDS)]
-        )
+        tasks = ((self.held, model, f"{purpose} base", k) for k in range(_BASE_SEEDS))
+        statistics = Statistics(self.beams, self.used, [*self.crew.map(Bench.sights, tasks)])
+        drawn = self._by_cluster(Held(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
         drawn -= drawn.mean(axis=0)
         flat = drawn.reshape(-1, drawn.shape[-1])
         metric = Metric.of(flat.T @ flat / (_NOISE_SEEDS - 1.0), statistics.counted)
@@ -131,7 +150,18 @@ class Bench:
         there = [i for i, frame in enumerate(frames) if len(frame.ideal)]
         if len(there) < len(frames):
             frames = [frames[i] for i in there]
-        return Bench(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.pool)
+        return Bench(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.crew)
+
+
+def _total(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
+    try:
+        return statistics.total(bench.sights(model, purpose, k))
+    except UsageError:
+        return None
+
+
+def _clustered(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
+    return statistics.by_cluster(bench.sights(model, purpose, k))
 
 
 def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:

@@ -6,7 +6,7 @@ in each; with one set alone slopes would look steeper, and intervals narrower, t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,7 +48,7 @@ class Problem:
     free: tuple[Free, ...]
     steps: dict[str, float] = field(default_factory=dict)
     dead: set[str] = field(default_factory=set)
-    _shown: dict[object, FloatArray | None] = field(default_factory=dict)
+    _shown: dict[tuple[bytes, int], FloatArray | None] = field(default_factory=dict)
     _of: Reference | None = None
 
     def model(self, x: FloatArray) -> Model:
@@ -83,15 +83,25 @@ class Problem:
 
     def shows(self, reference: Reference, x: FloatArray, k: int) -> FloatArray | None:
         """The statistics with the k-th seed of the fit; None where no sensor has such numbers."""
+        self.look(reference, [(x, k)])
+        return self._shown[x.tobytes(), k]
+
+    def look(self, reference: Reference, asked: Iterable[tuple[FloatArray, int]]) -> None:
+        """Find all at once what will be asked for at some points, each with one of the seeds."""
         if self._of is not reference:
             self._of, self._shown = reference, {}
-        key = (x.tobytes(), k)
-        if key not in self._shown:
-            try:
-                self._shown[key] = reference.statistics.total(self.bench.sights(self.model(x), "fit", k))
-            except UsageError:
-                self._shown[key] = None
-        return self._shown[key]
+        new = {(x.tobytes(), k): (x, k) for x, k in asked if (x.tobytes(), k) not in self._shown}
+        sensors = {key: (self._sensor(x), "fit", k) for key, (x, k) in new.items()}
+        there = {key: (model, purpose, k) for key, (model, purpose, k) in sensors.items() if model is not None}
+        found = self.bench.totals(reference, there.values())
+        self._shown |= dict.fromkeys(new) | dict(zip(there, found, strict=True))
+
+    def _sensor(self, x: FloatArray) -> Model | None:
+        """The model at a point; None where no sensor has such numbers."""
+        try:
+            return self.model(x)
+        except UsageError:
+            return None
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,7 @@ def slopes_at(problem: Problem, reference: Reference, x: FloatArray, *, pairs: i
     # Seeds that residuals do not use: noise in the weights must not meet its own in what they weigh.
     sets = [range(_OWN, _OWN + pairs), range(_OWN + pairs, _OWN + 2 * pairs)]
     found = np.zeros((2, len(reference.measured), len(problem.free)))
+    problem.look(reference, _first_ends(problem, x, [k for seeds in sets for k in seeds]))
     for j, one in enumerate(problem.free):
         if one.name not in problem.dead:
             found[:, :, j] = _slope(problem, reference, x, j, sets)
@@ -117,6 +128,17 @@ def slopes_at(problem: Problem, reference: Reference, x: FloatArray, *, pairs: i
     information = 0.5 * (clear[0].T @ metric.times(found[1]) + clear[1].T @ metric.times(found[0]))
     weights = metric.times(0.5 * (clear[0] + clear[1]))
     return Slopes(found.mean(axis=0), weights, 0.5 * (information + information.T))
+
+
+def _first_ends(problem: Problem, x: FloatArray, seeds: Sequence[int]) -> list[tuple[FloatArray, int]]:
+    """Where the slopes begin to look along each parameter: the more at once, the more can work on it."""
+    ends = [
+        end
+        for j, one in enumerate(problem.free)
+        if one.name not in problem.dead
+        for end in _ends(problem, x, j, problem.steps.get(one.name, _first_step(one)))
+    ]
+    return [(end, k) for end in ends for k in seeds]
 
 
 def _width(problem: Problem, reference: Reference) -> FloatArray:
@@ -150,20 +172,27 @@ def _difference(
     problem: Problem, reference: Reference, x: FloatArray, j: int, step: float, sets: Sequence[Sequence[int]]
 ) -> tuple[FloatArray, float]:
     """Slopes over a central difference, and how large it is in standard deviations, by the product of both sets."""
-    ends = []
-    for sign in (-1.0, 1.0):
-        there = x.copy()
-        there[j] += sign * step
-        ends.append(problem.within(there))
+    ends = _ends(problem, x, j, step)
     width = ends[1][j] - ends[0][j]
     if width <= 0.0:
         return np.zeros((2, len(reference.measured))), 0.0
+    problem.look(reference, [(end, k) for end in ends for seeds in sets for k in seeds])
     rows = []
     for seeds in sets:
         changes = [_change(problem, reference, ends, k) for k in seeds]
         rows.append(np.mean([c for c in changes if c is not None] or [np.zeros(len(reference.measured))], axis=0))
     seen = np.sqrt(max(reference.metric.inner(rows[0], rows[1]), 0.0))
     return np.array(rows) / width, float(seen)
+
+
+def _ends(problem: Problem, x: FloatArray, j: int, step: float) -> list[FloatArray]:
+    """The points a step below and above along one parameter, within its bounds."""
+    ends = []
+    for sign in (-1.0, 1.0):
+        there = x.copy()
+        there[j] += sign * step
+        ends.append(problem.within(there))
+    return ends
 
 
 def _change(problem: Problem, reference: Reference, ends: Sequence[FloatArray], k: int) -> FloatArray | None:
@@ -186,6 +215,7 @@ def _widest(one: Free) -> float:
 
 def residual(problem: Problem, reference: Reference, x: FloatArray, seeds: int = SEEDS) -> FloatArray | None:
     """Measured less what the model shows on average; None where no sensor has such numbers."""
+    problem.look(reference, [(x, k) for k in range(seeds)])
     shown = [problem.shows(reference, x, k) for k in range(seeds)]
     if shown[0] is None:
         return None

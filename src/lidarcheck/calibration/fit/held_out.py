@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.fit.bench import Bench, seed_of
+from lidarcheck.crew import Crew, Held
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.sights import FEATURES, Sights
 from lidarcheck.model.spec import Model
@@ -50,15 +52,23 @@ class _Side:
     scale: Scale
     measured: Sights
     weight: FloatArray
+    crew: Crew
+
+    @cached_property
+    def held(self) -> Held[_Side]:
+        return Held(replace(self, crew=Crew()))
 
     @classmethod
     def of(cls, bench: Bench, model: Model) -> _Side:
         scale = Scale.of(bench.frames, model, seed_of(bench.seed, "held out") >> 24)
-        return cls(scale, scale.measured(), bench.used.astype(np.float64))
+        return cls(scale, scale.measured(), bench.used.astype(np.float64), bench.crew)
 
     def distance(self, model: Model, seeds: int) -> Distance:
-        shown = self.scale.simulated(model, _FIRST, seeds)
-        return Distance(tuple(float(self._between(self.measured, one)) for one in shown))
+        return Distance(tuple(self.crew.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
+
+    def far(self, model: Model, k: int) -> float:
+        """With one seed."""
+        return self._between(self.measured, self.scale.simulated(model, k, 1)[0])
 
     def _between(self, one: Sights, other: Sights) -> float:
         return float(self.scale.distance(one, [other], self.weight).mean())

@@ -112,9 +112,7 @@ def _score_covariance(
     problem: Problem, reference: Reference, slopes: Slopes, x: FloatArray, off: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """The covariance of the equations, as the model's noise has it and as the measured columns scatter; the misfit."""
-    shown = np.array(
-        [reference.statistics.by_cluster(problem.bench.sights(problem.model(x), "fit", k)) for k in range(SEEDS)]
-    )
+    shown = problem.bench.by_cluster(reference, problem.model(x), "fit", SEEDS)
     middle = shown.mean(axis=0)
     # These seeds did not teach the metric, which therefore treats them as it treats a measurement.
     shown = (shown - middle) * np.sqrt(SEEDS / (SEEDS - 1.0))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from lidarcheck.calibration.fit.parameters import (
     with_values,
 )
 from lidarcheck.calibration.fit.roles import deal, is_separable, thinned
+from lidarcheck.crew import Crew, Threads, one_blas_thread
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.table import counted
 from lidarcheck.model.spec import Model
@@ -119,19 +120,22 @@ def calibrate(
     *,
     seed: int = 0,
     jobs: int = 1,
+    crew: Crew | None = None,
     rounds: int = MOST_ROUNDS,
     told: Told = lambda _words: None,
     watched: Watched = lambda _round, _left_s: None,
     notebook: Notebook | None = None,
 ) -> Calibration:
-    """Fit the free parameters of a case's model to its frames; the same seed, the same result, for any `jobs`.
+    """Fit the free parameters of a case's model to its frames; the same seed, the same result, whoever works:
+    `jobs` threads, or a `crew`.
 
     `told` hears what is being done; `watched` each round and for how long the work goes on at most [s]. `notebook`:
     rounds that are in it are not done again. `UsageError` and `InputError` for what cannot be fitted.
     """
     model, free, added = prepared(case, asked)
-    with ThreadPoolExecutor(jobs) if jobs > 1 else _nobody() as pool:
-        bench = Bench.of(case.frames, model, seed, pool)
+    own = Threads(jobs)
+    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
+        bench = Bench.of(case.frames, model, seed, workers)
         roles = deal(bench, str(case.directory))
         problem = Problem(roles.fit, model, free)
         separable = is_separable(roles.fit, problem.model(problem.nearby()))
@@ -150,16 +154,6 @@ def calibrate(
         found.parameters, tuple(history), kept, floor, fitted, found.warnings, notes, found.misfit,
         found.correlation, samples, seed, dict(case.hashes),
     )  # fmt: skip
-
-
-class _nobody:
-    """In the place of a pool."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, *_: object) -> None:
-        return None
 
 
 class _Loop:

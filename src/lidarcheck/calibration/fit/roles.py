@@ -45,7 +45,7 @@ def deal(bench: Bench, file: str) -> Roles:
     else:
         words = f"there is one frame: every other block of {_BLOCK} x {_BLOCK} beams is held out"
         in_fit = _blocks(beams)
-        fit, left_out = (Bench(frames, beams, used, bench.seed, bench.pool) for used in (in_fit, ~in_fit))
+        fit, left_out = (Bench(frames, beams, used, bench.seed, bench.crew) for used in (in_fit, ~in_fit))
     roles = Roles(fit, left_out, words)
     for one, what in ((roles.fit, "fit"), (roles.held, "hold out")):
         count = int(np.count_nonzero(one.used & (one.beams.distance_m > 0.0)))

@@ -1,0 +1,217 @@
+"""Work on several cores of this machine: threads where the interpreter's lock is free, else processes.
+
+Worker processes are started afresh and not forked, since the caller may have threads (a progress bar, a terminal
+interface). One that is killed is replaced, and what it had under way is done again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+import tempfile
+import threading
+import warnings
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from lidarcheck.crew.base import Crew, Held, Remote, held_by, pack_tasks, pack_thing, perform, things_of
+from lidarcheck.crew.identity import limit_blas
+from lidarcheck.crew.keeping import kept
+from lidarcheck.errors import WorkerError
+
+__all__ = ["Processes", "Threads"]
+
+_MOST_DEATHS = 3
+
+
+class Threads(Remote["Future[Any]"]):
+    """Threads of this process; kernels release the interpreter's lock.
+
+    On an error or interrupt nothing new is begun, and what runs is waited for; `hurry` is called meanwhile, again and
+    again, to end what would take long.
+    """
+
+    def __init__(self, jobs: int, hurry: Callable[[], object] = lambda: None) -> None:
+        self.jobs = jobs
+        self._hurry = hurry
+        self._pool: ThreadPoolExecutor | None = None
+
+    def __enter__(self) -> Threads:
+        self._pool = ThreadPoolExecutor(max_workers=self.jobs, thread_name_prefix="lidarcheck")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._pool is not None
+        if kind is not None:
+            # Not the futures tell what still runs: an interrupt may come after a task was begun and before its future
+            # was kept.
+            end = {"wait": True, "cancel_futures": True}
+            ending = threading.Thread(target=self._pool.shutdown, kwargs=end)
+            ending.start()
+            while ending.is_alive():
+                self._hurry()
+                ending.join(timeout=0.1)
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> Future[Any]:
+        assert self._pool is not None
+        [task] = tasks
+        return self._pool.submit(work, *things_of(task))
+
+    def _landed(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
+        result = waiting[0].result()
+        waiting.popleft()
+        return [result]
+
+    def _give_up(self, waiting: deque[Future[Any]]) -> None:
+        for future in waiting:
+            future.cancel()
+
+
+@dataclass
+class _Flight:
+    """Tasks under way in a pool of processes."""
+
+    packed: bytes
+    held: Mapping[str, str]
+    pool: ProcessPoolExecutor
+    future: Future[Any]
+
+
+class Processes(Remote[_Flight]):
+    """Processes of this machine; with `jobs` 1, or in a worker process, all is done in the caller itself.
+
+    `wake`: a function of a module that each process begins with, to load what every task needs.
+    """
+
+    def __init__(self, jobs: int = 1, wake: Callable[[], object] | None = None) -> None:
+        self.jobs = jobs
+        self._wake = wake
+        self._pool: ProcessPoolExecutor | None = None
+        self._files: tempfile.TemporaryDirectory[str] | None = None
+        self._places: weakref.WeakKeyDictionary[Held[Any], _Place] = weakref.WeakKeyDictionary()
+        self._deaths = 0
+
+    def __enter__(self) -> Crew:
+        if self.jobs < 2 or multiprocessing.current_process().daemon:
+            return Crew()
+        self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
+        self._start()
+        if self._wake is not None:
+            self._running.submit(_nothing)  # processes begin with the first task
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            processes = list((getattr(self._pool, "_processes", None) or {}).values())
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
+            self._pool = None
+        if self._files is not None:
+            self._files.cleanup()
+
+    @property
+    def _running(self) -> ProcessPoolExecutor:
+        assert self._pool is not None, "the crew was not entered"
+        return self._pool
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake,))
+
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
+        held = {one.key: self._put(one) for one in held_by(tasks)}
+        packed, pool = pack_tasks(work, tasks), self._running
+        return _Flight(packed, held, pool, self._submit(packed, held))
+
+    def _submit(self, packed: bytes, held: Mapping[str, str]) -> Future[Any]:
+        try:
+            return self._running.submit(_call, packed, held)
+        except BrokenProcessPool:
+            self._replace(self._running)
+            return self._running.submit(_call, packed, held)
+
+    def _landed(self, waiting: deque[_Flight]) -> Sequence[Any]:
+        while True:
+            first = waiting[0]
+            try:
+                results: list[Any] = first.future.result()
+            except BrokenProcessPool:
+                if first.pool is self._pool:
+                    self._replace(first.pool)
+                for flight in waiting:
+                    if flight.pool is not self._pool and not _has_result(flight.future):
+                        flight.future, flight.pool = self._submit(flight.packed, flight.held), self._running
+            else:
+                self._deaths = 0
+                waiting.popleft()
+                return results
+
+    def _replace(self, broken: ProcessPoolExecutor) -> None:
+        """New processes for those of which one has died."""
+        self._deaths += 1
+        if self._deaths >= _MOST_DEATHS:
+            raise WorkerError(
+                f"worker processes were killed {_MOST_DEATHS} times in the same work",
+                fix="was memory short? use fewer --jobs",
+            )
+        broken.shutdown(wait=False, cancel_futures=True)
+        self._start()
+
+    def _give_up(self, waiting: deque[_Flight]) -> None:
+        for flight in waiting:
+            flight.future.cancel()
+
+    def _put(self, held: Held[Any]) -> str:
+        """Where workers find it, as long as it lives."""
+        if held not in self._places:
+            assert self._files is not None
+            path = Path(self._files.name) / f"{held.key}.pickle"
+            path.write_bytes(pack_thing(held))
+            self._places[held] = _Place(path)
+        return str(self._places[held].path)
+
+
+class _Place:
+    """A file that goes with the last who knows it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __del__(self) -> None:
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+
+
+def _has_result(future: Future[Any]) -> bool:
+    return future.done() and not future.cancelled() and future.exception() is None
+
+
+def _as_worker(wake: Callable[[], object] | None) -> None:
+    """The process that started the workers ends them and says what there is to say."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
+    if wake is not None:
+        wake()
+    limit_blas()
+
+
+def _nothing() -> None:
+    return None
+
+
+def _call(packed: bytes, held: Mapping[str, str]) -> list[Any]:
+    return perform(packed, lambda key: kept(key, Path(held[key]).read_bytes))
