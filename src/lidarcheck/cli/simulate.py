@@ -32,6 +32,10 @@ def simulate(
         ),
     ] = None,
     seed: Seed = 0,
+    fidelity: Annotated[
+        str,
+        Parameter(help="fast (echoes from a library, see docs/performance.md), exact, or reference (slow)."),
+    ] = "exact",
     quiet: Quiet = False,
 ) -> int:
     """Run one ideal scan through the sensor model."""
@@ -41,7 +45,9 @@ def simulate(
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
     from lidarcheck.model import simulate as run
+    from lidarcheck.model.fidelity import fidelity_of
 
+    closeness = fidelity_of(fidelity)
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
@@ -54,6 +60,7 @@ def simulate(
             beams_meet,
             sensor_model,
             seed=seed,
+            fidelity=closeness,
             scene=None if scene_file is None else scene_file.scene,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
