@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -33,8 +33,8 @@ def simulate(
     ] = None,
     seed: Seed = 0,
     fidelity: Annotated[
-        str,
-        Parameter(help="fast (echoes from a library, see docs/performance.md), exact, or reference (slow)."),
+        Literal["fast", "exact", "reference"],
+        Parameter(help="Echoes from a library, by the exact chain, or detector by detector, which is slow."),
     ] = "exact",
     quiet: Quiet = False,
 ) -> int:
@@ -45,9 +45,7 @@ def simulate(
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
     from lidarcheck.model import simulate as run
-    from lidarcheck.model.fidelity import fidelity_of
 
-    closeness = fidelity_of(fidelity)
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
@@ -60,7 +58,7 @@ def simulate(
             beams_meet,
             sensor_model,
             seed=seed,
-            fidelity=closeness,
+            fidelity=fidelity,
             scene=None if scene_file is None else scene_file.scene,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.fast.grid import DEFAULT_GRID, Grid
 from lidarcheck.model.streams import purpose_key
 
 __all__ = ["CHUNK", "Beams", "Task"]
@@ -30,7 +29,6 @@ class Task(NamedTuple):
     threads: int | None
     rounded: bool
     progress: Callable[[int, int], object] | None
-    grid: Grid = DEFAULT_GRID
 
     @property
     def key(self) -> tuple[np.uint64, np.uint64, np.uint64]:

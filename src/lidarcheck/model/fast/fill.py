@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model import kernel, streams
-from lidarcheck.model.echoes import Echoes, new_echoes
+from lidarcheck.model.chain import chain_echoes
+from lidarcheck.model.echoes import Echoes
 from lidarcheck.model.fast.grid import Grid, Span, node_signals
 from lidarcheck.model.fast.words import pack
-from lidarcheck.model.numbers import Numbers, numbers_of
-from lidarcheck.model.pulses import Pulses, pulses_of
-from lidarcheck.model.share import share
+from lidarcheck.model.numbers import numbers_of
 from lidarcheck.scan import Light, PulseShape
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, POINTS, Sensor
 
 __all__ = ["Block", "Source", "fill_block"]
 
@@ -23,7 +22,10 @@ FloatArray = npt.NDArray[np.float64]
 
 _SEED = 0
 """The library is the same for every user: what differs from run to run is which sample a beam draws."""
-_CHUNK = 8192
+_FIRST_LAYER = 1 << 20
+"""Beams that no sensor has: their draws are nobody else's."""
+_INSIDE = 1e-9
+"""Bins that a pulse stands behind the beginning of its bin, so that rounding cannot put it before."""
 
 
 class Source(NamedTuple):
@@ -33,6 +35,12 @@ class Source(NamedTuple):
     shape: PulseShape | None
     background_per_ns: float
     grid: Grid
+
+    @classmethod
+    def of(cls, sensor: Sensor, shape: PulseShape | None, background_per_ns: float, grid: Grid) -> Source:
+        """Without the numbers of the sensor that its echoes depend on only before or behind the library."""
+        plain = replace(sensor, signal_at_1m=0.0, peak_saturation=1, time_offset_ns=0.0, range_resolution_m=0.0)
+        return cls(plain, shape, background_per_ns, grid)
 
 
 class Block(NamedTuple):
@@ -48,36 +56,29 @@ class Block(NamedTuple):
 
 
 def fill_block(source: Source, block: int, span: Span, threads: int | None) -> Block:
-    """Run the exact chain on all samples of a block; the same on every machine."""
-    sensor = source.sensor
-    numbers = numbers_of(sensor)._replace(bins=span.length)
+    """Run the exact chain on all samples of a block, in a trace that is just their span; the same on every machine."""
     nodes, phases, samples = source.grid.shape
-    signal = np.repeat(node_signals(numbers, source.grid, block), phases * samples)
+    signal = np.repeat(node_signals(numbers_of(source.sensor), source.grid, block), phases * samples)
     centre = np.tile(np.repeat(np.arange(phases) / phases, samples), nodes) + span.before
+    bin_m = 0.5 * LIGHT_SPEED_M_PER_NS * source.sensor.bin_ns
     n = len(signal)
-    beams = np.uint64(block) << np.uint64(40) | np.arange(n, dtype=np.uint64)
-    per_bin = np.full(n, source.background_per_ns * sensor.bin_ns)
-    pulses = _pulses(source, numbers, centre, signal)
-    echoes = new_echoes(n, sensor.max_echoes)
-    order = np.arange(n)
-
-    def run(start: int) -> None:
-        stream = streams.new_stream(_SEED, "fast library")
-        part = order[start : start + _CHUNK]
-        kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, part, kernel.new_scratch(numbers), echoes)
-
-    share(run, range(0, n, _CHUNK), threads)
-    return _packed(echoes, centre)
-
-
-def _pulses(source: Source, numbers: Numbers, centre: FloatArray, signal: FloatArray) -> Pulses:
-    n = len(signal)
-    beam, zeros = np.zeros(n, dtype=np.int32), np.zeros(n)
-    light = Light(beam, beam, zeros, np.arange(n + 1), zeros, signal, shape=source.shape)
-    return pulses_of(light, source.sensor, numbers)._replace(centre=centre)
+    layer, point = np.divmod(np.arange(n), POINTS)
+    light = Light(
+        layer=layer + _FIRST_LAYER,
+        point=point,
+        background_per_ns=np.full(n, source.background_per_ns),
+        first_pulse=np.arange(n + 1),
+        pulse_range_m=(centre + _INSIDE) * bin_m,
+        pulse_signal=signal,
+        shape=source.shape,
+    )
+    short = replace(source.sensor, max_range_m=(span.length - 0.5) * bin_m)
+    return _packed(chain_echoes(light, short, seed=_SEED, frame=block, threads=threads), centre)
 
 
 def _packed(echoes: Echoes, centre: FloatArray) -> Block:
     words, many = pack(echoes, centre)
-    away = echoes.centre[many] - centre[many, None]
-    return Block(words, echoes.held[many], away, echoes.width[many], echoes.area[many], echoes.peak[many])
+    held = echoes.held[many]
+    used = np.arange(echoes.centre.shape[1]) < held[:, None]
+    away = np.where(used, echoes.centre[many], centre[many, None]) - centre[many, None]
+    return Block(words, held, away, *(np.where(used, column[many], 0) for column in echoes[2:]))

@@ -17,14 +17,15 @@ from lidarcheck.model.fast.fill import Block, Source, fill_block
 from lidarcheck.model.fast.grid import lowest_octave, spans
 from lidarcheck.model.numbers import numbers_of
 from lidarcheck.model.pulse_form import form_of
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SENSOR_BOUNDS
 
 __all__ = ["Library", "Samples", "affordable", "library_of"]
 
 _MOST_DETECTORS, _MOST_THRESHOLD, _MOST_BINS = 4095, 100, 256
 _MOST_ALARMS = 1e-2
 """Echoes of background alone a beam; beyond, they are no rare events."""
-_KEPT = 12
+_KEPT = 8
+"""Libraries that stay in memory, each of some ten megabytes."""
 _libraries: collections.OrderedDict[Source, Library] = collections.OrderedDict()
 _guard = threading.Lock()
 
@@ -129,7 +130,9 @@ def affordable(source: Source) -> bool:
         return False
     if numbers.detectors > _MOST_DETECTORS:
         return False
-    if max(span.length for span in spans(numbers, form_of(source.shape, sensor, sensor.bin_ns))) > _MOST_BINS:
+    lengths = [span.length for span in spans(numbers, form_of(source.shape, sensor, sensor.bin_ns))]
+    shortest_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns * (min(lengths) - 0.5)
+    if max(lengths) > _MOST_BINS or shortest_m < SENSOR_BOUNDS["max_range_m"].low:
         return False
     return alarm_rate(numbers, source.background_per_ns * sensor.bin_ns) * numbers.bins <= _MOST_ALARMS
 

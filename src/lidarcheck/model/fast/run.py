@@ -14,7 +14,7 @@ from lidarcheck.model.echoes import Echoes, new_echoes
 from lidarcheck.model.fast.beams import CHUNK, Beams, Task
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.fill import Source
-from lidarcheck.model.fast.grid import Grid
+from lidarcheck.model.fast.grid import DEFAULT_GRID
 from lidarcheck.model.fast.library import Library, library_of
 from lidarcheck.model.fast.report import report_of, room_for
 from lidarcheck.model.fast.special import new_found, resolve
@@ -46,7 +46,7 @@ def fast_frame(ideal: IdealScan, model: Model, sensor: Sensor, task: Task) -> Sc
     chunk, without a `Light` in between.
     """
     tables = material_tables(model)
-    source = Source(sensor, None, model.sensor.background_per_ns, task.grid)
+    source = Source.of(sensor, None, model.sensor.background_per_ns, DEFAULT_GRID)
     library = library_of(source)
     if library is None or tables is None or ideal.share is not None or len(ideal) == 0:
         return None
@@ -72,7 +72,7 @@ def fast_echoes(light: Light, sensor: Sensor, task: Task) -> Scan | None:
     layer, point = light.layer, light.point
     if len(light) == 0 or min(layer.min(), point.min()) < 0 or layer.max() >= LAYERS or point.max() >= POINTS:
         return None
-    groups = _groups(light, sensor, task.grid)
+    groups = _groups(light, sensor)
     if not groups:
         return None
     beams = Beams.of(layer, point, *_single_pulses(light))
@@ -96,7 +96,7 @@ def _light_of_rows(beams: Beams, rows: IntArray, background_per_ns: float) -> Li
     )
 
 
-def _groups(light: Light, sensor: Sensor, grid: Grid) -> list[tuple[IntArray | None, Library]]:
+def _groups(light: Light, sensor: Sensor) -> list[tuple[IntArray | None, Library]]:
     """Beams that may draw, by background, each with its library; None for the rows of all beams."""
     if light.haze is not None:
         return []
@@ -111,7 +111,7 @@ def _groups(light: Light, sensor: Sensor, grid: Grid) -> list[tuple[IntArray | N
         return []
     groups: list[tuple[IntArray | None, Library]] = []
     for value in values:
-        library = library_of(Source(sensor, light.shape, float(value), grid))
+        library = library_of(Source.of(sensor, light.shape, float(value), DEFAULT_GRID))
         if library is not None:
             whole = everyone and one
             groups.append((None if whole else np.flatnonzero(single & (light.background_per_ns == value)), library))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.echoes import Echoes, _keep
+from lidarcheck.model.echoes import Echoes, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key, philox, unit
@@ -139,4 +139,4 @@ def resolve(
             held = _alarms(tables, alarms, key, beam, begin, length, found, held)
         echoes.held[at] = 0
         for j in range(held):
-            _keep(echoes, at, found[j, 0], int(found[j, 1]), int(found[j, 2]), int(found[j, 3]))
+            keep(echoes, at, found[j, 0], int(found[j, 1]), int(found[j, 2]), int(found[j, 3]))
