@@ -20,7 +20,6 @@ from lidarcheck.sensor import LAYERS, POINTS, Sensor
 SMALL = Grid(sample_bits=6)
 """The nodes of the default grid with an eighth of its samples, so that filling it takes a second."""
 FRAME = LAYERS * POINTS
-FRAMES = 2
 OCTAVES = range(-8, 14)
 """From S far below what any sensor sees to all detectors in saturation."""
 MEANS = ("detected", "echoes", "width", "area", "peak", "range")
@@ -65,10 +64,10 @@ class Sample(NamedTuple):
         return self.echoes > 0
 
 
-def sample(sensor: Sensor, background: float, fidelity: str, seed: int) -> Sample:
-    """About a million beams; the same light for both fidelities."""
+def sample(sensor: Sensor, background: float, fidelity: str, seed: int, frames: int = 2) -> Sample:
+    """Half a million beams a frame; the same light for both fidelities."""
     parts = []
-    for frame in range(FRAMES):
+    for frame in range(frames):
         light = frame_light(frame, background)
         scan = echoes_of(light, sensor, seed=seed, frame=frame, rounded=False, fidelity=fidelity)
         parts.append(by_beam(light, scan))
@@ -88,28 +87,32 @@ def by_beam(light: Light, scan: Scan) -> Sample:
     return Sample(octave, np.bincount(beam, minlength=len(light)), *columns)
 
 
-def mean_p_values(ours: Sample, exact: Sample) -> dict[str, float]:
+def mean_p_values(ours: Sample, exact: Sample, names: tuple[str, ...] = MEANS) -> dict[str, float]:
     """p-value of the difference of each mean, octave by octave and then over all octaves together."""
-    return {name: _p_of_means(getattr(ours, name), getattr(exact, name), ours, exact, SMALL) for name in MEANS}
+    return {name: _p_of_means(getattr(ours, name), getattr(exact, name), ours, exact) for name in names}
 
 
-def _p_of_means(one: np.ndarray, other: np.ndarray, ours: Sample, exact: Sample, grid: Grid) -> float:
-    difference = variance = 0.0
-    for octave in OCTAVES:
-        a, b = (
-            v[(s.octave == octave) & ~np.isnan(v)] for v, s in ((one.astype(float), ours), (other.astype(float), exact))
-        )
-        if len(a) > 500 and len(b) > 500:
-            n = len(b)
-            difference += n * (a.mean() - b.mean())
-            variance += n**2 * (a.var() / effective(len(a), ours, octave, grid) + b.var() / len(b))
+def _p_of_means(one: np.ndarray, other: np.ndarray, ours: Sample, exact: Sample) -> float:
+    a, b = _moments(one, ours), _moments(other, exact)
+    used = np.minimum(a[0], b[0]) > 500
+    difference = (b[0] * (a[1] - b[1]))[used].sum()
+    fewer = effective(a[0][used], _moments(np.zeros(len(one)), ours)[0][used])
+    variance = (b[0][used] ** 2 * (a[2][used] / fewer + b[2][used] / b[0][used])).sum()
     return float(2.0 * special.ndtr(-abs(difference) / np.sqrt(variance)))
 
 
-def effective(n: int, ours: Sample, octave: int, grid: Grid) -> float:
-    """The size of an independent sample that is as uncertain as `n` draws from the library's samples of an octave."""
-    samples = np.prod(grid.shape) * n / np.count_nonzero(ours.octave == octave)
-    return 1.0 / (1.0 / n + 1.0 / samples)
+def _moments(values: np.ndarray, of: Sample) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How many values there are in each octave, their mean and their variance."""
+    known = ~np.isnan(values)
+    octave, values = of.octave[known] - OCTAVES.start, values[known].astype(float)
+    n, total, squares = (np.bincount(octave, values**power, len(OCTAVES)) for power in (0, 1, 2))
+    mean = total / np.maximum(n, 1)
+    return n, mean, squares / np.maximum(n, 1) - mean**2
+
+
+def effective(n: np.ndarray, beams: np.ndarray) -> np.ndarray:
+    """The size of an independent sample as uncertain as `n` values of `beams` that draw from an octave's samples."""
+    return 1.0 / (1.0 / n + beams / (n * np.prod(SMALL.shape)))
 
 
 def feature_p_values(ours: Sample, exact: Sample) -> dict[tuple[int, str], float]:
@@ -121,7 +124,7 @@ def feature_p_values(ours: Sample, exact: Sample) -> dict[tuple[int, str], float
             a, b = getattr(ours, name)[here], getattr(exact, name)[there]
             a, b = a[~np.isnan(a)], b[~np.isnan(b)]
             if min(len(a), len(b)) > 200:
-                n = effective(len(a), ours, octave, SMALL)
+                n = effective(len(a), here.sum())
                 distance = stats.ks_2samp(a, b, method="asymp").statistic
                 p_values[octave, name] = float(special.kolmogorov(distance * np.sqrt(n * len(b) / (n + len(b)))))
     return p_values
@@ -140,7 +143,7 @@ def joint_p_value(ours: Sample, exact: Sample) -> float:
             thirds = np.nanquantile(known, [1 / 3, 2 / 3])
             for k, values in enumerate((column, known)):
                 cells[k] = 3 * cells[k] + np.searchsorted(thirds, np.nan_to_num(values, nan=np.inf))
-        n = effective(here.sum(), ours, octave, SMALL), there.sum()
+        n = effective(here.sum(), here.sum()), there.sum()
         size = max(c.max() for c in cells) + 1
         shares = [np.bincount(c, minlength=size) / len(c) for c in cells]
         pooled = (n[0] * shares[0] + n[1] * shares[1]) / (n[0] + n[1])

@@ -13,6 +13,7 @@ from lidarcheck.effects import make
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model import External, Model, echoes_of, light_of, simulate
 from lidarcheck.model.fast import run
+from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import POINTS, Sensor, beam_directions
 
@@ -21,7 +22,7 @@ COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "ar
 
 @pytest.fixture(scope="module", autouse=True)
 def _library(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with small_library(tmp_path_factory.mktemp("library")):
+    with small_library(tmp_path_factory.mktemp("library"), Grid(sample_bits=4)):
         yield
 
 

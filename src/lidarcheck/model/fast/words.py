@@ -31,7 +31,7 @@ def pack(echoes: Echoes, pulse: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np
     `pulse` (n,): the pulse's centre [bins].
     """
     one = echoes.held == 1
-    away = np.where(one, echoes.centre[:, 0] - pulse, 0.0)
+    away = np.where(one, echoes.centre[:, 0], pulse) - pulse
     fields = (
         (np.where(one, echoes.width[:, 0], 0), WIDTH_AT, WIDTH_BITS),
         (np.where(one, echoes.peak[:, 0], 0), PEAK_AT, PEAK_BITS),
