@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fast_kit import small_library
 from lidarcheck.cli import main
+from lidarcheck.model.fast.grid import Grid
 
 MODEL = 'variant = "SMART"\n[materials.1]\nname = "panel"\nreflectance = 0.5\n'
 
@@ -34,6 +36,24 @@ def test_simulate_writes_echoes_and_says_so(bench_dir, capsys):
     assert out == ""
     assert err == "a.txt: 40 echoes from 40 rows of ideal.txt, seed 0\n"
     assert len(Path("a.txt").read_text().splitlines()) >= 41
+
+
+def test_simulate_takes_a_fidelity(bench_dir, capsys):
+    with small_library(bench_dir / "library", Grid(sample_bits=2)):
+        assert simulate("fast.txt", "--fidelity", "fast") == 0
+    assert simulate("exact.txt", "--fidelity", "exact", "--quiet") == 0
+    assert simulate("plain.txt", "--quiet") == 0
+    assert simulate("reference.txt", "--fidelity", "reference", "--quiet") == 0
+    written = {path.name: path.read_bytes() for path in Path().glob("*.txt")}
+    assert written["exact.txt"] == written["plain.txt"]
+    assert len({written[name] for name in ("fast.txt", "exact.txt", "reference.txt")}) == 3
+    capsys.readouterr()
+    assert simulate("other.txt", "--fidelity", "quick") == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "--fidelity" in err
+    assert all(word in err for word in ("fast", "exact", "reference"))
+    assert not Path("other.txt").exists()
 
 
 def test_the_same_seed_gives_the_same_bytes(bench_dir, capsys):
@@ -268,11 +288,16 @@ def small_bench(monkeypatch, bench_dir):
     monkeypatch.setattr(bench_figures, "_lidarcheck", lambda *arguments: None)
     monkeypatch.setattr(bench_figures, "cluster_figures", lambda *_: [])  # tests/test_cluster.py has a cluster
     Path("scenarios").mkdir()
+    with small_library(Path("library").absolute(), Grid(sample_bits=2)):
+        yield
 
 
 FIGURES = {
     "simulate_exact_smart_1_mpts_s": "Mpoints/s",
     "simulate_exact_slim_1_mpts_s": "Mpoints/s",
+    "simulate_fast_smart_1_mpts_s": "Mpoints/s",
+    "simulate_fast_slim_1_mpts_s": "Mpoints/s",
+    "frame_to_pcd_s": "s",
     "read_text_mb_s": "MB/s",
     "kpi_wasserstein_mpts_s": "Mpoints/s",
     "check_s": "s",
@@ -289,6 +314,11 @@ def test_bench_measures_each_figure_beside_what_else_there_is(small_bench, capsy
         assert (best <= median) if figure["unit"] == "s" else (best >= median)
         assert all(other["ratio"] > 0.0 for other in figure["against"])
     assert found["machine"]["cores"] >= 1
+    figures = {name: figure["best"] for name, figure in found["figures"].items()}
+    for fidelity in ("fast", "exact"):
+        speeds = [best for name, best in figures.items() if name.startswith(f"simulate_{fidelity}_smart_")]
+        assert found[f"simulate_{fidelity}_mpts_s"] == max(speeds)
+    assert found["frame_to_pcd_s"] == figures["frame_to_pcd_s"]
 
 
 def test_bench_prints_a_table(small_bench, capsys):

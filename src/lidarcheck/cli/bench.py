@@ -36,6 +36,7 @@ def bench(
 ) -> int:
     """Measure each figure and what a user would otherwise take, side by side."""
     hush(quiet)
+    from lidarcheck.cli.bench_fast import plain_keys
     from lidarcheck.cli.bench_figures import cases
     from lidarcheck.cli.bench_machine import machine
 
@@ -47,7 +48,8 @@ def bench(
             measured += task()
     about = machine()
     if json:
-        emit(json_text({"machine": about, "quick": quick, "figures": {figure.name: figure for figure in measured}}))
+        figures = {figure.name: figure for figure in measured}
+        emit(json_text({"machine": about, "quick": quick, **plain_keys(measured), "figures": figures}))
         return 0
     note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best and median of n repeats")
     emit(table(COLUMNS, [_row(figure, other) for figure in measured for other in figure.against or (None,)]))

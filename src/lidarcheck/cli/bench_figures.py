@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.cli.bench_cluster import cluster_figures
+from lidarcheck.cli.bench_fast import fast_figures, pcd_figures
 from lidarcheck.cli.bench_frames import effects_figures, raycast_figures
 from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times
 from lidarcheck.errors import UsageError
@@ -26,6 +27,9 @@ def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
     return {
         "simulate, SMART": lambda: _simulate("SMART", repeats, quick),
         "simulate, SLIM": lambda: _simulate("SLIM", repeats, quick),
+        "simulate fast, SMART": lambda: fast_figures("SMART", repeats, quick),
+        "simulate fast, SLIM": lambda: fast_figures("SLIM", repeats, quick),
+        "frame to PCD": lambda: pcd_figures(repeats, quick),
         "effects, SMART": lambda: effects_figures("SMART", min(repeats, 3), quick),
         "effects, SLIM": lambda: effects_figures("SLIM", min(repeats, 3), quick),
         "ray casting": lambda: raycast_figures(repeats, quick),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["MEGA", "Figure", "Other", "duration", "rate", "times"]
+__all__ = ["MEGA", "Figure", "Other", "duration", "rate", "times", "times_in_turn"]
 
 MEGA = 1e6
 
@@ -42,6 +42,22 @@ def times(work: Callable[[], object], repeats: int) -> list[float]:
         work()
         seconds.append(time.perf_counter() - start)
     return seconds
+
+
+def times_in_turn(
+    works: Sequence[Callable[[], object]], other: Callable[[], object], repeats: int
+) -> tuple[list[float], list[float]]:
+    """Seconds of `works` and of `other`, one after the other in each repeat, so that both meet the same machine."""
+    ours: list[float] = []
+    others: list[float] = []
+    for work in (*works, other):
+        work()
+    for _ in range(repeats):
+        for work, seconds in (*((work, ours) for work in works), (other, others)):
+            start = time.perf_counter()
+            work()
+            seconds.append(time.perf_counter() - start)
+    return ours, others
 
 
 def rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:

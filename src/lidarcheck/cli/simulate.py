@@ -17,6 +17,7 @@ from lidarcheck.errors import UsageError
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
     from lidarcheck.model import Model
+    from lidarcheck.model.fidelity import Fidelity
 
 __all__ = ["simulate"]
 
@@ -50,6 +51,10 @@ def simulate(
     ] = None,
     jobs: Jobs | None = None,
     scheduler: Scheduler | None = None,
+    fidelity: Annotated[
+        Literal["fast", "exact", "reference"],
+        Parameter(help="Echoes from a library, by the exact chain, or detector by detector, which is slow."),
+    ] = "exact",
     quiet: Quiet = False,
 ) -> int:
     """Run ideal scans through the sensor model."""
@@ -60,15 +65,18 @@ def simulate(
         found = None if scene is None else find_scene(scene)
         return simulate_frames(
             (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
-            scheduler=scheduler,
+            scheduler=scheduler, fidelity=fidelity,
         )  # fmt: skip
     for option, value in {"--format": format, "--scheduler": scheduler}.items():
         if value is not None:
             raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
-    return _one(ideal, model, out, scene=None if scene is None else find_scene(scene), seed=seed, jobs=jobs)
+    found = None if scene is None else find_scene(scene)
+    return _one(ideal, model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity)
 
 
-def _one(ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: int, jobs: int | None) -> int:
+def _one(
+    ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: int, jobs: int | None, fidelity: Fidelity
+) -> int:
     from lidarcheck.crew import one_blas_thread
     from lidarcheck.formats import load_ideal, save_scan
     from lidarcheck.formats.recognise import target_format
@@ -88,6 +96,7 @@ def _one(ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: 
             seed=seed,
             threads=jobs,
             scene=None if scene is None else scene.scene,
+            fidelity=fidelity,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
     with stage(f"writing {out.name}"):

@@ -13,6 +13,7 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
+    from lidarcheck.model.fidelity import Fidelity
 
 __all__ = ["MOST_FRAMES", "frames_number", "simulate_frames"]
 
@@ -38,6 +39,7 @@ def simulate_frames(
     suffix: str,
     jobs: int | None,
     scheduler: str | None,
+    fidelity: Fidelity = "exact",
 ) -> int:
     """Simulate what is not in the directory yet, and say what was done."""
     from lidarcheck.crew import Processes
@@ -46,7 +48,7 @@ def simulate_frames(
     from lidarcheck.harness.seeds import default_jobs
     from lidarcheck.model import load_model
 
-    frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene)
+    frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity)
     frames.check()
     external = frames.model.external is not None
     if external and scheduler is not None:

@@ -24,6 +24,7 @@ from lidarcheck.formats.recognise import target_format
 from lidarcheck.harness.provenance import parameters_hash, source_hash
 from lidarcheck.harness.scene_file import SceneFile
 from lidarcheck.model import simulate
+from lidarcheck.model.fidelity import Fidelity, check_fidelity
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
@@ -69,10 +70,12 @@ class Frames:
     suffix: str = ".parquet"
     seed: int = 0
     scene: SceneFile | None = None
+    fidelity: Fidelity = "exact"
 
     def check(self) -> None:
         """`UsageError` or `InputError` for what can be known before the work."""
         target_format(self.out / f"frame{self.suffix}")
+        check_fidelity(self.fidelity, self.model)
         if self.model.external is not None and (self.count or 1) > 1:
             fix = "leave out --frames, or give an ideal scan for each frame"
             raise UsageError("an external model does not know frames: all would be the same", fix=fix)
@@ -117,7 +120,7 @@ class Frames:
         setup = Held((self.model, None if self.scene is None else self.scene.scene))
         only = Held(load_ideal(self.ideals[0])) if len(self.ideals) == 1 and left else None
         for task in left:
-            yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix
+            yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity
 
     @contextlib.contextmanager
     def _directory(self) -> Iterator[None]:
@@ -145,6 +148,7 @@ class Frames:
         mine: dict[str, Any] = {
             "model": parameters_hash(self.model),
             "seed": self.seed,
+            "fidelity": self.fidelity,
             "scene": _hash_of(self.scene.files) if self.scene else None,
             "source": source_hash(),
         }
@@ -196,13 +200,18 @@ def _source(path: Path) -> _Source:
 
 
 def _simulated(
-    setup: tuple[Model, Caster | None], ideal: IdealScan | _Source, seed: int, frame: int, suffix: str
+    setup: tuple[Model, Caster | None],
+    ideal: IdealScan | _Source,
+    seed: int,
+    frame: int,
+    suffix: str,
+    fidelity: Fidelity,
 ) -> tuple[bytes, int]:
     """A frame's file, and how many echoes are in it."""
     model, scene = setup
     with tempfile.TemporaryDirectory(prefix="lidarcheck-frame-", ignore_cleanup_errors=True) as name:
         beams = _read(ideal, Path(name)) if isinstance(ideal, _Source) else ideal
-        scan = simulate(beams, model, seed=seed, frame=frame, threads=1, scene=scene)
+        scan = simulate(beams, model, seed=seed, frame=frame, threads=1, scene=scene, fidelity=fidelity)
         file = Path(name) / f"frame{suffix}"
         save_scan(scan, file)
         return file.read_bytes(), len(scan)

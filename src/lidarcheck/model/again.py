@@ -15,7 +15,7 @@ from lidarcheck.model.chain import Run, Surfaces, check_seed, echoes_of, of_stag
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
 
-__all__ = ["Unread", "simulate_unread"]
+__all__ = ["Unread", "light_of_beams", "simulate_unread"]
 
 _FEW = 0.7
 """Where more than this share of the beams differ, simulating all is as fast."""
@@ -60,7 +60,7 @@ def simulate_unread(
         return Unread(echoes(light), light, run)
     if not differs.any():
         return Unread(like.scan, light, run)
-    return Unread(_merged(like.scan, echoes(_beams(light, differs)), light, differs), light, run)
+    return Unread(_merged(like.scan, echoes(light_of_beams(light, differs)), light, differs), light, run)
 
 
 def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:
@@ -82,8 +82,8 @@ def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:
     return np.asarray(differs)
 
 
-def _beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
-    """The light of some beams."""
+def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
+    """The light of the beams of a mask, shape (n_beams,); without haze."""
     pulses = mask[light.pulse_beam]
     counts = np.diff(light.first_pulse)[mask]
     return replace(

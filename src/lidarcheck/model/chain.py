@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +13,9 @@ import numpy.typing as npt
 from lidarcheck.effects import Effect
 from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
+from lidarcheck.model.fidelity import Fidelity, check_fidelity
 from lidarcheck.model.light import light_of, surface_signal
+from lidarcheck.model.share import share, usable_cores
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Surfaces",
     "aimed",
+    "chain_echoes",
     "check_seed",
     "echoes_of",
     "light_after_effects",
@@ -53,15 +54,20 @@ def simulate(
     threads: int | None = None,
     progress: Progress | None = None,
     scene: Caster | None = None,
+    fidelity: Fidelity = "exact",
 ) -> Scan:
     """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
 
     The same `seed` and `frame` give the same bytes, for any number of threads and any order of rows. Beams without an
     echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). `scene`: what the ideal
-    scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. Raises `InputError`
-    for a material without an entry and `ExternalModelError` when the model is an external program that fails.
+    scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. `fidelity`: "exact"
+    runs the chain for every beam; "fast" draws the echoes of beams with one pulse from a library that the chain has
+    filled (docs/performance.md); "reference" follows every detector through every bin, some milliseconds a beam. Raises
+    `InputError` for a material without an entry and `ExternalModelError` when the model is an external program that
+    fails.
     """
     check_seed(seed, frame)
+    check_fidelity(fidelity, model)
     if model.external is not None:
         from lidarcheck.model.external import run_external
 
@@ -70,12 +76,28 @@ def simulate(
         except ExternalModelError as error:
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
-    run, light = run_and_light(ideal, model, seed, frame, scene)
     readout = of_stage("readout", model.effects)
-    scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress, rounded=not readout)
+    how: dict[str, Any] = {"seed": seed, "frame": frame, "threads": threads, "progress": progress}
+    run, scan = _plain_frame(ideal, model, scene, not readout, how) if fidelity == "fast" else (None, None)
+    if run is None or scan is None:
+        run, light = run_and_light(ideal, model, seed, frame, scene)
+        scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
     return rounded_ranges(scan, run.sensor) if readout else scan
+
+
+def _plain_frame(
+    ideal: IdealScan, model: Model, scene: Caster | None, rounded: bool, how: Mapping[str, Any]
+) -> tuple[Run | None, Scan | None]:
+    """The run and the echoes of a frame that the fast path takes as a whole, None where effects or rows forbid that."""
+    from lidarcheck.model.fast.beams import Task
+    from lidarcheck.model.fast.run import fast_frame
+
+    if of_stage("aim", model.effects) or of_stage("light", model.effects):
+        return None, None
+    run = _run_of(ideal, model, how["seed"], how["frame"], scene, None).after_stage("detector", model.effects)
+    return run, fast_frame(ideal, model, run.sensor, Task(rounded=rounded, **how))
 
 
 def light_after_effects(
@@ -201,8 +223,35 @@ def echoes_of(
     threads: int | None = None,
     progress: Progress | None = None,
     rounded: bool = True,
+    fidelity: Fidelity = "exact",
 ) -> Scan:
     """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
+    check_fidelity(fidelity)
+    if fidelity == "reference":
+        from lidarcheck.model.reference import reference_echoes
+
+        return reference_echoes(light, sensor, seed=seed, frame=frame, progress=progress, rounded=rounded)
+    if fidelity == "fast":
+        from lidarcheck.model.fast.beams import Task
+        from lidarcheck.model.fast.run import fast_echoes
+
+        scan = fast_echoes(light, sensor, Task(seed, frame, threads, rounded, progress))
+        if scan is not None:
+            return scan
+    echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress)
+    return _report(light, sensor, echoes, rounded)
+
+
+def chain_echoes(
+    light: Light,
+    sensor: Sensor,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Echoes:
+    """The echoes of each beam as the exact chain finds them, before they are put into a table."""
     from lidarcheck.model import kernel, streams
     from lidarcheck.model.echoes import new_echoes
     from lidarcheck.model.numbers import numbers_of
@@ -227,8 +276,8 @@ def echoes_of(
         scratch = kernel.new_scratch(numbers)
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
 
-    _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
-    return _report(light, sensor, echoes, rounded)
+    share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
+    return echoes
 
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
@@ -237,31 +286,6 @@ def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
     from lidarcheck.model.detector_array import detectors_of
 
     return functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _share(run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object]) -> None:
-    """Run the chunks, on several threads where that helps; `told` hears how many are done."""
-    workers = min(threads or usable_cores(), len(starts))
-    if workers <= 1:
-        for done, start in enumerate(starts, start=1):
-            run(start)
-            told(done)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for done, _ in enumerate(pool.map(run, starts), start=1):
-                told(done)
-        except BaseException:
-            # An interrupt waits for the chunks that are under way, not for those that have not begun.
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:

@@ -20,7 +20,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["cache_directory", "inlined", "kernel", "source_hash"]
+__all__ = ["base_directory", "cache_directory", "inlined", "kernel", "source_hash"]
 
 _KEPT_CACHES = 6
 _ROOM_BYTES = 1 << 22
@@ -46,7 +46,7 @@ def cache_directory() -> Path:
     Where neither can be written, a temporary directory, gone when the process ends.
     """
     try:
-        base = _base() / "kernels"
+        base = base_directory() / "kernels"
         directory = base / source_hash()[:16]
         directory.mkdir(parents=True, exist_ok=True)
         directory.touch()
@@ -72,7 +72,8 @@ def _check_room(directory: Path) -> None:
                 raise OSError(error.errno, error.strerror, str(directory)) from error
 
 
-def _base() -> Path:
+def base_directory() -> Path:
+    """Below which caches lie: `LIDARCHECK_CACHE`, else the user's cache directory."""
     given = os.environ.get("LIDARCHECK_CACHE")
     if given:
         return Path(given)

@@ -10,13 +10,15 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light
+from lidarcheck.sensor import Material
 
-__all__ = ["light_of", "surface_signal"]
+__all__ = ["light_of", "material_tables", "surface_signal"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _NEAREST_M = 1e-3
 """The range equation has no limit at zero range; nothing can stand nearer than this to the sensor's window."""
+_MOST_MATERIALS = 65536
 
 
 def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
@@ -48,10 +50,15 @@ def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]
         material = model.materials.get(int(material_id))
         if material is None:
             continue  # nothing but misses bears it
-        retro = material.kind == "retro"
-        strength[i] = material.reflectance * (material.retro_gain if retro else 1.0)
-        power[i] = 0.0 if retro else 1.0
+        strength[i], power[i] = _response(material)
     return strength[row_id], power[row_id]
+
+
+def _response(material: Material) -> tuple[float, float]:
+    """Reflectance times gain, and the power of the cosine."""
+    if material.kind == "retro":
+        return material.reflectance * material.retro_gain, 0.0
+    return material.reflectance, 1.0
 
 
 def _distinct(values: npt.NDArray[np.int32]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
@@ -63,6 +70,21 @@ def _distinct(values: npt.NDArray[np.int32]) -> tuple[npt.NDArray[Any], npt.NDAr
         return ids, place[values]
     ids, row_id = np.unique(values, return_inverse=True)
     return ids, row_id
+
+
+def material_tables(model: Model) -> tuple[FloatArray, FloatArray] | None:
+    """K times reflectance and gain, and the power of the cosine, by a material's number; NaN where there is none.
+
+    One number more than there are materials; None where there are negative numbers or large ones.
+    """
+    most = max(model.materials, default=0)
+    if min(model.materials, default=0) < 0 or most >= _MOST_MATERIALS:
+        return None
+    strength, falloff = np.full(most + 2, np.nan), np.zeros(most + 2)
+    for number, material in model.materials.items():
+        gain, falloff[number] = _response(material)
+        strength[number] = model.sensor.signal_at_1m * gain
+    return strength, falloff
 
 
 def _missing(ideal: IdealScan, row: int, model: Model) -> InputError:

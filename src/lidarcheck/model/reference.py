@@ -7,7 +7,8 @@ own start (a long run of background instead of the steady state's formula). Test
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,13 @@ import numpy.typing as npt
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
+from lidarcheck.effects.ranges import quantised
+from lidarcheck.errors import UsageError
+from lidarcheck.model.streams import beam_keys, purpose_key
 from lidarcheck.scan import Haze, Light, PulseShape, Scan
 from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["detector_trace", "echoes_of_trace", "simulate_detectors"]
+__all__ = ["detector_trace", "echoes_of_trace", "reference_echoes", "simulate_detectors"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -113,17 +117,54 @@ def echoes_of_trace(trace: npt.NDArray[np.int64], sensor: Sensor) -> list[tuple[
 
 def simulate_detectors(light: Light, sensor: Sensor, rng: np.random.Generator) -> Scan:
     """Echoes of each beam, from `detector_trace`: about a millisecond per thousand bins and beam."""
-    rows: list[tuple[Any, ...]] = []
-    for beam in range(len(light)):
-        background = float(light.background_per_ns[beam]) * sensor.bin_ns
-        trace = detector_trace(_rates(light, beam, sensor), background, sensor, rng)
-        for number, echo in enumerate(echoes_of_trace(trace, sensor), start=1):
-            rows.append((light.layer[beam], light.point[beam], number, *echo))
+    return _scan(light, [_echoes_of_beam(light, beam, sensor, rng) for beam in range(len(light))])
+
+
+def reference_echoes(
+    light: Light,
+    sensor: Sensor,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    progress: Callable[[int, int], object] | None = None,
+    rounded: bool = True,
+) -> Scan:
+    """The same with draws of its own for every beam, in whichever order beams stand; `rounded`: ranges as reported.
+
+    `UsageError` where detectors are to disturb each other: the exact chain follows them one by one itself.
+    """
+    if sensor.nonideal.any:
+        what = "the reference knows no crosstalk, no afterpulsing and no varying dead time"
+        raise UsageError(what, fix="use the fidelity exact, which follows such detectors one by one")
+    unrounded = replace(sensor, range_resolution_m=0.0)
+    key = np.array([seed, purpose_key("reference")], dtype=np.uint64)
+    echoes = []
+    for beam, number in enumerate(beam_keys(light.layer, light.point)):
+        counter = np.array([0, number, frame, 0], dtype=np.uint64)
+        rng = np.random.Generator(np.random.Philox(counter=counter, key=key))
+        echoes.append(_echoes_of_beam(light, beam, unrounded, rng))
+        if progress is not None:
+            progress(beam + 1, len(light))
+    return _scan(light, echoes, sensor if rounded else unrounded)
+
+
+def _echoes_of_beam(light: Light, beam: int, sensor: Sensor, rng: np.random.Generator) -> list[Any]:
+    background = float(light.background_per_ns[beam]) * sensor.bin_ns
+    return echoes_of_trace(detector_trace(_rates(light, beam, sensor), background, sensor, rng), sensor)
+
+
+def _scan(light: Light, echoes: list[list[Any]], sensor: Sensor | None = None) -> Scan:
+    """The table of the echoes of each beam; `sensor`: ranges as it reports them, none behind it."""
+    rows = [
+        (light.layer[beam], light.point[beam], number, *echo)
+        for beam, found in enumerate(echoes)
+        for number, echo in enumerate(found, start=1)
+    ]
     layer, point, number_, range_m, width, area, peak = np.array(rows, dtype=np.float64).reshape(-1, 7).T
     return Scan.from_beams(
         layer.astype(np.int32),
         point.astype(np.int32),
-        range_m,
+        range_m if sensor is None else quantised(range_m, sensor),
         echo_number=number_.astype(np.int32),
         width_ns=width,
         area=area,

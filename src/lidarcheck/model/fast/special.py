@@ -1,0 +1,142 @@
+"""Beams whose draw is more than a word: samples of several echoes, and echoes that background alone makes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.echoes import Echoes, keep
+from lidarcheck.model.fast import words as w
+from lidarcheck.model.fast.alarms import Alarms
+from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key, philox, unit
+from lidarcheck.model.fast.library import Samples
+from lidarcheck.model.jit import kernel
+
+__all__ = ["new_found", "resolve"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_ROOM = 128
+"""Echoes that a beam may have before the smallest go."""
+_MOST_CLUMPS = 4
+
+
+def new_found() -> FloatArray:
+    """Work space for one thread: centre, width, area and peak of the echoes of a beam, in order of range."""
+    return np.empty((_ROOM, 4))
+
+
+@kernel
+def _find(found: FloatArray, held: int, centre: float, width: Any, area: Any, peak: Any) -> int:
+    """Add an echo in its place; returns how many there are."""
+    if held == _ROOM:
+        return held
+    j = held
+    while j > 0 and found[j - 1, 0] > centre:
+        for k in range(4):
+            found[j, k] = found[j - 1, k]
+        j -= 1
+    found[j, 0], found[j, 1], found[j, 2], found[j, 3] = centre, width, area, peak
+    return held + 1
+
+
+@kernel
+def _sample(tables: Tables, samples: Samples, place: Any, centre: float, found: FloatArray) -> int:
+    """The echoes of the sample at a place of the words, for a pulse at `centre`."""
+    word = tables.words[place]
+    kind = np.int64(word & np.uint64(w.KIND))
+    held = 0
+    if kind == w.ONE:
+        away = (np.int64(word >> np.uint64(w.CENTRE_AT)) - w.CENTRE_ZERO) * w.CENTRE_STEP
+        area = np.int64(word >> np.uint64(w.AREA_AT)) & ((1 << w.AREA_BITS) - 1)
+        peak = np.int64(word >> np.uint64(w.PEAK_AT)) & ((1 << w.PEAK_BITS) - 1)
+        width = np.int64(word >> np.uint64(w.WIDTH_AT)) & ((1 << w.WIDTH_BITS) - 1)
+        held = _find(found, held, centre + away, width, area, peak)
+    elif kind == w.MANY:
+        block = place // (len(tables.words) // len(tables.filled))
+        row = samples.first[block] + np.int64(word >> np.uint64(w.ROW_AT))
+        for j in range(samples.held[row]):
+            away, width = samples.centre[row, j], samples.width[row, j]
+            held = _find(found, held, centre + away, width, samples.area[row, j], samples.peak[row, j])
+    return held
+
+
+@kernel
+def _alarms(
+    tables: Tables,
+    alarms: Alarms,
+    key: tuple[Any, Any, Any],
+    beam: Any,
+    begin: int,
+    length: int,
+    found: FloatArray,
+    held: int,
+) -> int:
+    """Add the clumps of a beam that is known to have some, anywhere but in `length` bins from `begin` on."""
+    elsewhere = tables.bins - length
+    mean = alarms.rate * elsewhere
+    _, _, _, word = philox(key[0], key[1], 0, beam, key[2])
+    # The draw that was below P(any) is even below it: the number of clumps follows by inversion.
+    left = unit(word)
+    term = mean * math.exp(-mean)
+    for clump in range(1, _MOST_CLUMPS + 1):
+        pick, place, _, _ = philox(key[0], key[1], clump, beam, key[2])
+        number = np.int64(unit(pick) * (len(alarms.first) - 1))
+        bin_ = np.int64(unit(place) * elsewhere)
+        bin_ += length if bin_ >= begin else 0
+        for j in range(alarms.first[number], alarms.first[number + 1]):
+            centre = bin_ + alarms.centre[j]
+            if 0.0 < centre < tables.bins:
+                held = _find(found, held, centre, alarms.width[j], alarms.area[j], alarms.peak[j])
+        left -= term
+        term *= mean / (clump + 1)
+        if left < 0.0:
+            break
+    return held
+
+
+@kernel
+def resolve(
+    tables: Tables,
+    samples: Samples,
+    alarms: Alarms,
+    key: tuple[Any, Any, Any],
+    layer: npt.NDArray[np.int32],
+    point: npt.NDArray[np.int32],
+    range_m: FloatArray,
+    drawn: npt.NDArray[np.uint64],
+    special: IntArray,
+    start: int,
+    stop: int,
+    found: FloatArray,
+    echoes: Echoes,
+) -> None:
+    """The echoes of the special beams `start` ... `stop - 1` that drew from this library, into their rows of `echoes`.
+
+    `special`: their rows among all beams. Those of the exact chain and of other libraries are left alone.
+    """
+    per_block = len(tables.words) // len(tables.filled)
+    for at in range(start, stop):
+        i = special[at]
+        code = np.int64(drawn[i] >> np.uint64(w.CODE_AT)) & ((1 << w.CODE_BITS) - 1)
+        number = np.int64(drawn[i] >> np.uint64(w.LIBRARY_AT)) & ((1 << w.LIBRARY_BITS) - 1)
+        if code == EXACT or number != tables.number:
+            continue
+        place = np.int64(drawn[i] >> np.uint64(w.PLACE_AT))
+        held = begin = length = 0
+        if place != NOTHING:
+            centre = range_m[i] * tables.bins_per_m
+            block = place // per_block
+            length = tables.length[block]
+            begin = np.int64(centre) - tables.before[block]
+            held = _sample(tables, samples, place, centre, found)
+        if code == ALARM:
+            beam = beam_key(layer[i], point[i])
+            held = _alarms(tables, alarms, key, beam, begin, length, found, held)
+        echoes.held[at] = 0
+        for j in range(held):
+            keep(echoes, at, found[j, 0], int(found[j, 1]), int(found[j, 2]), int(found[j, 3]))

@@ -1,0 +1,38 @@
+"""Sharing the work on a frame's beams out among threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+__all__ = ["share", "usable_cores"]
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def share(
+    run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object] | None = None
+) -> None:
+    """Run the chunks, on several threads where that helps; `told` hears how many are done."""
+    workers = min(threads or usable_cores(), len(starts))
+    if workers <= 1:
+        for done, start in enumerate(starts, start=1):
+            run(start)
+            if told is not None:
+                told(done)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            for done, _ in enumerate(pool.map(run, starts), start=1):
+                if told is not None:
+                    told(done)
+        except BaseException:
+            # An interrupt waits for the chunks that are under way, not for those that have not begun.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
