@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from haze_kit import TAIL, fog, light
-from lidarcheck.model import echoes_of, expected_trace, reference, streams
+from lidarcheck.model import echoes_of, expected_trace, reference, single, streams
 from lidarcheck.model import kernel as kernels
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.numbers import numbers_of
@@ -140,7 +140,7 @@ def test_haze_that_is_all_faint_alarms_as_often_as_it_should(variant: str, monke
 def run_hazy(numbers, stream, beams, pulses, per_bin, scratch, avalanches):  # type: ignore[no-untyped-def]
     for i in range(len(beams)):
         rewind(stream, beams[i])
-        kernels._hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
+        single.hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
         for k in range(numbers.bins):
             avalanches[i, k] = scratch.counts[numbers.pad + k]
         scratch.counts[:] = 0

@@ -17,8 +17,9 @@ still settles almost all beams at once, and no light is cut off.
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +27,9 @@ import numpy.typing as npt
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulses import Pulses, add_rates
-from lidarcheck.model.streams import Stream, fill
+from lidarcheck.model.streams import Stream, fill, skip
 
-__all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
+__all__ = ["Blocks", "add_outside", "is_plainly_quiet", "is_quiet", "new_blocks", "tabulate"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -76,15 +77,16 @@ def new_blocks(numbers: Numbers) -> Blocks:
         np.zeros(_MOST + 1, dtype=np.int64),
         np.zeros(1, dtype=np.bool_),
         np.zeros(1),
-        _calm_rate(numbers, length),
+        _calm_rate(numbers, length, _CROWDED_CALM),
     )
 
 
-def _calm_rate(numbers: Numbers, length: int) -> float:
-    """The rate at which two neighbours hold so many candidates that they are crowded in `_CROWDED_CALM` of beams."""
+@functools.lru_cache(maxsize=16)
+def _calm_rate(numbers: Numbers, length: int, crowded: float) -> float:
+    """The rate at which two neighbours hold so many candidates that they are crowded in that share of beams."""
     from scipy.special import gammaincinv
 
-    most = float(gammaincinv(numbers.threshold + 1.0, min(_CROWDED_CALM * length / numbers.bins, 0.5)))
+    most = float(gammaincinv(numbers.threshold + 1.0, min(crowded * length / numbers.bins, 0.5)))
     return min(most, 0.25 * _MOST) / (2.0 * numbers.detectors * length)
 
 
@@ -147,45 +149,64 @@ def _count_small(blocks: Blocks, draw: float) -> int:
     return _count(blocks, 1.0 - draw * (1.0 - blocks.above[blocks.small]))
 
 
+@inlined
+def _all_small(blocks: Blocks, draw: float, number: int, beside: int, threshold: int) -> bool:
+    """Whether `number` blocks in a row are all small, and what stands beside them can crowd with none of them."""
+    log_all_small = number * blocks.log_small[0]
+    # exp(x) >= 1 + x: most beams are settled without a logarithm.
+    settled = draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small
+    return settled and beside <= threshold - blocks.small
+
+
 @kernel
 def _search(
-    blocks: Blocks, stream: Stream, draws: FloatArray, draw: float, first: int, last: int, beside: int, threshold: int
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    draw: float,
+    first: int,
+    last: int,
+    beside: int,
+    threshold: int,
+    record: bool,
 ) -> int:
     """Look for crowded neighbours among the blocks `first` ... `last - 1`; `beside` avalanches stand before them.
 
     One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
-    block is drawn. Returns what was found; unless all are small, `held` tells what is known of each block.
+    block is drawn. Returns what was found; `record`: unless all are small, `held` tells what is known of each block.
     """
-    room = threshold - blocks.small
-    log_small = blocks.log_small[0]
-    log_all_small = (last - first) * log_small
-    # exp(x) >= 1 + x: most beams are settled without a logarithm.
-    if beside <= room and (draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small):
+    if _all_small(blocks, draw, last - first, beside, threshold):
         return _ALL_SMALL
-    blocks.held[first:last] = _FREE
+    log_small = blocks.log_small[0]
+    if record:
+        blocks.held[first:last] = _FREE
     before, at = beside, first
     while before <= threshold:
         if at == last:
             return _APART
-        fill(stream, draws, 3)
-        if before > room:
-            blocks.held[at] = _count(blocks, 1.0 - draws[0])
-        else:
+        far, small = before <= threshold - blocks.small, 0
+        if far:
             small = last - at
             if log_small < 0.0:
                 small = int(min(math.log(1.0 - draw) / log_small, float(small)))
-            blocks.held[at : at + small] = _SMALL
+            if record:
+                blocks.held[at : at + small] = _SMALL
             at += small
             if at == last:
+                skip(stream, 3)
                 return _APART
-            if small > 0:
-                before = _count_small(blocks, draws[0])
+        fill(stream, draws, 3)
+        if small > 0:
+            before = _count_small(blocks, draws[0])
+            if record:
                 blocks.held[at - 1] = before
-            blocks.held[at] = _count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]))
-            draw = draws[2]
-        if before + blocks.held[at] > threshold:
+        now = _count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
+        if record:
+            blocks.held[at] = now
+        if before + now > threshold:
             return _CROWDED
-        before = blocks.held[at]
+        draw = draws[2] if far else draw
+        before = now
         at += 1
     return _CROWDED
 
@@ -268,6 +289,33 @@ def _thin(
 
 
 @inlined
+def _blocks_around(numbers: Numbers, blocks: Blocks, begin: int, end: int) -> Any:
+    """Blocks before the window `begin` ... `end - 1`, and all of them with those behind it."""
+    bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
+    back = (bins_before + blocks.length - 1) // blocks.length
+    return back, back + (numbers.bins - end + blocks.length - 1) // blocks.length
+
+
+@inlined
+def is_plainly_quiet(
+    numbers: Numbers,
+    blocks: Blocks,
+    draw_before: float,
+    draw_behind: float,
+    begin: int,
+    end: int,
+    dead_at_begin: int,
+    on_at_end: int,
+) -> bool:
+    """Whether `is_quiet` is sure to say so: true for most beams, and settled without a division or a logarithm."""
+    beside = max(dead_at_begin if begin > 0 else 0, on_at_end if end < numbers.bins else 0)
+    # exp(x) >= 1 + x, and a stretch of bins holds less than one block more than it has lengths of a block.
+    per_bin = -blocks.log_small[0] / blocks.length
+    before, behind = per_bin * (begin + blocks.length), per_bin * (numbers.bins - end + blocks.length)
+    return beside <= numbers.threshold - blocks.small and draw_before >= before and draw_behind >= behind
+
+
+@inlined
 def is_quiet(
     numbers: Numbers,
     blocks: Blocks,
@@ -279,29 +327,47 @@ def is_quiet(
     end: int,
     dead_at_begin: int,
     on_at_end: int,
+) -> bool:
+    """Whether no echo reaches beyond the window `begin` ... `end - 1`; if not, `add_outside` tells what lies there.
+
+    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin.
+    """
+    back, last = _blocks_around(numbers, blocks, begin, end)
+    beside_begin = dead_at_begin if begin > 0 else 0
+    beside_end = on_at_end if end < numbers.bins else 0
+    block = stream.counter[0]
+    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold, False)
+    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False)
+    if before != _CROWDED and behind != _CROWDED:
+        return True
+    # Few beams come here: they look again, this time writing down what they see.
+    stream.counter[0] = block
+    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold, True)
+    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True)
+    _complete(blocks, stream, draws, 0, back, before)
+    _complete(blocks, stream, draws, back, last, behind)
+    return False
+
+
+@kernel
+def add_outside(
+    numbers: Numbers,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    begin: int,
+    end: int,
     per_bin: float,
     pulses: Pulses,
     beam: int,
     rates: FloatArray,
     counts: IntArray,
-) -> bool:
-    """Whether no echo reaches beyond the window `begin` ... `end - 1`, whose avalanches are in `counts`.
+) -> None:
+    """Add the avalanches before and behind the window to those in `counts`, where `is_quiet` was false.
 
-    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin. If not,
-    the avalanches before and behind it are added to `counts`, for a search through the whole trace; before the window
-    there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
+    Before the window there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
     """
-    bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
-    back = (bins_before + blocks.length - 1) // blocks.length
-    last = back + (numbers.bins - end + blocks.length - 1) // blocks.length
-    beside_begin = dead_at_begin if begin > 0 else 0
-    beside_end = on_at_end if end < numbers.bins else 0
-    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold)
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold)
-    if before != _CROWDED and behind != _CROWDED:
-        return True
-    _complete(blocks, stream, draws, 0, back, before)
-    _complete(blocks, stream, draws, back, last, behind)
+    back, last = _blocks_around(numbers, blocks, begin, end)
     for j in range(back):
         bin_of_block = begin - numbers.dead - j * blocks.length
         _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
@@ -312,4 +378,3 @@ def is_quiet(
     length = blocks.length
     _thin(numbers, blocks, stream, draws, begin - numbers.dead, back * length, -1, per_bin, rates, counts)
     _thin(numbers, blocks, stream, draws, end, (last - back) * length, 1, per_bin, rates, counts)
-    return False

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 
-__all__ = ["Echoes", "find_echoes", "list_echoes", "new_echoes"]
+__all__ = ["Echoes", "find_echoes", "keep", "list_echoes", "new_echoes"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -38,7 +38,7 @@ def new_echoes(beams: int, room: int) -> Echoes:
 
 
 @kernel
-def _keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak: int) -> None:
+def keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak: int) -> None:
     """Add an echo, later than those kept so far; where there is no room, the one of smallest area goes."""
     room = echoes.area.shape[1]
     held = echoes.held[beam]
@@ -85,7 +85,7 @@ def find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: 
             moment += on * np.int64(j)
             peak = max(peak, on)
         if width > 0 and (on <= numbers.threshold or np.int64(j) == bins - 1):
-            _keep(echoes, beam, begin + 0.5 + moment / area, width, area, peak)
+            keep(echoes, beam, begin + 0.5 + moment / area, width, area, peak)
             width = area = peak = moment = 0
         on -= counts[leaving + j]
     return last

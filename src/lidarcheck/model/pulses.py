@@ -15,7 +15,7 @@ from lidarcheck.model.pulse_form import PHASES, form_of
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["Pulses", "add_rates", "pulse_window", "pulses_of", "window"]
+__all__ = ["Pulses", "add_pulses", "add_rates", "pulse_window", "pulses_of", "window"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -82,8 +82,14 @@ def window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
 
 
 @inlined
-def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
-    """Add the avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
+def add_pulses(
+    pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray, first: int = 0, distance: int = 1
+) -> None:
+    """Add the pulses' avalanches per armed SPAD to the bins `begin` ... `end - 1`.
+
+    `rates[first]` is bin `begin`, the next bin stands `distance` further.
+    """
+    step = np.uint64(distance)
     for j in range(pulses.first[beam], pulses.first[beam + 1]):
         centre, signal = pulses.centre[j], pulses.signal[j]
         if signal <= 0.0:
@@ -96,8 +102,14 @@ def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray
         above = signal * (position - phase)
         below = signal - above
         nearer, farther = pulses.shares[phase], pulses.shares[phase + 1]
-        column, bin_ = np.uint64(low - middle + pulses.middle), np.uint64(low - begin)
+        column, at = np.uint64(low - middle + pulses.middle), np.uint64(first + (low - begin) * distance)
         for k in range(np.uint64(max(high - low, 0))):
-            rates[bin_ + k] += below * nearer[column + k] + above * farther[column + k]
+            rates[at + k * step] += below * nearer[column + k] + above * farther[column + k]
+
+
+@inlined
+def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
+    """Add the avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
+    add_pulses(pulses, beam, begin, end, rates)
     if pulses.haze.last > 0:
         add_haze(pulses.haze, beam, begin, end, rates)
