@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +14,13 @@ from lidarcheck.effects import Effect
 from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.light import light_of, surface_signal
+from lidarcheck.model.sharing import share, usable_cores
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor, beam_directions
 
 if TYPE_CHECKING:
-    from lidarcheck.model.echoes import Echoes
     from lidarcheck.model.numbers import Numbers
 
 __all__ = [
@@ -205,18 +203,21 @@ def echoes_of(
     """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
     from lidarcheck.model import kernel, streams
     from lidarcheck.model.echoes import new_echoes
+    from lidarcheck.model.listing import scan_of
     from lidarcheck.model.numbers import numbers_of
     from lidarcheck.model.pulses import pulses_of
 
-    n = len(light)
+    n, among = len(light), functools.partial(share, threads=threads)
     numbers = numbers_of(sensor)
     echoes = new_echoes(n, sensor.max_echoes)
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
-    pulses = pulses_of(light, sensor, numbers)
+    pulses = pulses_of(light, sensor, numbers, among)
     follow = _follower(sensor, numbers) if sensor.nonideal.any else None
     one_background = n == 0 or per_bin.min() == per_bin.max()
     order = np.arange(n) if one_background else np.argsort(per_bin, kind="stable")
+
+    idle: list[kernel.Scratch] = []
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
@@ -224,11 +225,15 @@ def echoes_of(
         if follow is not None:
             follow(numbers, stream, beams, per_bin, pulses, start, stop, echoes)
             return
-        scratch = kernel.new_scratch(numbers)
+        try:
+            scratch = idle.pop()
+        except IndexError:
+            scratch = kernel.new_scratch(numbers)
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
+        idle.append(scratch)
 
-    _share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
-    return _report(light, sensor, echoes, rounded)
+    share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
+    return scan_of(echoes, light, sensor, rounded, among)
 
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
@@ -239,55 +244,7 @@ def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
     return functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
 
 
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _share(run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object]) -> None:
-    """Run the chunks, on several threads where that helps; `told` hears how many are done."""
-    workers = min(threads or usable_cores(), len(starts))
-    if workers <= 1:
-        for done, start in enumerate(starts, start=1):
-            run(start)
-            told(done)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for done, _ in enumerate(pool.map(run, starts), start=1):
-                told(done)
-        except BaseException:
-            # An interrupt waits for the chunks that are under way, not for those that have not begun.
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
 def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:
     """The same echoes at ranges as the sensor reports them."""
     xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
     return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
-
-
-def _report(light: Light, sensor: Sensor, echoes: Echoes, rounded: bool) -> Scan:
-    """Echoes as the sensor reports them: PEAK saturated, numbered from 1, no range below 0."""
-    from lidarcheck.model.echoes import list_echoes
-
-    n = int(echoes.held.sum())
-    row, slot = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    centre, features = np.empty(n), np.empty((3, n))
-    list_echoes(echoes, row, slot, centre, features)
-    # An echo of the first bins is timed before the shot; it is reported at the sensor, not behind it.
-    range_m = np.maximum(0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns), 0.0)
-    if rounded:
-        range_m = quantised(range_m, sensor)
-    return Scan.from_beams(
-        light.layer[row],
-        light.point[row],
-        range_m,
-        echo_number=(slot + 1).astype(np.int32),
-        width_ns=features[0] * sensor.bin_ns,
-        area=features[1],
-        peak=np.minimum(features[2], sensor.peak_saturation),
-    )

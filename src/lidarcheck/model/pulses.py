@@ -12,6 +12,7 @@ from lidarcheck.model.haze_rates import HazeRates, add_haze, haze_end, haze_rate
 from lidarcheck.model.jit import inlined
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulse_form import PHASES, form_of
+from lidarcheck.model.sharing import Share, serially
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
@@ -19,6 +20,9 @@ __all__ = ["Pulses", "add_pulses", "add_rates", "pulse_window", "pulses_of", "wi
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+_CHUNK = 32768
+"""Pulses that are prepared at a time: few enough for what lies between to stay in the cache."""
 
 
 class Pulses(NamedTuple):
@@ -39,12 +43,20 @@ class Pulses(NamedTuple):
     haze: HazeRates
 
 
-def pulses_of(light: Light, sensor: Sensor, numbers: Numbers) -> Pulses:
+def pulses_of(light: Light, sensor: Sensor, numbers: Numbers, share: Share = serially) -> Pulses:
     """The light's pulses and haze as kernels see them."""
     form = form_of(light.shape, sensor, sensor.bin_ns)
-    # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
-    centre = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
-    reach, reach_behind = form.reach(numbers.detectors * light.pulse_signal)
+    n = len(light.pulse_signal)
+    centre, reaches = np.empty(n), np.empty((2, n), dtype=np.int64)
+
+    def fill(start: int) -> None:
+        rows = slice(start, start + _CHUNK)
+        # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
+        centre[rows] = np.minimum(2.0 * light.pulse_range_m[rows] / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
+        reaches[:, rows] = form.reach(numbers.detectors * light.pulse_signal[rows])
+
+    share(fill, range(0, n, _CHUNK))
+    reach, reach_behind = reaches
     before, behind = int(reach.max(initial=0)) + 1, int(reach_behind.max(initial=0)) + 1
     if behind > max(before, numbers.bins):
         behind = max(before, numbers.bins)
