@@ -18,6 +18,7 @@ import numpy.typing as npt
 from lidarcheck.model import background as bg
 from lidarcheck.model.abreast import Abreast, new_abreast
 from lidarcheck.model.binomial import binomial, inverses
+from lidarcheck.model.blocks import Blocks, new_blocks, tabulate
 from lidarcheck.model.echoes import Echoes, find_echoes
 from lidarcheck.model.haze_front import Front, look_up
 from lidarcheck.model.haze_rates import haze_end
@@ -72,7 +73,7 @@ class Scratch(NamedTuple):
     rates: FloatArray
     draws: FloatArray
     inverse: FloatArray
-    blocks: bg.Blocks
+    blocks: Blocks
     group: Abreast
 
 
@@ -83,17 +84,17 @@ def new_scratch(numbers: Numbers) -> Scratch:
         rates=np.empty(numbers.bins),
         draws=np.empty(RESERVE + numbers.bins + 4),
         inverse=inverses(numbers.detectors),
-        blocks=bg.new_blocks(numbers),
+        blocks=new_blocks(numbers),
         group=new_abreast(numbers, RESERVE),
     )
 
 
 @inlined
-def level_of(numbers: Numbers, blocks: bg.Blocks, pulses: Pulses, per_bin: float) -> Level:
+def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> Level:
     """A background's level, for which it fills the blocks' table."""
     dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin))
     faint = max(blocks.calm - per_bin, 0.1 * per_bin) if pulses.haze.last > 0 else 0.0
-    bg.tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
+    tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
     return Level(per_bin, dead_rate, faint)
 
 
