@@ -25,6 +25,7 @@ from lidarcheck.model.numbers import Numbers
 __all__ = [
     "MOST_BINS",
     "MOST_DETECTORS",
+    "RESERVE",
     "Abreast",
     "draw_entry",
     "keep_echo",
@@ -38,6 +39,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 WordArray = npt.NDArray[np.uint64]
 
+RESERVE = 12
+"""Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
 MOST_BINS = 96
 """Bins of the longest window that is run side by side; a group is as slow as its longest window."""
 MOST_DETECTORS = 800
@@ -56,8 +59,8 @@ class Abreast(NamedTuple):
     Flat arrays, a row of `LANES` for each bin: `rates`, avalanches per armed SPAD from the window's first bin on;
     `draws`, those set aside first; `counts`, avalanches from `dead` bins before the window on. `state`: what is known
     of each lane. Shape (LANES,): each lane's `beam`, the window's `begin` and `length` [bins], the detectors `dead` on
-    entry, the `key` that streams know the beam by, and the `block` of draws where its stream stands. `words`: work
-    space of draws.
+    entry, the `key` that streams know the beam by, and the `block` of draws where its stream stands; `alone`: beams to
+    be simulated on their own. `words`: work space of draws.
     """
 
     rates: FloatArray
@@ -68,27 +71,26 @@ class Abreast(NamedTuple):
     begin: IntArray
     length: IntArray
     dead: IntArray
+    alone: IntArray
     key: WordArray
     block: WordArray
     words: WordArray
 
 
-def new_abreast(numbers: Numbers, reserve: int) -> Abreast:
-    """Work space for one group after another; `counts` is zero before a window and must be left so.
-
-    `reserve`: draws set aside before those of the window.
-    """
-    beam, begin, length, dead = np.zeros((4, LANES), dtype=np.int64)
+def new_abreast(numbers: Numbers) -> Abreast:
+    """Work space for one group after another; `counts` is zero before a window and must be left so."""
+    beam, begin, length, dead, alone = np.zeros((5, LANES), dtype=np.int64)
     key, block = np.zeros((2, LANES), dtype=np.uint64)
     return Abreast(
         np.zeros(MOST_BINS * LANES),
-        np.zeros((reserve + MOST_BINS + 4) * LANES),
+        np.zeros((RESERVE + MOST_BINS + 4) * LANES),
         np.zeros((numbers.dead + MOST_BINS) * LANES),
         np.zeros(8 * LANES),
         beam,
         begin,
         length,
         dead,
+        alone,
         key,
         block,
         np.zeros(4 * LANES, dtype=np.uint64),
@@ -179,7 +181,7 @@ def _step(group: Abreast, inverse: FloatArray, k: Any) -> int:
     return left
 
 
-@inlined
+@kernel
 def _draw(group: Abreast, bin_: Any, draw: Any, inverse: FloatArray, detectors: int) -> bool:
     """One number for each lane, as `binomial` draws it, into `_COUNT`; False where all of them are 0."""
     some, bright = _open(group, bin_, draw)
@@ -211,12 +213,12 @@ def draw_entry(numbers: Numbers, group: Abreast, dead_rate: float, held: int, in
 
 
 @kernel
-def run_abreast(numbers: Numbers, group: Abreast, reserve: int, bins: int, inverse: FloatArray) -> None:
+def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray) -> None:
     """Run the avalanche counts of all lanes through the first `bins` bins of their windows."""
     counts, state = group.counts, group.state
     for lane in range(_LANES):
         state[_ARMED + lane] = numbers.detectors - group.dead[lane]
-    window, first_draw = np.uint64(numbers.dead) * _LANES, np.uint64(reserve) * _LANES
+    window, first_draw = np.uint64(numbers.dead) * _LANES, np.uint64(RESERVE * LANES)
     for k in range(np.uint64(bins)):
         bin_ = k * _LANES
         for lane in range(_LANES):

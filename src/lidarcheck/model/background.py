@@ -206,7 +206,7 @@ def is_plainly_quiet(
     return beside <= numbers.threshold - blocks.small and draw_before >= before and draw_behind >= behind
 
 
-@inlined
+@kernel
 def is_quiet(
     numbers: Numbers,
     blocks: Blocks,
@@ -223,19 +223,20 @@ def is_quiet(
 
     `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin.
     """
+    first: Any = np.int64(0)
     back, last = _blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
     block = stream.counter[0]
-    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold, False)
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, False)
-    if before != _CROWDED and behind != _CROWDED:
-        return True
-    # Few beams come here: they look again, this time writing down what they see.
-    stream.counter[0] = block
-    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold, True)
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True)
-    _complete(blocks, stream, draws, 0, back, before)
+    before = behind = _ALL_SMALL
+    # Few beams look twice, the second time writing down what they see.
+    for record in (False, True):
+        stream.counter[0] = block
+        before = _search(blocks, stream, draws, draw_before, first, back, beside_begin, numbers.threshold, record)
+        behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, record)
+        if before != _CROWDED and behind != _CROWDED:
+            return True
+    _complete(blocks, stream, draws, first, back, before)
     _complete(blocks, stream, draws, back, last, behind)
     return False
 

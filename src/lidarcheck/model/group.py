@@ -36,7 +36,7 @@ def simulate_group(
     Each beam's draws are those that `simulate_alone` gives it, and so are its echoes.
     """
     group = scratch.group
-    bins = 0
+    bins: Any = np.int64(0)
     for lane in range(held):
         group.key[lane] = beams[np.uint64(group.beam[lane])]
         bins = max(bins, group.length[lane])
@@ -51,7 +51,7 @@ def simulate_group(
             add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
         for k in range(group.length[lane] if lane < held else 0, bins):
             group.rates[k * LANES + lane] = 0.0
-    run_abreast(numbers, group, RESERVE, bins, scratch.inverse)
+    run_abreast(numbers, group, bins, scratch.inverse)
     sum_abreast(numbers, group, bins)
     for lane in range(held):
         _finish(numbers, stream, level, pulses, lane, scratch, echoes)
@@ -85,25 +85,45 @@ def _finish(
     echoes: Echoes,
 ) -> None:
     """Write down a lane's echoes."""
-    group, blocks, counts = scratch.group, scratch.blocks, scratch.counts
-    i: Any = np.uint64(group.beam[lane])
-    begin, dead = group.begin[lane], group.dead[lane]
-    end, on = begin + group.length[lane], last_on(numbers, group, lane)
+    group = scratch.group
+    begin, dead, on = group.begin[lane], group.dead[lane], last_on(numbers, group, lane)
+    end = begin + group.length[lane]
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
-    if not keep_echo(group, lane, echoes):
+    several = not keep_echo(group, lane, echoes)
+    if several or not bg.is_plainly_quiet(numbers, scratch.blocks, before, behind, begin, end, dead, on):
+        _look_closer(numbers, stream, level, pulses, lane, several, on, scratch, echoes)
+
+
+@kernel
+def _look_closer(
+    numbers: Numbers,
+    stream: Stream,
+    level: Level,
+    pulses: Pulses,
+    lane: int,
+    several: bool,
+    on: int,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Find the echoes of a lane that may have `several`, or some beyond its window; `on`: detectors ON at its end."""
+    group, counts = scratch.group, scratch.counts
+    i: Any = np.uint64(group.beam[lane])
+    begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
+    before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
+    if several:
         _copy(numbers, lane, scratch)
         find_echoes(numbers, counts, begin, end, i, echoes)
         counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
-    if bg.is_plainly_quiet(numbers, blocks, before, behind, begin, end, dead, on):
-        return
     rewind(stream, group.key[lane])
     stream.counter[0] = group.block[lane]
-    if not bg.is_quiet(numbers, blocks, stream, scratch.draws, before, behind, begin, end, dead, on):
+    dead, draws = group.dead[lane], scratch.draws
+    if not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
         _copy(numbers, lane, scratch)
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 
 
-@inlined
+@kernel
 def _copy(numbers: Numbers, lane: int, scratch: Scratch) -> None:
     """Put a lane's avalanches where those of a beam on its own stand."""
     group = scratch.group

@@ -76,42 +76,34 @@ def simulate_beams(
     `beams` (n,): numbers that streams know them by; `per_bin` (n,): background avalanches per armed SPAD and bin. Beams
     of one background should stand together in `order`, since each change of it costs a table.
     """
-    blocks, group = scratch.blocks, scratch.group
+    group, n = scratch.group, len(order)
     level = Level(-1.0, 0.0, 0.0)
-    held = 0
-    for at in range(len(order)):
-        # An unsigned index cannot count from the array's end, which saves the tests for it.
-        i: Any = np.uint64(order[at])
-        if per_bin[i] != level.per_bin:
-            _run(numbers, stream, beams, level, pulses, held, scratch, echoes)
+    most_bins = MOST_BINS if numbers.detectors <= MOST_DETECTORS else -1
+    at: Any = np.int64(0)
+    held: Any = np.int64(0)
+    while True:
+        few = 0
+        alike = at < n and per_bin[np.uint64(order[at])] == level.per_bin
+        if alike and held < LANES:
+            # An unsigned index cannot count from the array's end, which saves the tests for it.
+            beam: Any = np.uint64(order[at])
+            at += 1
+            begin, end = pulse_window(numbers, pulses, beam)
+            if pulses.haze.last > 0 or scratch.blocks.crowded[0] or end - begin > most_bins:
+                group.alone[0], few = beam, 1
+            else:
+                group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin
+                held += 1
+        elif held >= _FEW:
+            simulate_group(numbers, stream, beams, level, pulses, held, scratch, echoes)
             held = 0
-            level = level_of(numbers, blocks, pulses, per_bin[i])
-        begin, end = pulse_window(numbers, pulses, i)
-        if pulses.haze.last > 0 or blocks.crowded[0] or end - begin > MOST_BINS or numbers.detectors > MOST_DETECTORS:
-            simulate_alone(numbers, stream, beams, level, pulses, i, scratch, echoes)
-            continue
-        group.beam[held], group.begin[held], group.length[held] = order[at], begin, end - begin
-        held += 1
-        if held == LANES:
-            _run(numbers, stream, beams, level, pulses, held, scratch, echoes)
-            held = 0
-    _run(numbers, stream, beams, level, pulses, held, scratch, echoes)
-
-
-@kernel
-def _run(
-    numbers: Numbers,
-    stream: Stream,
-    beams: npt.NDArray[np.uint64],
-    level: Level,
-    pulses: Pulses,
-    held: int,
-    scratch: Scratch,
-    echoes: Echoes,
-) -> None:
-    """Simulate the beams of the group's first `held` lanes; how does not change their echoes."""
-    if held >= _FEW:
-        simulate_group(numbers, stream, beams, level, pulses, held, scratch, echoes)
-        return
-    for lane in range(held):
-        simulate_alone(numbers, stream, beams, level, pulses, np.uint64(scratch.group.beam[lane]), scratch, echoes)
+        elif held > 0:
+            for lane in range(held):
+                group.alone[lane] = group.beam[lane]
+            few, held = held, 0
+        elif at < n:
+            level = level_of(numbers, scratch.blocks, pulses, per_bin[np.uint64(order[at])])
+        else:
+            return
+        for k in range(few):
+            simulate_alone(numbers, stream, beams, level, pulses, np.uint64(group.alone[k]), scratch, echoes)

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model import background as bg
-from lidarcheck.model.abreast import Abreast, new_abreast
+from lidarcheck.model.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.binomial import binomial, inverses
 from lidarcheck.model.blocks import Blocks, new_blocks, tabulate
 from lidarcheck.model.echoes import Echoes, find_echoes
@@ -44,8 +44,6 @@ __all__ = [
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-RESERVE = 12
-"""Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
 _FIRST_DRAW = np.uint64(RESERVE)
 _PIECE = 32
 """Bins of a piece of a hazy beam."""
@@ -85,7 +83,7 @@ def new_scratch(numbers: Numbers) -> Scratch:
         draws=np.empty(RESERVE + numbers.bins + 4),
         inverse=inverses(numbers.detectors),
         blocks=new_blocks(numbers),
-        group=new_abreast(numbers, RESERVE),
+        group=new_abreast(numbers),
     )
 
 
@@ -263,7 +261,7 @@ def simulate_alone(
         look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
 
 
-@inlined
+@kernel
 def look_around(
     numbers: Numbers,
     stream: Stream,
