@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from haze_kit import TAIL, fog, light
-from lidarcheck.model import echoes_of, expected_trace, reference, streams
+from lidarcheck.model import echoes_of, expected_trace, reference, single, streams
 from lidarcheck.model import kernel as kernels
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.numbers import numbers_of
@@ -94,7 +94,7 @@ def test_faint_haze_behind_the_window_raises_as_many_false_alarms_as_visiting_ev
     variant: str, level: float, calm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Haze that falls with range and ends at 90 m; the more is called calm, the more alarms lie behind the window."""
-    monkeypatch.setattr("lidarcheck.model.background._CROWDED_CALM", calm)
+    monkeypatch.setattr("lidarcheck.model.blocks._CROWDED_CALM", calm)
     background = 4e-4 if variant == "SMART" else 2e-4
     sensor = Sensor.of(variant, background_per_ns=background, max_range_m=120.0)
     density = level * np.exp(-np.arange(3000) * 0.05 / 60.0)
@@ -120,7 +120,7 @@ def test_faint_haze_behind_the_window_raises_as_many_false_alarms_as_visiting_ev
 @pytest.mark.parametrize("variant", ["SMART", "SLIM"])
 def test_haze_that_is_all_faint_alarms_as_often_as_it_should(variant: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """No background, no window: every echo is of haze that is visited only where candidates crowd."""
-    monkeypatch.setattr("lidarcheck.model.background._CROWDED_CALM", 0.15)
+    monkeypatch.setattr("lidarcheck.model.blocks._CROWDED_CALM", 0.15)
     sensor = Sensor.of(variant, background_per_ns=0.0, max_range_m=120.0)
     calm = kernels.new_scratch(numbers_of(sensor)).blocks.calm
     density = 0.98 * calm / BIN_M * np.where(np.arange(300) < 200, 1.0, 0.8)
@@ -140,7 +140,7 @@ def test_haze_that_is_all_faint_alarms_as_often_as_it_should(variant: str, monke
 def run_hazy(numbers, stream, beams, pulses, per_bin, scratch, avalanches):  # type: ignore[no-untyped-def]
     for i in range(len(beams)):
         rewind(stream, beams[i])
-        kernels._hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
+        single.hazy(numbers, stream, scratch, pulses, i, per_bin, 0, numbers.bins)
         for k in range(numbers.bins):
             avalanches[i, k] = scratch.counts[numbers.pad + k]
         scratch.counts[:] = 0

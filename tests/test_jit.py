@@ -9,13 +9,13 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "lidarcheck"
 ASK = """
 import numpy as np
-from lidarcheck.model import kernel, streams
+from lidarcheck.model import single, streams
 from lidarcheck.model.numbers import numbers_of
 from lidarcheck.sensor import Sensor
 numbers = numbers_of(Sensor.of("SMART", max_range_m=5.0))
-scratch = kernel.new_scratch(numbers)
+scratch = single.new_scratch(numbers)
 scratch.draws[:] = 0.9
-print(kernel._enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))
+print(single.enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))
 """
 
 
@@ -26,7 +26,7 @@ def answer(source: Path, cache: Path) -> int:
 
 
 def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None:
-    """`_enter` calls `binomial` from another file, whose change numba's own cache would not see."""
+    """`enter` calls `binomial` from another file, whose change numba's own cache would not see."""
     shutil.copytree(PACKAGE, tmp_path / "src" / "lidarcheck", ignore=shutil.ignore_patterns("__pycache__"))
     cache = tmp_path / "cache"
     before = answer(tmp_path / "src", cache)

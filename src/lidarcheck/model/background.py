@@ -18,27 +18,21 @@ still settles almost all beams at once, and no light is cut off.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.model.blocks import Blocks, count, count_small
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulses import Pulses, add_rates
-from lidarcheck.model.streams import Stream, fill
+from lidarcheck.model.streams import Stream, fill, skip
 
-__all__ = ["Blocks", "is_quiet", "new_blocks", "tabulate"]
+__all__ = ["add_outside", "is_plainly_quiet", "is_quiet"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-
-_MOST = 64
-"""Largest candidate count of a block; where more is not negligible, the chain runs explicitly through all bins."""
-_CROWDED_SHARE = 2.0
-"""Expected crowded neighbours per beam above which the explicit chain is the faster way."""
-_CROWDED_CALM = 1e-3
-"""The same for a rate that is chosen, so that visiting fewer bins pays."""
 
 _FREE, _SMALL = -1, -2
 """A block of which nothing is known yet, and one that is known to hold no more than `small` candidates."""
@@ -46,146 +40,64 @@ _ALL_SMALL, _APART, _CROWDED = 0, 1, 2
 """What a search found: nothing to look at, large blocks with small neighbours, or neighbours that are crowded."""
 
 
-class Blocks(NamedTuple):
-    """Candidates per block of `length` bins. `above[c]`: probability of more than c; `small`: the most that two
-    neighbours may each hold without being crowded; `log_small[0]`: logarithm of the probability that a block is small;
-    `crowded[0]`: whether the explicit chain must run everywhere; `rate[0]`: the candidates' rate per detector and bin;
-    `calm`: a rate up to which blocks settle almost every beam without a closer look.
-    """
-
-    length: int
-    small: int
-    above: FloatArray
-    log_small: FloatArray
-    held: IntArray
-    cells: IntArray
-    crowded: npt.NDArray[np.bool_]
-    rate: FloatArray
-    calm: float
-
-
-def new_blocks(numbers: Numbers) -> Blocks:
-    """Blocks of a sensor, before a background rate is known."""
-    length = max(numbers.on - 1, 1)
-    return Blocks(
-        length,
-        min(numbers.threshold // 2, _MOST),
-        np.zeros(_MOST + 1),
-        np.zeros(1),
-        np.zeros(numbers.bins // length + 4, dtype=np.int64),
-        np.zeros(_MOST + 1, dtype=np.int64),
-        np.zeros(1, dtype=np.bool_),
-        np.zeros(1),
-        _calm_rate(numbers, length),
-    )
-
-
-def _calm_rate(numbers: Numbers, length: int) -> float:
-    """The rate at which two neighbours hold so many candidates that they are crowded in `_CROWDED_CALM` of beams."""
-    from scipy.special import gammaincinv
-
-    most = float(gammaincinv(numbers.threshold + 1.0, min(_CROWDED_CALM * length / numbers.bins, 0.5)))
-    return min(most, 0.25 * _MOST) / (2.0 * numbers.detectors * length)
-
-
-@kernel
-def _log_binomial_term(trials: int, k: int, per_bin: float) -> float:
-    """Logarithm of P(K = k) for `trials` cells of chance 1 - exp(-per_bin)."""
-    return (
-        math.lgamma(trials + 1.0)
-        - math.lgamma(k + 1.0)
-        - math.lgamma(trials - k + 1.0)
-        + k * math.log(-math.expm1(-per_bin))
-        - (trials - k) * per_bin
-    )
-
-
-@kernel
-def _tail(trials: int, above: int, per_bin: float) -> float:
-    """P(K > above), summed from the far end so that small tails keep their digits."""
-    total = 0.0
-    for k in range(min(trials, above + 4 * _MOST), above, -1):
-        total += math.exp(_log_binomial_term(trials, k, per_bin))
-    return min(total, 1.0)
-
-
-@kernel
-def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> None:
-    """Fill the table for a background rate; decide whether the explicit chain must run everywhere."""
-    cells = detectors * blocks.length
-    mean = cells * per_bin
-    blocks.rate[0] = per_bin
-    if mean <= 0.0:
-        blocks.above[:] = 0.0
-        blocks.log_small[0] = 0.0
-        blocks.crowded[0] = False
-        return
-    if mean > 0.25 * _MOST:
-        blocks.crowded[0] = True
-        return
-    blocks.above[_MOST] = _tail(cells, _MOST, per_bin)
-    for c in range(_MOST - 1, -1, -1):
-        term = math.exp(_log_binomial_term(cells, c + 1, per_bin)) if c < cells else 0.0
-        blocks.above[c] = min(blocks.above[c + 1] + term, 1.0)
-    blocks.log_small[0] = math.log1p(-blocks.above[blocks.small])
-    pairs = len(blocks.held) * _tail(2 * cells, threshold, per_bin)
-    blocks.crowded[0] = pairs > _CROWDED_SHARE or blocks.above[_MOST] > 1e-15
-
-
-@kernel
-def _count(blocks: Blocks, survival: float) -> int:
-    """Candidates of a block: the smallest c with P(more than c) below a uniform number in (0, 1]."""
-    c = 0
-    while c < _MOST and blocks.above[c] >= survival:
-        c += 1
-    return c
-
-
-@kernel
-def _count_small(blocks: Blocks, draw: float) -> int:
-    """Candidates of a block that is known to be small."""
-    return _count(blocks, 1.0 - draw * (1.0 - blocks.above[blocks.small]))
+@inlined
+def _all_small(blocks: Blocks, draw: float, number: int, beside: int, threshold: int) -> bool:
+    """Whether `number` blocks in a row are all small, and what stands beside them can crowd with none of them."""
+    log_all_small = number * blocks.log_small[0]
+    # exp(x) >= 1 + x: most beams are settled without a logarithm.
+    settled = draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small
+    return settled and beside <= threshold - blocks.small
 
 
 @kernel
 def _search(
-    blocks: Blocks, stream: Stream, draws: FloatArray, draw: float, first: int, last: int, beside: int, threshold: int
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    draw: float,
+    first: int,
+    last: int,
+    beside: int,
+    threshold: int,
+    record: bool,
 ) -> int:
     """Look for crowded neighbours among the blocks `first` ... `last - 1`; `beside` avalanches stand before them.
 
     One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
-    block is drawn. Returns what was found; unless all are small, `held` tells what is known of each block.
+    block is drawn. Returns what was found; `record`: unless all are small, `held` tells what is known of each block.
     """
-    room = threshold - blocks.small
-    log_small = blocks.log_small[0]
-    log_all_small = (last - first) * log_small
-    # exp(x) >= 1 + x: most beams are settled without a logarithm.
-    if beside <= room and (draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small):
+    if _all_small(blocks, draw, last - first, beside, threshold):
         return _ALL_SMALL
-    blocks.held[first:last] = _FREE
+    log_small = blocks.log_small[0]
+    if record:
+        blocks.held[first:last] = _FREE
     before, at = beside, first
     while before <= threshold:
         if at == last:
             return _APART
-        fill(stream, draws, 3)
-        if before > room:
-            blocks.held[at] = _count(blocks, 1.0 - draws[0])
-        else:
+        far, small = before <= threshold - blocks.small, 0
+        if far:
             small = last - at
             if log_small < 0.0:
                 small = int(min(math.log(1.0 - draw) / log_small, float(small)))
-            blocks.held[at : at + small] = _SMALL
+            if record:
+                blocks.held[at : at + small] = _SMALL
             at += small
             if at == last:
+                skip(stream, 3)
                 return _APART
-            if small > 0:
-                before = _count_small(blocks, draws[0])
+        fill(stream, draws, 3)
+        if small > 0:
+            before = count_small(blocks, draws[0])
+            if record:
                 blocks.held[at - 1] = before
-            blocks.held[at] = _count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]))
-            draw = draws[2]
-        if before + blocks.held[at] > threshold:
+        now = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
+        if record:
+            blocks.held[at] = now
+        if before + now > threshold:
             return _CROWDED
-        before = blocks.held[at]
+        draw = draws[2] if far else draw
+        before = now
         at += 1
     return _CROWDED
 
@@ -199,7 +111,7 @@ def _complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, las
         if blocks.held[j] < 0:
             fill(stream, draws, 1)
             small = blocks.held[j] == _SMALL
-            blocks.held[j] = _count_small(blocks, draws[0]) if small else _count(blocks, 1.0 - draws[0])
+            blocks.held[j] = count_small(blocks, draws[0]) if small else count(blocks, 1.0 - draws[0])
 
 
 @kernel
@@ -268,6 +180,33 @@ def _thin(
 
 
 @inlined
+def _blocks_around(numbers: Numbers, blocks: Blocks, begin: int, end: int) -> Any:
+    """Blocks before the window `begin` ... `end - 1`, and all of them with those behind it."""
+    bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
+    back = (bins_before + blocks.length - 1) // blocks.length
+    return back, back + (numbers.bins - end + blocks.length - 1) // blocks.length
+
+
+@inlined
+def is_plainly_quiet(
+    numbers: Numbers,
+    blocks: Blocks,
+    draw_before: float,
+    draw_behind: float,
+    begin: int,
+    end: int,
+    dead_at_begin: int,
+    on_at_end: int,
+) -> bool:
+    """Whether `is_quiet` is sure to say so: true for most beams, and settled without a division or a logarithm."""
+    beside = max(dead_at_begin if begin > 0 else 0, on_at_end if end < numbers.bins else 0)
+    # exp(x) >= 1 + x, and a stretch of bins holds less than one block more than it has lengths of a block.
+    per_bin = -blocks.log_small[0] / blocks.length
+    before, behind = per_bin * (begin + blocks.length), per_bin * (numbers.bins - end + blocks.length)
+    return beside <= numbers.threshold - blocks.small and draw_before >= before and draw_behind >= behind
+
+
+@kernel
 def is_quiet(
     numbers: Numbers,
     blocks: Blocks,
@@ -279,29 +218,48 @@ def is_quiet(
     end: int,
     dead_at_begin: int,
     on_at_end: int,
+) -> bool:
+    """Whether no echo reaches beyond the window `begin` ... `end - 1`; if not, `add_outside` tells what lies there.
+
+    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin.
+    """
+    first: Any = np.int64(0)
+    back, last = _blocks_around(numbers, blocks, begin, end)
+    beside_begin = dead_at_begin if begin > 0 else 0
+    beside_end = on_at_end if end < numbers.bins else 0
+    block = stream.counter[0]
+    before = behind = _ALL_SMALL
+    # Few beams look twice, the second time writing down what they see.
+    for record in (False, True):
+        stream.counter[0] = block
+        before = _search(blocks, stream, draws, draw_before, first, back, beside_begin, numbers.threshold, record)
+        behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, record)
+        if before != _CROWDED and behind != _CROWDED:
+            return True
+    _complete(blocks, stream, draws, first, back, before)
+    _complete(blocks, stream, draws, back, last, behind)
+    return False
+
+
+@kernel
+def add_outside(
+    numbers: Numbers,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    begin: int,
+    end: int,
     per_bin: float,
     pulses: Pulses,
     beam: int,
     rates: FloatArray,
     counts: IntArray,
-) -> bool:
-    """Whether no echo reaches beyond the window `begin` ... `end - 1`, whose avalanches are in `counts`.
+) -> None:
+    """Add the avalanches before and behind the window to those in `counts`, where `is_quiet` was false.
 
-    `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin. If not,
-    the avalanches before and behind it are added to `counts`, for a search through the whole trace; before the window
-    there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
+    Before the window there is nothing but a background of `per_bin`, behind it perhaps some faint haze besides.
     """
-    bins_before = max(begin - numbers.dead + numbers.on, 0) if begin > 0 else 0
-    back = (bins_before + blocks.length - 1) // blocks.length
-    last = back + (numbers.bins - end + blocks.length - 1) // blocks.length
-    beside_begin = dead_at_begin if begin > 0 else 0
-    beside_end = on_at_end if end < numbers.bins else 0
-    before = _search(blocks, stream, draws, draw_before, 0, back, beside_begin, numbers.threshold)
-    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold)
-    if before != _CROWDED and behind != _CROWDED:
-        return True
-    _complete(blocks, stream, draws, 0, back, before)
-    _complete(blocks, stream, draws, back, last, behind)
+    back, last = _blocks_around(numbers, blocks, begin, end)
     for j in range(back):
         bin_of_block = begin - numbers.dead - j * blocks.length
         _place(numbers, blocks, stream, draws, blocks.held[j], bin_of_block, -1, counts)
@@ -312,4 +270,3 @@ def is_quiet(
     length = blocks.length
     _thin(numbers, blocks, stream, draws, begin - numbers.dead, back * length, -1, per_bin, rates, counts)
     _thin(numbers, blocks, stream, draws, end, (last - back) * length, 1, per_bin, rates, counts)
-    return False

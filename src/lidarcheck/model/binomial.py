@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import LN2, exp, expm1, log1m
 
-__all__ = ["binomial", "inverses"]
+__all__ = ["BELOW_ONE", "binomial", "inverses"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-_LN2 = 0.6931471805599453
-_BELOW_ONE = 1.0 - 1e-12
+BELOW_ONE = 1.0 - 1e-12
 """Rounding may leave the largest uniform numbers above the sum of all terms; they must not run through all trials."""
 _SAFE_EXPONENT = 600.0
 """exp(-600) is far from underflow; beyond it the sum starts at the mode's side instead of at zero."""
@@ -24,14 +24,6 @@ _SAFE_EXPONENT = 600.0
 def inverses(trials: int) -> FloatArray:
     """1 / k for k up to trials + 4, shape (trials + 5,); the first, for k = 0, is never used."""
     return 1.0 / np.maximum(np.arange(trials + 5), 1)
-
-
-@kernel
-def _odds(rate: float) -> float:
-    """exp(rate) - 1, the odds that a trial fires; the series is exact to 1e-13 where it is used, and faster."""
-    if rate < 0.005:
-        return rate * (1.0 + rate * (0.5 + rate * (1.0 / 6.0 + rate * (1.0 / 24.0 + rate / 120.0))))
-    return math.exp(rate) - 1.0
 
 
 @inlined
@@ -108,18 +100,18 @@ def binomial(uniform: float, trials: int, rate: float, inverse: FloatArray) -> i
     """
     if trials <= 0 or rate <= 0.0:
         return 0
-    if rate < _LN2:
+    if rate < LN2:
         # exp(-x) >= 1 - x: most quiet bins are settled without an exponential.
         if uniform < 1.0 - trials * rate:
             return 0
-        uniform *= _BELOW_ONE
+        uniform *= BELOW_ONE
         if trials * rate < _SAFE_EXPONENT:
-            zero = math.exp(-trials * rate)
-            return 0 if uniform < zero else _from_zero(uniform, trials, zero, _odds(rate), inverse)
+            zero = exp(-trials * rate)
+            return 0 if uniform < zero else _from_zero(uniform, trials, zero, expm1(rate), inverse)
         return _from_mode(uniform, trials, -math.expm1(-rate))
-    uniform *= _BELOW_ONE
-    miss = math.exp(-rate)
-    log_fire = math.log1p(-miss)
+    uniform *= BELOW_ONE
+    miss = exp(-min(rate, 600.0))
+    log_fire = log1m(miss)
     if -trials * log_fire < _SAFE_EXPONENT:
-        return trials - _from_zero(uniform, trials, math.exp(trials * log_fire), miss / (1.0 - miss), inverse)
+        return trials - _from_zero(uniform, trials, exp(trials * log_fire), miss / (1.0 - miss), inverse)
     return trials - _from_mode(uniform, trials, miss)

@@ -15,11 +15,11 @@ from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Fidelity, check_fidelity
 from lidarcheck.model.light import light_of, surface_signal
-from lidarcheck.model.share import share, usable_cores
+from lidarcheck.model.sharing import share, usable_cores
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor, beam_directions
 
 if TYPE_CHECKING:
     from lidarcheck.model.echoes import Echoes
@@ -238,8 +238,10 @@ def echoes_of(
         scan = fast_echoes(light, sensor, Task(seed, frame, threads, rounded, progress))
         if scan is not None:
             return scan
+    from lidarcheck.model.listing import scan_of
+
     echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress)
-    return _report(light, sensor, echoes, rounded)
+    return scan_of(echoes, light, sensor, rounded, functools.partial(share, threads=threads))
 
 
 def chain_echoes(
@@ -257,15 +259,17 @@ def chain_echoes(
     from lidarcheck.model.numbers import numbers_of
     from lidarcheck.model.pulses import pulses_of
 
-    n = len(light)
+    n, among = len(light), functools.partial(share, threads=threads)
     numbers = numbers_of(sensor)
     echoes = new_echoes(n, sensor.max_echoes)
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
-    pulses = pulses_of(light, sensor, numbers)
+    pulses = pulses_of(light, sensor, numbers, among)
     follow = _follower(sensor, numbers) if sensor.nonideal.any else None
     one_background = n == 0 or per_bin.min() == per_bin.max()
     order = np.arange(n) if one_background else np.argsort(per_bin, kind="stable")
+
+    idle: list[kernel.Scratch] = []
 
     def run(start: int) -> None:
         stop = min(start + _CHUNK, n)
@@ -273,8 +277,12 @@ def chain_echoes(
         if follow is not None:
             follow(numbers, stream, beams, per_bin, pulses, start, stop, echoes)
             return
-        scratch = kernel.new_scratch(numbers)
+        try:
+            scratch = idle.pop()
+        except IndexError:
+            scratch = kernel.new_scratch(numbers)
         kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
+        idle.append(scratch)
 
     share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
     return echoes
@@ -292,26 +300,3 @@ def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:
     """The same echoes at ranges as the sensor reports them."""
     xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
     return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
-
-
-def _report(light: Light, sensor: Sensor, echoes: Echoes, rounded: bool) -> Scan:
-    """Echoes as the sensor reports them: PEAK saturated, numbered from 1, no range below 0."""
-    from lidarcheck.model.echoes import list_echoes
-
-    n = int(echoes.held.sum())
-    row, slot = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    centre, features = np.empty(n), np.empty((3, n))
-    list_echoes(echoes, row, slot, centre, features)
-    # An echo of the first bins is timed before the shot; it is reported at the sensor, not behind it.
-    range_m = np.maximum(0.5 * LIGHT_SPEED_M_PER_NS * (centre * sensor.bin_ns - sensor.time_offset_ns), 0.0)
-    if rounded:
-        range_m = quantised(range_m, sensor)
-    return Scan.from_beams(
-        light.layer[row],
-        light.point[row],
-        range_m,
-        echo_number=(slot + 1).astype(np.int32),
-        width_ns=features[0] * sensor.bin_ns,
-        area=features[1],
-        peak=np.minimum(features[2], sensor.peak_saturation),
-    )

@@ -1,28 +1,26 @@
-"""The exact chain: from the light of a beam to its echoes, bin by bin, for all detectors of a beam at once.
+"""The exact chain: from the light of beams to their echoes.
 
 The N detectors of a beam are exchangeable, so the avalanche counts of the last `dead_bins` bins are all that the future
-depends on: K_k ~ Binomial(armed_k, 1 - exp(-rate_k)). The chain runs explicitly where signal is expected; what lies
-before and after is background alone, whose rare echoes `background.py` finds without visiting every bin.
-
-Arrays of a beam's trace start `pad` bins before bin 0: bin k stands at index pad + k.
+depends on: K_k ~ Binomial(armed_k, 1 - exp(-rate_k)). Most beams are run side by side (`group.py`), others, such as
+hazy ones, on their own (`single.py`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model import background as bg
-from lidarcheck.model.binomial import binomial, inverses
-from lidarcheck.model.echoes import Echoes, find_echoes
-from lidarcheck.model.haze_front import Front, look_up
-from lidarcheck.model.haze_rates import haze_end
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.abreast import MOST_BINS, MOST_DETECTORS
+from lidarcheck.model.echoes import Echoes
+from lidarcheck.model.group import simulate_group
+from lidarcheck.model.jit import kernel
+from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulses import Pulses, add_rates, pulse_window
+from lidarcheck.model.single import RESERVE, Level, Scratch, chain, enter, level_of, new_scratch, simulate_alone
 from lidarcheck.model.streams import Stream, fill, rewind
 
 __all__ = ["Scratch", "new_scratch", "simulate_beams", "trace_beams"]
@@ -30,160 +28,8 @@ __all__ = ["Scratch", "new_scratch", "simulate_beams", "trace_beams"]
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_RESERVE = 12
-"""Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
-_FIRST_DRAW = np.uint64(_RESERVE)
-_PIECE = 32
-"""Bins of a piece of a hazy beam."""
-_PIECE_SHIFT = np.uint64(20)
-"""Blocks of draws that a piece has, as a power of two: more than it can use up."""
-_RARE = 0.25
-"""Avalanches of all detectors in a bin below which it is faster to go from candidate to candidate."""
-_BATCH = 12
-"""Draws that candidates fetch at a time, three each: blocks of draws that are made together overlap."""
-
-
-class Scratch(NamedTuple):
-    """What a thread works in: avalanches per bin, all zero; rates per bin; draws; 1 / k; background blocks."""
-
-    counts: IntArray
-    rates: FloatArray
-    draws: FloatArray
-    inverse: FloatArray
-    blocks: bg.Blocks
-
-
-def new_scratch(numbers: Numbers) -> Scratch:
-    """Work space for one thread."""
-    return Scratch(
-        counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
-        rates=np.empty(numbers.bins),
-        draws=np.empty(_RESERVE + numbers.bins + 4),
-        inverse=inverses(numbers.detectors),
-        blocks=bg.new_blocks(numbers),
-    )
-
-
-@inlined
-def _enter(numbers: Numbers, stream: Stream, scratch: Scratch, dead_rate: float, begin: int) -> int:
-    """Put the avalanches of the `dead - 1` bins before `begin` into `counts` as background alone leaves them.
-
-    In the steady state a detector is dead with probability (dead - 1) p / (1 + (dead - 1) p), its last avalanche
-    equally likely in each of those bins: with probability 1 - exp(-dead_rate). Returns how many are dead.
-    """
-    draws = scratch.draws
-    dead = binomial(draws[0], numbers.detectors, dead_rate, scratch.inverse)
-    at, limit = 1, _RESERVE - 2
-    for _ in range(dead):
-        if at == limit:
-            fill(stream, draws, 8)
-            at, limit = 0, 8
-        age = 1 + int(draws[at] * (numbers.dead - 1))
-        scratch.counts[numbers.pad + begin - age] += 1
-        at += 1
-    return dead
-
-
-@kernel
-def _chain(numbers: Numbers, scratch: Scratch, begin: int, end: int, dead: int) -> None:
-    """Run the avalanche counts from `begin` to `end - 1`, given `dead` detectors that are dead on entry."""
-    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
-    armed = numbers.detectors - dead
-    first = np.uint64(numbers.pad + begin)
-    rearmed = np.uint64(numbers.pad + begin - numbers.dead)
-    for k in range(np.uint64(end - begin)):
-        armed += counts[rearmed + k]
-        fired = binomial(draws[_FIRST_DRAW + k], armed, rates[k], scratch.inverse)
-        counts[first + k] = fired
-        armed -= fired
-
-
-@kernel
-def _candidates(
-    numbers: Numbers, stream: Stream, scratch: Scratch, begin: int, end: int, most: float, origin: int
-) -> None:
-    """Run the avalanche counts from `begin` to `end - 1` from candidate to candidate, where avalanches are rare.
-
-    Candidates strike (bin, detector) cells as a Poisson process of the rate `most` a cell, no less than that of any of
-    the bins, and are real with the ratio of the rates; a detector avalanches that is armed and struck by a real one.
-    """
-    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
-    detectors = float(numbers.detectors)
-    wait = 1.0 / (most * detectors)
-    time = float(begin)
-    bin_, cell, armed, tried, hit = -1, -1, 0, 0, False
-    at = _BATCH
-    while True:
-        if at == _BATCH:
-            fill(stream, draws, _BATCH)
-            at = 0
-        time -= math.log(1.0 - draws[at]) * wait
-        if time >= end:
-            return
-        real = draws[at + 1] * most < rates[int(time) - origin]
-        candidate = int((time - int(time)) * detectors)
-        if int(time) != bin_:
-            bin_, cell, tried = int(time), -1, 0
-            armed = numbers.detectors
-            for age in range(1, numbers.dead):
-                armed -= counts[numbers.pad + bin_ - age]
-        if candidate != cell:
-            cell = candidate
-            hit = draws[at + 2] * (numbers.detectors - tried) < armed
-            tried += 1
-            armed -= 1 if hit else 0
-        if hit and real:
-            counts[numbers.pad + bin_] += 1
-            hit = False
-        at += 3
-
-
-@kernel
-def _bin_by_bin(numbers: Numbers, scratch: Scratch, front: Front, begin: int, end: int, origin: int) -> None:
-    """Run the avalanche counts from `begin` to `end - 1`, given those before; draw 0 is for bin `begin`."""
-    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
-    armed = numbers.detectors
-    for age in range(1, numbers.dead):
-        armed -= counts[numbers.pad + begin - age]
-    first = np.uint64(numbers.pad + begin)
-    rearmed = np.uint64(numbers.pad + begin - numbers.dead)
-    rate = np.uint64(begin - origin)
-    armed -= counts[rearmed]
-    for k in range(np.uint64(end - begin)):
-        armed += counts[rearmed + k]
-        fired = look_up(front, begin + np.int64(k), armed, rates[rate + k], draws[k])
-        if fired < 0:
-            fired = binomial(draws[k], armed, rates[rate + k], scratch.inverse)
-        counts[first + k] = fired
-        armed -= fired
-
-
-@kernel
-def _hazy(
-    numbers: Numbers, stream: Stream, scratch: Scratch, pulses: Pulses, beam: int, per_bin: float, begin: int, end: int
-) -> None:
-    """Run the avalanche counts from `begin` to `end - 1`, piece by piece, each in the way that is the faster.
-
-    A piece has draws of its own, so that what happens in one moves no draws of another.
-    """
-    rates = scratch.rates
-    rates[: end - begin] = per_bin
-    add_rates(pulses, beam, begin, end, rates)
-    piece = begin // _PIECE
-    while piece * _PIECE < end:
-        low, high = max(piece * _PIECE, begin), min((piece + 1) * _PIECE, end)
-        most = 0.0
-        for k in range(low - begin, high - begin):
-            most = max(most, rates[k])
-        stream.counter[0] = np.uint64(piece + 1) << _PIECE_SHIFT
-        if most * numbers.detectors < _RARE:
-            if most > 0.0:
-                _candidates(numbers, stream, scratch, low, high, most, begin)
-        else:
-            fill(stream, scratch.draws, high - low)
-            _bin_by_bin(numbers, scratch, pulses.haze.front, low, high, begin)
-        piece += 1
-    stream.counter[0] = np.uint64(numbers.bins) << _PIECE_SHIFT
+_FEW = 8
+"""Beams of one background, fewer than which are faster on their own than side by side."""
 
 
 @kernel
@@ -202,10 +48,10 @@ def trace_beams(
         rewind(stream, beams[i])
         rates[:] = per_bin[i]
         add_rates(pulses, i, 0, numbers.bins, rates)
-        fill(stream, draws, _RESERVE + numbers.bins)
+        fill(stream, draws, RESERVE + numbers.bins)
         dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin[i]))
-        dead = _enter(numbers, stream, scratch, dead_rate, 0)
-        _chain(numbers, scratch, 0, numbers.bins, dead)
+        dead = enter(numbers, stream, scratch, dead_rate, 0)
+        chain(numbers, scratch, 0, numbers.bins, dead)
         for k in range(numbers.bins):
             on = 0
             for age in range(numbers.on):
@@ -230,38 +76,34 @@ def simulate_beams(
     `beams` (n,): numbers that streams know them by; `per_bin` (n,): background avalanches per armed SPAD and bin. Beams
     of one background should stand together in `order`, since each change of it costs a table.
     """
-    counts, rates, draws, blocks = scratch.counts, scratch.rates, scratch.draws, scratch.blocks
-    known = dead_rate = faint = -1.0
-    for at in range(len(order)):
-        # An unsigned index cannot count from the array's end, which saves the tests for it: a sixth of the time.
-        i: Any = np.uint64(order[at])
-        if per_bin[i] != known:
-            known = per_bin[i]
-            dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-known))
-            faint = max(blocks.calm - known, 0.1 * known) if pulses.haze.last > 0 else 0.0
-            bg.tabulate(blocks, numbers.detectors, numbers.threshold, known + faint)
-        rewind(stream, beams[i])
-        hazy = pulses.haze.last > 0 and not blocks.crowded[0] and pulses.haze.first[i] < pulses.haze.first[i + 1]
-        begin, end = pulse_window(numbers, pulses, i)
-        if hazy:
-            begin = pulses.haze.begin if end == 0 else min(begin, pulses.haze.begin)
-            end = max(begin, end, haze_end(numbers, pulses.haze, i, faint))
-        if blocks.crowded[0]:
-            begin, end = 0, numbers.bins
-        fill(stream, draws, _RESERVE if hazy else _RESERVE + end - begin)
-        before, behind = draws[_RESERVE - 2], draws[_RESERVE - 1]
-        dead = _enter(numbers, stream, scratch, dead_rate, begin)
-        if hazy:
-            _hazy(numbers, stream, scratch, pulses, i, known, begin, end)
+    group, n = scratch.group, len(order)
+    level = Level(-1.0, 0.0, 0.0)
+    most_bins = MOST_BINS if numbers.detectors <= MOST_DETECTORS else -1
+    at: Any = np.int64(0)
+    held: Any = np.int64(0)
+    while True:
+        few = 0
+        alike = at < n and per_bin[np.uint64(order[at])] == level.per_bin
+        if alike and held < LANES:
+            # An unsigned index cannot count from the array's end, which saves the tests for it.
+            beam: Any = np.uint64(order[at])
+            at += 1
+            begin, end = pulse_window(numbers, pulses, beam)
+            if pulses.haze.last > 0 or scratch.blocks.crowded[0] or end - begin > most_bins:
+                group.alone[0], few = beam, 1
+            else:
+                group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin
+                held += 1
+        elif held >= _FEW:
+            simulate_group(numbers, stream, beams, level, pulses, held, scratch, echoes)
+            held = 0
+        elif held > 0:
+            for lane in range(held):
+                group.alone[lane] = group.beam[lane]
+            few, held = held, 0
+        elif at < n:
+            level = level_of(numbers, scratch.blocks, pulses, per_bin[np.uint64(order[at])])
         else:
-            rates[: end - begin] = known
-            add_rates(pulses, i, begin, end, rates)
-            _chain(numbers, scratch, begin, end, dead)
-        on_at_end = find_echoes(numbers, counts, begin, end, i, echoes)
-        if bg.is_quiet(
-            numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end, known, pulses, i, rates, counts
-        ):
-            counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
-        else:
-            find_echoes(numbers, counts, 0, numbers.bins, i, echoes)
-            counts[:] = 0
+            return
+        for k in range(few):
+            simulate_alone(numbers, stream, beams, level, pulses, np.uint64(group.alone[k]), scratch, echoes)

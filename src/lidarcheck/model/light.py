@@ -108,10 +108,9 @@ def light_of(ideal: IdealScan, model: Model) -> Light:
     signal = surface_signal(ideal, model)
     key = ideal.layer.astype(np.int64) << 32 | ideal.point
     if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
-        order = np.arange(len(key))
-    else:
-        # Rows of one beam may stand in any order; nearer pulses first, so that the order of rows cannot matter.
-        order = np.lexsort((signal, ideal.distance_m, key))
+        return _one_row_a_beam(ideal, signal, model)
+    # Rows of one beam may stand in any order; nearer pulses first, so that the order of rows cannot matter.
+    order = np.lexsort((signal, ideal.distance_m, key))
     key = key[order]
     first_row = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
     rows_per_beam = np.diff(np.append(first_row, len(key)))
@@ -124,4 +123,18 @@ def light_of(ideal: IdealScan, model: Model) -> Light:
         pulse_range_m=ideal.distance_m[order],
         pulse_signal=signal[order] * share,
         pulse_row=order.astype(np.int32),
+    )
+
+
+def _one_row_a_beam(ideal: IdealScan, signal: FloatArray, model: Model) -> Light:
+    """The light of an ideal scan whose rows are its beams, in order."""
+    n = len(signal)
+    return Light(
+        layer=ideal.layer,
+        point=ideal.point,
+        background_per_ns=np.full(n, model.sensor.background_per_ns),
+        first_pulse=np.arange(n + 1),
+        pulse_range_m=ideal.distance_m,
+        pulse_signal=signal if ideal.share is None else signal * ideal.share,
+        pulse_row=np.arange(n, dtype=np.int32),
     )

@@ -12,13 +12,17 @@ from lidarcheck.model.haze_rates import HazeRates, add_haze, haze_end, haze_rate
 from lidarcheck.model.jit import inlined
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulse_form import PHASES, form_of
+from lidarcheck.model.sharing import Share, serially
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["Pulses", "add_rates", "pulse_window", "pulses_of", "window"]
+__all__ = ["Pulses", "add_pulses", "add_rates", "pulse_window", "pulses_of", "window"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+_CHUNK = 32768
+"""Pulses that are prepared at a time: few enough for what lies between to stay in the cache."""
 
 
 class Pulses(NamedTuple):
@@ -39,12 +43,20 @@ class Pulses(NamedTuple):
     haze: HazeRates
 
 
-def pulses_of(light: Light, sensor: Sensor, numbers: Numbers) -> Pulses:
+def pulses_of(light: Light, sensor: Sensor, numbers: Numbers, share: Share = serially) -> Pulses:
     """The light's pulses and haze as kernels see them."""
     form = form_of(light.shape, sensor, sensor.bin_ns)
-    # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
-    centre = np.minimum(2.0 * light.pulse_range_m / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
-    reach, reach_behind = form.reach(numbers.detectors * light.pulse_signal)
+    n = len(light.pulse_signal)
+    centre, reaches = np.empty(n), np.empty((2, n), dtype=np.int64)
+
+    def fill(start: int) -> None:
+        rows = slice(start, start + _CHUNK)
+        # A pulse far behind the end of the trace is as good as one just behind it, and its bin fits an integer.
+        centre[rows] = np.minimum(2.0 * light.pulse_range_m[rows] / (LIGHT_SPEED_M_PER_NS * sensor.bin_ns), 1e9)
+        reaches[:, rows] = form.reach(numbers.detectors * light.pulse_signal[rows])
+
+    share(fill, range(0, n, _CHUNK))
+    reach, reach_behind = reaches
     before, behind = int(reach.max(initial=0)) + 1, int(reach_behind.max(initial=0)) + 1
     if behind > max(before, numbers.bins):
         behind = max(before, numbers.bins)
@@ -82,8 +94,14 @@ def window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
 
 
 @inlined
-def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
-    """Add the avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
+def add_pulses(
+    pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray, first: int = 0, distance: int = 1
+) -> None:
+    """Add the pulses' avalanches per armed SPAD to the bins `begin` ... `end - 1`.
+
+    `rates[first]` is bin `begin`, the next bin stands `distance` further.
+    """
+    step = np.uint64(distance)
     for j in range(pulses.first[beam], pulses.first[beam + 1]):
         centre, signal = pulses.centre[j], pulses.signal[j]
         if signal <= 0.0:
@@ -96,8 +114,14 @@ def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray
         above = signal * (position - phase)
         below = signal - above
         nearer, farther = pulses.shares[phase], pulses.shares[phase + 1]
-        column, bin_ = np.uint64(low - middle + pulses.middle), np.uint64(low - begin)
+        column, at = np.uint64(low - middle + pulses.middle), np.uint64(first + (low - begin) * distance)
         for k in range(np.uint64(max(high - low, 0))):
-            rates[bin_ + k] += below * nearer[column + k] + above * farther[column + k]
+            rates[at + k * step] += below * nearer[column + k] + above * farther[column + k]
+
+
+@inlined
+def add_rates(pulses: Pulses, beam: int, begin: int, end: int, rates: FloatArray) -> None:
+    """Add the avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
+    add_pulses(pulses, beam, begin, end, rates)
     if pulses.haze.last > 0:
         add_haze(pulses.haze, beam, begin, end, rates)

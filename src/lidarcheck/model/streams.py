@@ -18,15 +18,19 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from lidarcheck.model.jit import kernel
+from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import LANES
 
-__all__ = ["Stream", "beam_keys", "fill", "new_stream", "purpose_key", "rewind", "uniforms"]
+__all__ = ["Stream", "beam_keys", "fill", "fill_abreast", "new_stream", "purpose_key", "rewind", "skip", "uniforms"]
 
 _M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _ROUNDS = 10
 _ONE, _ELEVEN = np.uint64(1), np.uint64(11)
 _UNIT = 1.0 / 9007199254740992.0
+_LOW_HALF, _HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
+_LANES: Any = np.uint64(LANES)
+_X0, _X1, _X2, _X3 = (np.uint64(word * LANES) for word in range(4))
 
 
 class Stream(NamedTuple):
@@ -78,6 +82,61 @@ def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
         draws[first + 2] = np.float64(np.int64(x2 >> _ELEVEN)) * _UNIT
         draws[first + 3] = np.float64(np.int64(x3 >> _ELEVEN)) * _UNIT
     stream.counter[0] = block
+
+
+@inlined
+def _wide_product(factor: Any, x: Any) -> Any:
+    """Upper and lower 64 bits of a product, from products of halves, which vectors of numbers can form."""
+    low, high = factor & _LOW_HALF, factor >> _HALF
+    x_low, x_high = x & _LOW_HALF, x >> _HALF
+    first = low * x_low
+    second = high * x_low + (first >> _HALF)
+    third = low * x_high + (second & _LOW_HALF)
+    return high * x_high + (second >> _HALF) + (third >> _HALF), (third << _HALF) | (first & _LOW_HALF)
+
+
+@inlined
+def _round(x0: Any, x1: Any, x2: Any, x3: Any, k0: Any, k1: Any) -> Any:
+    high0, low0 = _wide_product(_M0, x0)
+    high1, low1 = _wide_product(_M1, x2)
+    return high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
+
+
+@kernel
+def fill_abreast(
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    blocks: int,
+    words: npt.NDArray[np.uint64],
+    draws: npt.NDArray[np.float64],
+) -> None:
+    """The first 4 `blocks` draws of each of `LANES` beams: what `fill` writes for one beam after `rewind`.
+
+    `draws`, flat: draw k of beam i stands at k * LANES + i. `words` (4 LANES,) is work space. `stream` stays as it is.
+    """
+    frame = stream.counter[2]
+    for block in range(np.uint64(blocks)):
+        for lane in range(_LANES):
+            words[_X0 + lane], words[_X1 + lane] = block, beams[lane]
+            words[_X2 + lane], words[_X3 + lane] = frame, np.uint64(0)
+        k0, k1 = stream.key[0], stream.key[1]
+        for _ in range(_ROUNDS // 2):
+            for lane in range(_LANES):
+                x = words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane]
+                x = _round(x[0], x[1], x[2], x[3], k0, k1)
+                x = _round(x[0], x[1], x[2], x[3], k0 + _W0, k1 + _W1)
+                words[_X0 + lane], words[_X1 + lane], words[_X2 + lane], words[_X3 + lane] = x
+            k0 += _W0 + _W0
+            k1 += _W1 + _W1
+        first = block * (_X3 + _LANES)
+        for k in range(_X3 + _LANES):
+            draws[first + k] = np.float64(words[k] >> _ELEVEN) * _UNIT
+
+
+@kernel
+def skip(stream: Stream, count: int) -> None:
+    """Leave out what `fill` would write."""
+    stream.counter[0] += np.uint64((count + 3) // 4)
 
 
 @kernel

@@ -21,7 +21,7 @@ from lidarcheck.model.fast.special import new_found, resolve
 from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, KIND, ONE, SPECIAL
 from lidarcheck.model.fast.write import write_echoes
 from lidarcheck.model.light import material_tables
-from lidarcheck.model.share import share
+from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LAYERS, POINTS, Sensor

@@ -1,4 +1,4 @@
-"""Sharing the work on a frame's beams out among threads."""
+"""Work on rows of a frame, chunk by chunk, shared among threads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-__all__ = ["share", "usable_cores"]
+__all__ = ["Share", "serially", "share", "usable_cores"]
+
+Share = Callable[[Callable[[int], None], range], None]
+"""Calls a function with each of the starts of chunks, which do not depend on each other."""
 
 
 def usable_cores() -> int:
@@ -16,22 +19,27 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
+def serially(run: Callable[[int], None], starts: range) -> None:
+    """A `Share` without further threads."""
+    for start in starts:
+        run(start)
+
+
 def share(
     run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object] | None = None
 ) -> None:
     """Run the chunks, on several threads where that helps; `told` hears how many are done."""
+    tell = told or (lambda done: None)
     workers = min(threads or usable_cores(), len(starts))
     if workers <= 1:
         for done, start in enumerate(starts, start=1):
             run(start)
-            if told is not None:
-                told(done)
+            tell(done)
         return
     with ThreadPoolExecutor(workers) as pool:
         try:
             for done, _ in enumerate(pool.map(run, starts), start=1):
-                if told is not None:
-                    told(done)
+                tell(done)
         except BaseException:
             # An interrupt waits for the chunks that are under way, not for those that have not begun.
             pool.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,94 @@
+"""Exponentials and logarithms that the compiler can work out for several beams at once.
+
+Calls into the mathematics library stand in the way of that, and differ from machine to machine in the last digit. These
+are plain sums and products, the same to the last bit wherever they run, alone or side by side; right to about 1e-15.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from lidarcheck.model.jit import inlined
+
+__all__ = ["LANES", "LN2", "exp", "expm1", "log1m"]
+
+LANES = 32
+"""Beams that are worked on side by side: four times what a vector holds, so that sums do not wait for each other."""
+
+LN2 = 0.6931471805599453
+_PER_LN2 = 1.4426950408889634
+_LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+"""Their sum is ln 2 to 33 digits; the first has so few bits that its product with an exponent is exact."""
+_ROUNDER = 6755399441055744.0
+"""1.5 x 2^52: what is added to it is rounded to a whole number, which then stands in the last bits of the sum."""
+_EXPONENT_OF_ONE, _FRACTION_BITS = 1023, 52
+_F2, _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10, _F11, _F12, _F13 = (1.0 / math.factorial(k) for k in range(2, 14))
+_I3, _I5, _I7, _I9, _I11, _I13, _I15, _I17, _I19, _I21 = (1.0 / k for k in range(3, 22, 2))
+
+
+def _bits_of(typing_context: Any, number: Any) -> Any:
+    """The 64 bits of a floating-point number as a whole number."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return types.int64(types.float64), codegen
+
+
+def _from_bits(typing_context: Any, bits: Any) -> Any:
+    """The floating-point number that has these 64 bits."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.bitcast(args[0], ir.DoubleType())
+
+    return types.float64(types.int64), codegen
+
+
+_bits: Any = intrinsic(_bits_of)
+_float: Any = intrinsic(_from_bits)
+
+
+@inlined
+def exp(x: float) -> float:
+    """exp(x) for x between -700 and 700: a power of two times a Taylor series of at most half of ln 2."""
+    shifted = x * _PER_LN2 + _ROUNDER
+    whole = shifted - _ROUNDER
+    r = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
+    s = r * r
+    q = s * s
+    low = (1.0 + r) + s * (_F2 + r * _F3)
+    middle = (_F4 + r * _F5) + s * (_F6 + r * _F7)
+    high = ((_F8 + r * _F9) + s * (_F10 + r * _F11)) + q * (_F12 + r * _F13)
+    power: float = _float((_bits(shifted) + _EXPONENT_OF_ONE) << _FRACTION_BITS)
+    return (low + q * (middle + q * high)) * power
+
+
+@inlined
+def expm1(x: float) -> float:
+    """exp(x) - 1 for x between 0 and 1: a Taylor series of x / 4, doubled twice."""
+    r = 0.25 * x
+    s = r * r
+    q = s * s
+    low = (_F2 + r * _F3) + s * (_F4 + r * _F5)
+    high = (_F6 + r * _F7) + s * (_F8 + r * _F9)
+    fourth = r + s * (low + q * (high + q * (_F10 + r * _F11)))
+    half = fourth * (fourth + 2.0)
+    return half * (half + 2.0)
+
+
+@inlined
+def log1m(x: float) -> float:
+    """log(1 - x) for x between 0 and 1/2: twice that of the square root, as an inverse hyperbolic tangent's series."""
+    root = x / (1.0 + math.sqrt(1.0 - x))
+    t = root / (2.0 - root)
+    z = t * t
+    y = z * z
+    low = (1.0 + z * _I3) + y * (_I5 + z * _I7)
+    high = (_I9 + z * _I11) + y * (_I13 + z * _I15)
+    w = y * y
+    return -4.0 * t * (low + w * (high + w * ((_I17 + z * _I19) + y * _I21)))
