@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from lidarcheck.cli.compare_frames import compare_frames
 from lidarcheck.cli.options import JsonFile, Quiet
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import Column, emit, hush, note, stage, table
+from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
     from lidarcheck.kpi.compare import Comparison
@@ -28,25 +30,31 @@ COLUMNS = (
 
 
 def compare(
-    measured: Annotated[Path, Parameter(help="The scan of the real sensor.")],
-    simulated: Annotated[Path, Parameter(help="The scan of the model.")],
+    measured: Annotated[Path, Parameter(help="The scan of the real sensor, or a directory of frames.")],
+    simulated: Annotated[Path, Parameter(help="The scan of the model, or a directory of frames named alike.")],
     /,
     *,
-    ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show.")] = None,
+    ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show, or a directory.")] = None,
     model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
-    """Compare a measured scan with a simulated one."""
+    """Compare a measured scan with a simulated one, or two directories of them frame by frame."""
     hush(quiet)
+    if measured.is_dir() != simulated.is_dir():
+        file = measured if measured.is_dir() else simulated
+        raise InputError("is a directory, the other side is not", file=file, fix="name two files or two directories")
     if json is not None:
         check_writable(json, option="--json", besides=(measured, simulated, ideal, model))
     from lidarcheck.formats import load_ideal, load_scan
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.model import load_model
 
+    sensor_model = None if model is None else load_model(model)
+    if measured.is_dir():
+        compare_frames(measured, simulated, ideal, sensor_model, json)
+        return 0
     with stage("reading"):
-        sensor_model = None if model is None else load_model(model)
         scene = None if ideal is None else load_ideal(ideal)
         scans = load_scan(measured), load_scan(simulated)
     with stage("comparing"):
