@@ -301,6 +301,7 @@ FIGURES = {
     "read_text_mb_s": "MB/s",
     "kpi_wasserstein_mpts_s": "Mpoints/s",
     "check_s": "s",
+    "explain_s": "s",
     "help_s": "s",
 }
 
@@ -318,7 +319,8 @@ def test_bench_measures_each_figure_beside_what_else_there_is(small_bench, capsy
     for fidelity in ("fast", "exact"):
         speeds = [best for name, best in figures.items() if name.startswith(f"simulate_{fidelity}_smart_")]
         assert found[f"simulate_{fidelity}_mpts_s"] == max(speeds)
-    assert found["frame_to_pcd_s"] == figures["frame_to_pcd_s"]
+    for name in ("frame_to_pcd_s", "read_text_mb_s", "raycast_mrays_s", "check_s", "explain_s"):
+        assert found[name] == figures[name]
 
 
 def test_bench_prints_a_table(small_bench, capsys):
@@ -327,6 +329,15 @@ def test_bench_prints_a_table(small_bench, capsys):
     assert all(name in out for name in FIGURES)
     assert "numpy, a coin per detector" in out
     assert "cores, load" in err
+
+
+def test_the_case_that_bench_explains_can_be_read(tmp_path):
+    from lidarcheck.cli.bench_explain import FRAMES, SIDE, write_case
+    from lidarcheck.explain.case import load_case
+
+    write_case(tmp_path)
+    case = load_case(tmp_path)
+    assert [len(frame.ideal) for frame in case.frames] == [97 * SIDE] * FRAMES
 
 
 def test_the_numpy_references_follow_the_sensor():

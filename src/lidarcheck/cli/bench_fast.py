@@ -14,6 +14,7 @@ from lidarcheck.harness.seeds import default_jobs
 
 __all__ = ["fast_figures", "pcd_figures", "plain_keys"]
 
+PLAIN = ("frame_to_pcd_s", "read_text_mb_s", "raycast_mrays_s", "check_s", "explain_s")
 FASTER = 4
 """Repeats of the fast path for one of the exact chain: what is over in 20 ms needs more of them for its best."""
 
@@ -61,10 +62,10 @@ def pcd_figures(repeats: int, quick: bool) -> list[Figure]:
 
 
 def plain_keys(figures: Sequence[Figure]) -> Mapping[str, float]:
-    """The figures that others look up by name: of the SMART, the best of any number of threads."""
+    """The figures that others look up by name; of `simulate`, the best of any number of threads for the SMART."""
     keys = {}
     for fidelity in ("fast", "exact"):
         speeds = [figure.best for figure in figures if figure.name.startswith(f"simulate_{fidelity}_smart_")]
         if speeds:
             keys[f"simulate_{fidelity}_mpts_s"] = max(speeds)
-    return keys | {figure.name: figure.best for figure in figures if figure.name == "frame_to_pcd_s"}
+    return keys | {figure.name: figure.best for figure in figures if figure.name in PLAIN}

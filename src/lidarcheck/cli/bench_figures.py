@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.cli.bench_cluster import cluster_figures
+from lidarcheck.cli.bench_explain import explain_figures
 from lidarcheck.cli.bench_fast import fast_figures, pcd_figures
 from lidarcheck.cli.bench_frames import effects_figures, raycast_figures
 from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times
@@ -37,6 +38,7 @@ def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
         "KPIs": lambda: _wasserstein(repeats, quick),
         "cluster": lambda: cluster_figures(repeats, quick),
         "check": lambda: _check(1 if quick else 3),
+        "explain": lambda: explain_figures(_lidarcheck),
         "help": lambda: _help(3 if quick else 9),
     }
 
@@ -60,7 +62,7 @@ def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
 
 def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Other, ...]:
     """Plain numpy on one core, on fewer beams of the same frame."""
-    from lidarcheck.cli.bench_reference import count_chain, every_detector, rates
+    from lidarcheck.cli.bench_reference import count_chain, every_detector, rates, sim_sipm_seconds
     from lidarcheck.cli.bench_scene import lab_frame, lab_model
 
     model, frame = lab_model(variant), lab_frame()
@@ -75,6 +77,9 @@ def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Other, ...]:
         chain(rates(few, model), model.sensor, draw)
         speed = beams / MEGA / (time.perf_counter() - start)
         others.append(Other(name, speed, mpts / speed))
+    waveform = sim_sipm_seconds(model.sensor, 50 if quick else 500)
+    if waveform is not None:
+        others.append(Other("SimSiPM, a waveform a beam", 1.0 / MEGA / waveform, mpts * MEGA * waveform))
     return tuple(others)
 
 

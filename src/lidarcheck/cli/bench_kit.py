@@ -33,9 +33,10 @@ class Figure:
     against: tuple[Other, ...] = ()
 
 
-def times(work: Callable[[], object], repeats: int) -> list[float]:
-    """Seconds of each repeat; one more before them warms compilers and caches."""
-    work()
+def times(work: Callable[[], object], repeats: int, *, warm: bool = True) -> list[float]:
+    """Seconds of each repeat; with `warm` one more before them warms compilers and caches."""
+    if warm:
+        work()
     seconds = []
     for _ in range(repeats):
         start = time.perf_counter()

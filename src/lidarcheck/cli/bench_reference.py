@@ -5,6 +5,8 @@ Both follow the rule of the model as far as the trace, from rested SPADs: the st
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,7 +14,7 @@ from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["count_chain", "every_detector", "rates"]
+__all__ = ["count_chain", "every_detector", "rates", "sim_sipm_seconds"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -61,3 +63,27 @@ def count_chain(rate: FloatArray, sensor: Sensor, draw: np.random.Generator) -> 
         on += fired[now]
         trace[k] = on
     return trace
+
+
+def sim_sipm_seconds(sensor: Sensor, waveforms: int) -> float | None:
+    """Seconds that SimSiPM (`pip install sipm`) takes for a beam's waveform; None where it is not installed.
+
+    Its sensor has no shots to be summed and no threshold on counts: a waveform of the trace's length in the same bins,
+    with as many primary photons as all shots of a beam on a bright wall have.
+    """
+    try:
+        import SiPM
+    except ImportError:
+        return None
+    settings = SiPM.SiPMProperties()
+    settings.setSampling(sensor.bin_ns)
+    settings.setSignalLength(sensor.bins * sensor.bin_ns)
+    simulated = SiPM.SiPMSensor(settings)
+    photons = np.random.Generator(np.random.Philox(1)).normal(300.0, sensor.sigma_ns, (waveforms, sensor.detectors))
+    start = time.perf_counter()
+    for times_ns in photons:
+        simulated.resetState()
+        simulated.addPhotons(times_ns)
+        simulated.runEvent()
+        simulated.signal()
+    return (time.perf_counter() - start) / waveforms
