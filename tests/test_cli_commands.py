@@ -331,6 +331,21 @@ def test_bench_prints_a_table(small_bench, capsys):
     assert "cores, load" in err
 
 
+def test_bench_draws_how_the_speed_scales(small_bench, capsys):
+    assert main(["bench", "--scaling", "--quick", "--out", "curves"]) == 0
+    out = capsys.readouterr().out
+    assert all(words in out for words in ("Beams", "Pulses per beam", "Frames", "Cores", "Mbeams/s"))
+    assert len([*Path("curves").glob("*.png")]) == 4
+    assert main(["bench", "--scaling", "--quick", "--json", "-q"]) == 0
+    courses = json.loads(capsys.readouterr().out)["courses"]
+    assert [course["title"] for course in courses] == ["Beams", "Pulses per beam", "Frames", "Cores"]
+    for course in courses:
+        assert [curve["name"] for curve in course["curves"]] == ["fast", "exact"]
+        assert all(speed > 0.0 for curve in course["curves"] for speed in curve["y"])
+    assert main(["bench", "--out", "curves"]) == 2
+    assert "--out is for the curves of --scaling" in capsys.readouterr().err
+
+
 def test_the_case_that_bench_explains_can_be_read(tmp_path):
     from lidarcheck.cli.bench_explain import FRAMES, SIDE, write_case
     from lidarcheck.explain.case import load_case

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -9,6 +10,7 @@ from cyclopts import Parameter
 from lidarcheck.cli.options import JsonFlag, Quiet
 from lidarcheck.cli.outputs import json_text
 from lidarcheck.cli.terminal import Column, emit, hush, note, progress, table
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.cli.bench_kit import Figure, Other
@@ -32,10 +34,19 @@ def bench(
     *,
     json: JsonFlag = False,
     quick: Quick = False,
+    scaling: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="Curves over beams, pulses, frames and cores instead."),
+    ] = False,
+    out: Annotated[Path | None, Parameter(help="Directory for the curves as PNG, with --scaling.")] = None,
     quiet: Quiet = False,
 ) -> int:
     """Measure each figure and what a user would otherwise take, side by side."""
     hush(quiet)
+    if out is not None and not scaling:
+        raise UsageError("--out is for the curves of --scaling", fix="add --scaling, or leave --out out")
+    if scaling:
+        return _scaling(json, quick, out)
     from lidarcheck.cli.bench_fast import plain_keys
     from lidarcheck.cli.bench_figures import cases
     from lidarcheck.cli.bench_machine import machine
@@ -53,6 +64,29 @@ def bench(
         return 0
     note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best and median of n repeats")
     emit(table(COLUMNS, [_row(figure, other) for figure in measured for other in figure.against or (None,)]))
+    return 0
+
+
+def _scaling(json: bool, quick: bool, out: Path | None) -> int:
+    """The curves as text, or as JSON, and as PNG in `out`."""
+    from lidarcheck.cli.bench_machine import machine
+    from lidarcheck.cli.bench_scaling import scaling_courses
+    from lidarcheck.cli.workflow_output import check_out_dir, drawn
+    from lidarcheck.formats.plain import plain
+    from lidarcheck.plots.page_files import draw_pictures
+
+    if out is not None:
+        check_out_dir(out)
+    with progress("measuring") as show:
+        courses = scaling_courses(quick, show)
+    if out is not None:
+        out.mkdir(exist_ok=True)
+        draw_pictures(courses, out, "histogram")
+    if json:
+        emit(json_text({"machine": machine(), "quick": quick, "courses": plain(courses)}))
+        return 0
+    for course in courses:
+        emit(drawn(course, "histogram"))
     return 0
 
 

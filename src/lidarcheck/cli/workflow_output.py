@@ -33,7 +33,7 @@ from lidarcheck.plots.page_files import (
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
 
-__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "finish"]
+__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "drawn", "finish"]
 
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.plots.panels` has the same, which a test holds."""
@@ -113,7 +113,7 @@ def _show(page: Page, plot: str | None) -> None:
             emit(table([Column(name, right=name in one.right) for name in one.header], one.rows))
         for figure, kind in _shown(section.figures, plot):
             emit("")
-            emit(_drawn(figure, kind))
+            emit(drawn(figure, kind))
 
 
 def _shown(figures: Sequence[Figure], plot: str | None) -> list[tuple[Figure, str]]:
@@ -129,7 +129,7 @@ def _shown(figures: Sequence[Figure], plot: str | None) -> list[tuple[Figure, st
     ]
 
 
-def _drawn(figure: Figure, kind: str) -> str:
+def drawn(figure: Figure, kind: str) -> str:
     """The figure in the terminal's width and with its colours, where it has them."""
     from lidarcheck.plots.figure_text import figure_text
 
