@@ -68,7 +68,7 @@ def simulate(
         except ExternalModelError as error:
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
-    run, light = run_and_light(ideal, model, seed, frame, scene)
+    run, light = run_and_light(ideal, model, seed, frame, scene, threads=threads)
     readout = of_stage("readout", model.effects)
     scan = echoes_of(light, run.sensor, seed=seed, frame=frame, threads=threads, progress=progress, rounded=not readout)
     for effect in readout:
@@ -104,14 +104,20 @@ def _run_of(
 
 
 def run_and_light(
-    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None = None
+    ideal: IdealScan,
+    model: Model,
+    seed: int,
+    frame: int,
+    scene: Caster | None,
+    surfaces: Surfaces | None = None,
+    threads: int | None = 1,
 ) -> tuple[Run, Light]:
     """What effects may know behind the detector stage, and the light that reaches the SPADs.
 
-    `surfaces`: those of this ideal scan, if known already.
+    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None.
     """
     run = _run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
-    light = light_of(run.ideal, model)
+    light = light_of(run.ideal, model, functools.partial(share, threads=threads))
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     return run.after_stage("detector", model.effects), light
