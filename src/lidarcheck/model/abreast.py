@@ -41,8 +41,8 @@ WordArray = npt.NDArray[np.uint64]
 
 RESERVE = 12
 """Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
-MOST_BINS = 96
-"""Bins of the longest window that is run side by side; a group is as slow as its longest window."""
+MOST_BINS = 4096
+"""Bins of the longest window that is run side by side, so that memory stays bounded: more than a sensor's trace has."""
 MOST_DETECTORS = 800
 """Up to here P(K = 0) cannot underflow, and `binomial` sums from one end."""
 
@@ -79,12 +79,13 @@ class Abreast(NamedTuple):
 
 def new_abreast(numbers: Numbers) -> Abreast:
     """Work space for one group after another; `counts` is zero before a window and must be left so."""
+    bins = min(numbers.bins, MOST_BINS)
     beam, begin, length, dead, alone = np.zeros((5, LANES), dtype=np.int64)
     key, block = np.zeros((2, LANES), dtype=np.uint64)
     return Abreast(
-        np.zeros(MOST_BINS * LANES),
-        np.zeros((RESERVE + MOST_BINS + 4) * LANES),
-        np.zeros((numbers.dead + MOST_BINS) * LANES),
+        np.zeros(bins * LANES),
+        np.zeros((RESERVE + bins + 4) * LANES),
+        np.zeros((numbers.dead + bins) * LANES),
         np.zeros(8 * LANES),
         beam,
         begin,

@@ -50,7 +50,7 @@ def simulate_unread(
     """`simulate` up to the readout effects. `like`: the same frame with the same seed and another model, whose echoes
     are taken for the beams that get the same light. `surfaces`: those of this ideal scan, if known already."""
     check_seed(seed, frame)
-    run, light = run_and_light(ideal, model, seed, frame, None, surfaces)
+    run, light = run_and_light(ideal, model, seed, frame, None, surfaces, threads)
 
     def echoes(part: Light) -> Scan:
         return echoes_of(part, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False)

@@ -80,7 +80,7 @@ def simulate(
     how: dict[str, Any] = {"seed": seed, "frame": frame, "threads": threads, "progress": progress}
     run, scan = _plain_frame(ideal, model, scene, not readout, how) if fidelity == "fast" else (None, None)
     if run is None or scan is None:
-        run, light = run_and_light(ideal, model, seed, frame, scene)
+        run, light = run_and_light(ideal, model, seed, frame, scene, threads=threads)
         scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
@@ -128,14 +128,20 @@ def _run_of(
 
 
 def run_and_light(
-    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None = None
+    ideal: IdealScan,
+    model: Model,
+    seed: int,
+    frame: int,
+    scene: Caster | None,
+    surfaces: Surfaces | None = None,
+    threads: int | None = 1,
 ) -> tuple[Run, Light]:
     """What effects may know behind the detector stage, and the light that reaches the SPADs.
 
-    `surfaces`: those of this ideal scan, if known already.
+    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None.
     """
     run = _run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
-    light = light_of(run.ideal, model)
+    light = light_of(run.ideal, model, functools.partial(share, threads=threads))
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     return run.after_stage("detector", model.effects), light

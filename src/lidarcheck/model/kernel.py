@@ -89,7 +89,9 @@ def simulate_beams(
             beam: Any = np.uint64(order[at])
             at += 1
             begin, end = pulse_window(numbers, pulses, beam)
-            if pulses.haze.last > 0 or scratch.blocks.crowded[0] or end - begin > most_bins:
+            if scratch.blocks.crowded[0]:
+                begin, end = 0, numbers.bins
+            if pulses.haze.last > 0 or end - begin > most_bins:
                 group.alone[0], few = beam, 1
             else:
                 group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin

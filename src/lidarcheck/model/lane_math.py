@@ -61,11 +61,10 @@ def exp(x: float) -> float:
     r = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
     s = r * r
     q = s * s
-    low = (1.0 + r) + s * (_F2 + r * _F3)
-    middle = (_F4 + r * _F5) + s * (_F6 + r * _F7)
+    low = ((1.0 + r) + s * (_F2 + r * _F3)) + q * ((_F4 + r * _F5) + s * (_F6 + r * _F7))
     high = ((_F8 + r * _F9) + s * (_F10 + r * _F11)) + q * (_F12 + r * _F13)
     power: float = _float((_bits(shifted) + _EXPONENT_OF_ONE) << _FRACTION_BITS)
-    return (low + q * (middle + q * high)) * power
+    return (low + (q * q) * high) * power
 
 
 @inlined

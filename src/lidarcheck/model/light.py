@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.model.sharing import Share, serially
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material
@@ -16,12 +17,14 @@ __all__ = ["light_of", "material_tables", "surface_signal"]
 
 FloatArray = npt.NDArray[np.float64]
 
+_CHUNK = 32768
+"""Rows that are worked on at a time: few enough for what lies between to stay in the cache."""
 _NEAREST_M = 1e-3
 """The range equation has no limit at zero range; nothing can stand nearer than this to the sensor's window."""
 _MOST_MATERIALS = 65536
 
 
-def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
+def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> FloatArray:
     """S of each row of the ideal scan: primary avalanches per SPAD and shot, 0 where the row meets nothing.
 
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
@@ -29,21 +32,29 @@ def surface_signal(ideal: IdealScan, model: Model) -> FloatArray:
     """
     if not np.all(np.isfinite(ideal.distance_m) & np.isfinite(ideal.incidence_deg) & (ideal.distance_m >= 0.0)):
         raise UsageError("the ideal scan holds a distance below 0, or one that is not finite", fix="0 means no surface")
-    hit = ideal.distance_m > 0.0
-    strength, incidence_power = _material_columns(ideal, model, hit)
-    cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), 0.0, 1.0)
-    range_m = np.maximum(ideal.distance_m, _NEAREST_M)
-    signal = model.sensor.signal_at_1m * strength * np.where(incidence_power > 0.0, cosine, 1.0) / range_m**2
-    return np.where(hit, signal, 0.0)
+    strength, incidence_power, row_id = _materials(ideal, model)
+    signal = np.empty(len(ideal))
+
+    def fill(start: int) -> None:
+        rows = slice(start, start + _CHUNK)
+        distance_m, of_row = ideal.distance_m[rows], row_id[rows]
+        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg[rows])), 0.0, 1.0)
+        lambertian = np.where(incidence_power[of_row] > 0.0, cosine, 1.0)
+        range_m = np.maximum(distance_m, _NEAREST_M)
+        lit = model.sensor.signal_at_1m * strength[of_row] * lambertian / range_m**2
+        signal[rows] = np.where(distance_m > 0.0, lit, 0.0)
+
+    share(fill, range(0, len(ideal), _CHUNK))
+    return signal
 
 
-def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Reflectance times gain, and the power of the cosine, of each row's material."""
+def _materials(ideal: IdealScan, model: Model) -> tuple[FloatArray, FloatArray, npt.NDArray[Any]]:
+    """Reflectance times gain, and the power of the cosine, of each material, and the place there of each row's."""
     ids, row_id = _distinct(ideal.material_id)
     strength, power = np.zeros(len(ids)), np.zeros(len(ids))
     unknown = [i for i, material_id in enumerate(ids) if int(material_id) not in model.materials]
     if unknown:
-        rows = np.flatnonzero(hit & np.isin(row_id, unknown))
+        rows = np.flatnonzero((ideal.distance_m > 0.0) & np.isin(row_id, unknown))
         if len(rows):
             raise _missing(ideal, int(rows[0]), model)
     for i, material_id in enumerate(ids):
@@ -51,7 +62,7 @@ def _material_columns(ideal: IdealScan, model: Model, hit: npt.NDArray[np.bool_]
         if material is None:
             continue  # nothing but misses bears it
         strength[i], power[i] = _response(material)
-    return strength[row_id], power[row_id]
+    return strength, power, row_id
 
 
 def _response(material: Material) -> tuple[float, float]:
@@ -99,13 +110,13 @@ def _missing(ideal: IdealScan, row: int, model: Model) -> InputError:
     )
 
 
-def light_of(ideal: IdealScan, model: Model) -> Light:
+def light_of(ideal: IdealScan, model: Model, share: Share = serially) -> Light:
     """The light of each beam of an ideal scan, beams in order of (layer, point).
 
     Sub-beams (several rows of one beam) carry their shares of the beam's light, equal ones unless the scan says
     otherwise; each becomes a pulse of its own.
     """
-    signal = surface_signal(ideal, model)
+    signal = surface_signal(ideal, model, share)
     key = ideal.layer.astype(np.int64) << 32 | ideal.point
     if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
         return _one_row_a_beam(ideal, signal, model)
@@ -114,14 +125,14 @@ def light_of(ideal: IdealScan, model: Model) -> Light:
     key = key[order]
     first_row = np.flatnonzero(np.concatenate(([True], key[1:] > key[:-1]))) if len(key) else np.empty(0, np.int64)
     rows_per_beam = np.diff(np.append(first_row, len(key)))
-    share = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam) if ideal.share is None else ideal.share[order]
+    part = np.repeat(1.0 / np.maximum(rows_per_beam, 1), rows_per_beam) if ideal.share is None else ideal.share[order]
     return Light(
         layer=ideal.layer[order][first_row],
         point=ideal.point[order][first_row],
         background_per_ns=np.full(len(first_row), model.sensor.background_per_ns),
         first_pulse=np.append(first_row, len(key)),
         pulse_range_m=ideal.distance_m[order],
-        pulse_signal=signal[order] * share,
+        pulse_signal=signal[order] * part,
         pulse_row=order.astype(np.int32),
     )
 
