@@ -123,6 +123,6 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     with pytest.raises(UsageError):
         probe.effect(probe.start()).detector(sensor)
     lab = NarrowLab(sensor)
-    fit, after, _ = _tried((lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0), probe)
+    fit, after, _ = _tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
     assert fit.possible == found
     assert np.isfinite(after) == found
