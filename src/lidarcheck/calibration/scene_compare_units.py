@@ -174,6 +174,8 @@ def joined_units(parts: Sequence[Units]) -> Units:
 
 def joined_values(parts: Sequence[Values]) -> Values:
     """The values of all frames, of the features that all have."""
+    if len(parts) == 1:
+        return parts[0]
     names = [feature.name for feature in FEATURES if all(feature.name in part.of for part in parts)]
     of = {name: np.concatenate([part.of[name] for part in parts]) for name in names}
     return Values(of, np.concatenate([part.stray_offset_m for part in parts]))

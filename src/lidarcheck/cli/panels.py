@@ -16,6 +16,7 @@ from lidarcheck.cli.outputs import check_twice, check_writable
 from lidarcheck.cli.terminal import hush, note, progress
 from lidarcheck.cli.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.plots.page_files import drawing_ahead
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels import PanelsResult
@@ -94,15 +95,16 @@ def panels(
     from lidarcheck.calibration.panels_page import document, page
     from lidarcheck.model import load_model
 
-    sensor_model = None if model is None else load_model(model)
-    names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
-    with progress("panels:") as show:
-        arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed)
-        result = characterise(arrangements, settings, materials=names, progress=show)
-    origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
-    made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)
-    saved = Folder(lambda place: _save(result, place, format), _SAVED)
-    finish(page(result, made), document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
+    with drawing_ahead(out):
+        sensor_model = None if model is None else load_model(model)
+        names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
+        with progress("panels:") as show:
+            arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed)
+            result = characterise(arrangements, settings, materials=names, progress=show)
+        origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
+        made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)
+        saved = Folder(lambda place: _save(result, place, format), _SAVED)
+        finish(page(result, made), document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
     note(f"{out / DIRECTORY}: {len(_samples(result))} files of the panels' echoes")
     return 0
 

@@ -91,11 +91,13 @@ class _Flight:
 class Processes(Remote[_Flight]):
     """Processes of this machine; with `jobs` 1, or in a worker process, all is done in the caller itself.
 
-    `wake`: a function of a module that each process begins with, to load what every task needs.
+    `wake`: a function of a module that each process begins with, to load what every task needs. `least`: fewer
+    processes are none; 1 where the caller works beside it.
     """
 
-    def __init__(self, jobs: int = 1, wake: Callable[[], object] | None = None) -> None:
+    def __init__(self, jobs: int = 1, wake: Callable[[], object] | None = None, *, least: int = 2) -> None:
         self.jobs = jobs
+        self._least = least
         self._wake = wake
         self._pool: ProcessPoolExecutor | None = None
         self._files: tempfile.TemporaryDirectory[str] | None = None
@@ -103,7 +105,7 @@ class Processes(Remote[_Flight]):
         self._deaths = 0
 
     def __enter__(self) -> Crew:
-        if self.jobs < 2 or multiprocessing.current_process().daemon:
+        if self.jobs < self._least or multiprocessing.current_process().daemon:
             return Crew()
         self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
         self._start()

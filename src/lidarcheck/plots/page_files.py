@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,6 +22,7 @@ from lidarcheck.plots.outputs import as_it_was, check_writable, json_text, make_
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Figure, Page
+    from lidarcheck.crew import Crew
 
 __all__ = [
     "ALL",
@@ -32,6 +33,7 @@ __all__ = [
     "Writer",
     "check_out_dir",
     "draw_pictures",
+    "drawing_ahead",
     "page_text",
     "write_page",
 ]
@@ -42,6 +44,8 @@ ALL = "all"
 Writer = Callable[[Path], object]
 _WORTH_A_PROCESS = 12
 """Pictures that take about as long as a process to begin."""
+_ready: list[Crew] = []
+"""Processes that are ready to draw, of the command that is running."""
 _PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 
 
@@ -167,19 +171,44 @@ def _fill(folder: Folder, staged: Path, place: Path) -> None:
         raise InputError(error.what, file=place / Path(error.file).name, line=error.line, fix=error.fix) from error
 
 
+@contextlib.contextmanager
+def drawing_ahead(out: Path | None) -> Iterator[None]:
+    """Meanwhile processes get ready to draw many pictures into `out`; nothing where that is None."""
+    if out is None:
+        yield
+        return
+    from lidarcheck.crew import Processes
+    from lidarcheck.harness.seeds import default_jobs
+
+    with Processes(default_jobs() - 1, _wake, least=1) as crew:
+        _ready.append(crew)
+        try:
+            yield
+        finally:
+            _ready.remove(crew)
+
+
+def _wake() -> None:
+    """Load what every picture needs."""
+    import matplotlib.figure  # noqa: F401
+
+    import lidarcheck.plots.figure_image  # noqa: F401
+
+
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
     """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
     from lidarcheck.crew import Processes
     from lidarcheck.harness.seeds import default_jobs
 
     numbered = [*enumerate(figures, 1)]
-    jobs = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1)
-    # This process draws too, and as many pictures more as the others need to begin.
-    own = (len(figures) + _WORTH_A_PROCESS * (jobs - 1)) // jobs
-    with Processes(jobs) as crew:
-        others = [crew.beside(_draw, numbered[own + k :: jobs - 1], directory, kind) for k in range(jobs - 1)]
+    others = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1) - 1
+    # This process draws too, and as many pictures more as others need to begin that are not ready.
+    own = (len(figures) + (0 if _ready else _WORTH_A_PROCESS * others)) // (others + 1)
+    new = contextlib.nullcontext(_ready[-1]) if _ready else Processes(others, least=1)
+    with new as crew:
+        drawn = [crew.beside(_draw, numbered[own + k :: others], directory, kind) for k in range(others)]
         _draw(numbered[:own], directory, kind)
-        for wait in others:
+        for wait in drawn:
             wait()
 
 
