@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 
 import numpy as np
@@ -119,3 +120,32 @@ def sum_after(start, k, seconds):
 def test_the_source_and_the_arithmetic_have_one_hash_each():
     assert arithmetic() == arithmetic()
     assert len(source_of_results()) == 64
+
+
+def test_an_interrupt_while_a_thread_begins_waits_for_its_task_and_hurries_it():
+    """The pool then knows nothing of the thread, which may begin what takes long after the first hurry."""
+    begun, hurried, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def slow() -> None:
+        begun.set()
+        hurried.wait(timeout=30.0)
+        ended.set()
+
+    hurries = []
+
+    def hurry() -> None:
+        hurries.append(1)
+        if len(hurries) == 3:
+            hurried.set()
+
+    def interrupted() -> None:
+        with Threads(2, hurry=hurry) as crew:
+            crew.beside(slow)
+            assert begun.wait(timeout=30.0)
+            crew._pool._threads.clear()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert ended.is_set()
+    assert len(hurries) >= 3

@@ -11,6 +11,7 @@ import multiprocessing
 import signal
 import tempfile
 import threading
+import time
 import warnings
 import weakref
 from collections import deque
@@ -43,6 +44,9 @@ class Threads(Remote["Future[Any]"]):
         self.jobs = jobs
         self._hurry = hurry
         self._pool: ThreadPoolExecutor | None = None
+        self._lock = threading.Lock()
+        self._running = 0
+        self._over = False
 
     def __enter__(self) -> Threads:
         self._pool = ThreadPoolExecutor(max_workers=self.jobs, thread_name_prefix="lidarcheck")
@@ -53,20 +57,34 @@ class Threads(Remote["Future[Any]"]):
     ) -> None:
         assert self._pool is not None
         if kind is not None:
-            # Not the futures tell what still runs: an interrupt may come after a task was begun and before its future
-            # was kept.
+            # Neither futures nor the pool tell what still runs: an interrupt may come after a task was begun and before
+            # its future, or the thread that does it, was kept.
+            with self._lock:
+                self._over = True
             end = {"wait": True, "cancel_futures": True}
             ending = threading.Thread(target=self._pool.shutdown, kwargs=end)
             ending.start()
-            while ending.is_alive():
+            while ending.is_alive() or self._running:
                 self._hurry()
-                ending.join(timeout=0.1)
+                time.sleep(0.05)
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> Future[Any]:
         assert self._pool is not None
         [task] = tasks
-        return self._pool.submit(work, *things_of(task))
+        return self._pool.submit(self._perform, work, things_of(task))
+
+    def _perform(self, work: Callable[..., Any], things: tuple[Any, ...]) -> Any:
+        """Do a task, in a thread, unless all is over; it counts as running meanwhile."""
+        with self._lock:
+            if self._over:
+                return None
+            self._running += 1
+        try:
+            return work(*things)
+        finally:
+            with self._lock:
+                self._running -= 1
 
     def _landed(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
         result = waiting[0].result()
