@@ -20,7 +20,7 @@ from lidarcheck.explain.nuisances import (
     is_usual_error,
 )
 from lidarcheck.model import simulate
-from lidarcheck.model.chain import Surfaces
+from lidarcheck.model.surfaces import Surfaces
 
 
 @pytest.fixture(scope="module")

@@ -80,8 +80,12 @@ def test_a_second_look_takes_what_closes_and_leaves_what_does_not(bench: Bench) 
         found[name] = before, second_look(bench, scale, before, 7)
     before, after = found["range_offset"]
     assert after.fit.names() == ("signal_gain", "range_offset")
+    assert after.own is None
     before, after = found["dark_counts"]
-    assert after is before
+    assert after.fit is before.fit
+    known = after.own
+    assert known is not None
+    assert known.lab.model == accepted.model(model())
 
 
 def test_a_search_is_open_where_much_is_left_and_room_for_more(bench: Bench) -> None:

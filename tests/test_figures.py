@@ -219,14 +219,14 @@ def test_colours_of_png_are_those_of_the_page():
 
 
 def test_pictures_are_the_same_drawn_by_one_process_or_by_three(tmp_path, monkeypatch):
-    from lidarcheck.harness import seeds
+    from lidarcheck import cores
     from lidarcheck.plots import page_files
 
     rng = np.random.default_rng(3)
     figures = [Distribution(f"AREA {k}", "AREA", "", {"real": rng.normal(size=50)}) for k in range(40)]
     drawn = []
     for jobs in (1, 3):
-        monkeypatch.setattr(seeds, "default_jobs", lambda jobs=jobs: jobs)
+        monkeypatch.setattr(cores, "usable_cores", lambda jobs=jobs: jobs)
         place = tmp_path / str(jobs)
         place.mkdir()
         page_files.draw_pictures(figures, place, "histogram")

@@ -7,6 +7,7 @@ measured and simulated differ by.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -36,6 +37,7 @@ from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.overlap import RADIUS_M, Overlap, overlap
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Scan
 
@@ -115,7 +117,8 @@ def simulated_frame(
     ideal_file: str = "",
 ) -> SceneFrame:
     """A frame with the model's two simulations of it, of `seed` and of the seed behind it."""
-    one, other = (simulate(ideal, model, seed=run % 2**64, frame=number, scene=scene) for run in (seed, seed + 1))
+    shown = functools.partial(simulate, ideal, model, frame=number, scene=scene, surfaces=Surfaces(ideal))
+    one, other = (shown(seed=run % 2**64) for run in (seed, seed + 1))
     return SceneFrame(measured, ideal, one, other, file, ideal_file, "" if model.file is None else str(model.file))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarcheck.cli import bench_scene
 from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times_in_turn
-from lidarcheck.harness.seeds import default_jobs
+from lidarcheck.cores import usable_cores
 
 __all__ = ["fast_figures", "pcd_figures", "plain_keys"]
 
@@ -27,7 +27,7 @@ def fast_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
     if quick:
         frame = frame.take(np.arange(0, len(frame), 10))
     figures = []
-    for threads in sorted({1, default_jobs()}):
+    for threads in sorted({1, usable_cores()}):
 
         def fast(threads: int = threads) -> object:
             return simulate(frame, model, seed=1, threads=threads, fidelity="fast")

@@ -16,8 +16,8 @@ from lidarcheck.cli.bench_explain import explain_figures
 from lidarcheck.cli.bench_fast import fast_figures, pcd_figures
 from lidarcheck.cli.bench_frames import effects_figures, raycast_figures
 from lidarcheck.cli.bench_kit import MEGA, Figure, Other, duration, rate, times
+from lidarcheck.cores import usable_cores
 from lidarcheck.errors import UsageError
-from lidarcheck.harness.seeds import default_jobs
 
 __all__ = ["cases"]
 
@@ -51,7 +51,7 @@ def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
     if quick:
         frame = frame.take(np.arange(0, len(frame), 10))
     figures = []
-    for threads in sorted({1, default_jobs()}):
+    for threads in sorted({1, usable_cores()}):
         seconds = times(lambda threads=threads: simulate(frame, model, seed=1, threads=threads), repeats)  # type: ignore[misc]
         mpts = len(frame) / MEGA / min(seconds)
         against = _plain_numpy(variant, mpts, quick) if threads == 1 else ()

@@ -7,7 +7,7 @@ import platform
 from importlib.metadata import version
 from typing import Any
 
-from lidarcheck.harness.seeds import default_jobs
+from lidarcheck.cores import usable_cores
 
 __all__ = ["machine"]
 
@@ -15,7 +15,7 @@ __all__ = ["machine"]
 def machine() -> dict[str, Any]:
     """Cores, load, interpreter and the versions that matter."""
     return {
-        "cores": default_jobs(),
+        "cores": usable_cores(),
         "processor": _processor(),
         "load_1min": os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
         "python": platform.python_version(),

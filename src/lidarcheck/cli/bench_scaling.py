@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarcheck.cli import bench_scene
 from lidarcheck.cli.bench_kit import MEGA, times
-from lidarcheck.harness.seeds import default_jobs
+from lidarcheck.cores import usable_cores
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.figures import Course
@@ -34,7 +34,7 @@ def scaling_courses(quick: bool, told: Told) -> list[Course]:
     whole = bench_scene.lab_frame()
     if quick:
         whole = whole.take(np.arange(0, len(whole), 20))
-    cores = default_jobs()
+    cores = usable_cores()
     beams = [max(len(whole) // part, 1) for part in (256, 64, 16, 4, 1)]
     few = _some(whole, beams[2])
     plan: list[tuple[str, str, Sequence[float], Timed]] = [

@@ -149,8 +149,8 @@ def _calibrated(
 ) -> None:
     """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
     from lidarcheck.calibration.fit.loop import calibrate as run
+    from lidarcheck.cores import usable_cores
     from lidarcheck.explain.notebook import Notebook, notebook_key
-    from lidarcheck.harness.seeds import default_jobs
 
     key = notebook_key(loaded.hashes, loaded.model, seed, [repr(asked)])
     with Notebook(out / KEPT, key) as notebook:
@@ -159,7 +159,7 @@ def _calibrated(
         with _course(rounds) as (told, watched, seen):
             try:
                 found = run(
-                    loaded, asked, seed=seed, jobs=jobs or default_jobs(), crew=crew, rounds=rounds, told=told,
+                    loaded, asked, seed=seed, jobs=jobs or usable_cores(), crew=crew, rounds=rounds, told=told,
                     watched=watched, notebook=notebook,
                 )  # fmt: skip
             except KeyboardInterrupt:

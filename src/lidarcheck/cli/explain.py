@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from lidarcheck.cli.options import Jobs, JsonFile, Quiet, Seed
 from lidarcheck.cli.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.workers import Scheduler, workers
+from lidarcheck.cores import usable_cores
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.places import KEPT, MODEL, PAGE, REPORT
 
@@ -86,7 +86,7 @@ def explain(
         return run(
             benchmark,
             seed=seed,
-            jobs=jobs or _cores(),
+            jobs=jobs or usable_cores(),
             json=json,
             generator=generator,
             only=only,
@@ -200,7 +200,7 @@ def _explained(
         if len(notebook):
             note(f"going on with what an interrupted run left in {out / KEPT}")
         with watch as (tell, hear):
-            cores = jobs or _cores()
+            cores = jobs or usable_cores()
             found = run(
                 loaded, seed=seed, exclude=exclude, jobs=cores, crew=crew, tell=tell, hear=hear, notebook=notebook
             )
@@ -208,10 +208,6 @@ def _explained(
             _write(found, loaded, out, no_html)
         notebook.discard()
     return found
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _write(found: Explanation, loaded: Case, out: Path, no_html: bool) -> None:

@@ -107,8 +107,9 @@ def _one(
 
 def _read(model: Model, scene: SceneFile | None) -> list[Path]:
     """The files that the model and the scene name."""
-    from lidarcheck.harness.provenance import external_files
-
     files = [Path(curve.file) for effect in model.effects for curve in effect.curves()]
-    files += external_files(model.external) if model.external else []
+    if model.external is not None:
+        from lidarcheck.harness.provenance import external_files  # takes a while, with all that the harness needs
+
+        files += external_files(model.external)
     return files + list(scene.files if scene else ())

@@ -42,10 +42,10 @@ def simulate_frames(
     fidelity: Fidelity = "exact",
 ) -> int:
     """Simulate what is not in the directory yet, and say what was done."""
+    from lidarcheck.cores import usable_cores
     from lidarcheck.crew import Processes
     from lidarcheck.formats.table import counted
     from lidarcheck.harness.frames import Frames
-    from lidarcheck.harness.seeds import default_jobs
     from lidarcheck.model import load_model
 
     frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity)
@@ -54,7 +54,7 @@ def simulate_frames(
     if external and scheduler is not None:
         what = f"the model {model} is an external program, which is on this machine alone"
         raise UsageError(what, fix="leave out --scheduler")
-    own = 1 if external else min(jobs or default_jobs(), len(ideals) * (count or 1))
+    own = 1 if external else min(jobs or usable_cores(), len(ideals) * (count or 1))
     with workers(scheduler, jobs) as cluster:
         local = Processes(own, _wake)
         with local if cluster is None else contextlib.nullcontext(cluster) as crew, progress("simulating") as show:

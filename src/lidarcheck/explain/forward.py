@@ -13,6 +13,7 @@ from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error
+from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
 
 __all__ = ["Bench", "Search", "Trial", "backward", "find_effects", "forward", "start_fit"]
@@ -117,12 +118,14 @@ class Trial:
 class Search:
     """What the search found: the accepted effects together, and every candidate that was fitted.
 
-    `first`: before any effect, with the nuisances fitted where they may be all that is wrong.
+    `first`: before any effect, with the nuisances fitted where they may be all that is wrong. `own`: how the accepted
+    effects were judged beam by beam, where they were.
     """
 
     first: Fit
     fit: Fit
     trials: list[Trial] = field(default_factory=list)
+    own: Judged | None = None
 
 
 def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:

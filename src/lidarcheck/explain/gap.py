@@ -8,12 +8,14 @@ features and ways to stratify.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.crew import Crew, Held
 from lidarcheck.explain.beams import Beams, beams_of
 from lidarcheck.explain.covariates import RANGE_EDGES_M, divisions, fine_divisions
 from lidarcheck.explain.explanation import Gap, Interval
@@ -21,10 +23,11 @@ from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import FEATURES, Sights, sights_of
 from lidarcheck.explain.summaries import Expected, expectation
-from lidarcheck.model.chain import Surfaces, simulate
+from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 
-__all__ = ["Scale", "gap_of"]
+__all__ = ["Scale", "excesses", "gap_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -48,17 +51,28 @@ class Scale:
     expected: Expected
     strata: tuple[IndexArray, ...]
     seed: int
+    surfaces: tuple[Surfaces, ...]
 
     @classmethod
     def of(cls, frames: Sequence[Frame], model: Model, seed: int) -> Scale:
         """The scale of some frames, in the spreads of a model."""
         beams = beams_of([f.ideal for f in frames], model)
-        runs = [_sights(frames, beams, model, seed, 9000 + k) for k in range(_BASE_SEEDS)]
+        surfaces = tuple(Surfaces(f.ideal) for f in frames)
+        runs = [_sights(frames, surfaces, beams, model, seed, 9000 + k) for k in range(_BASE_SEEDS)]
         expected = expectation(beams, runs)
         log_area = np.where(expected.known, expected.mean[:, 1], np.nan)
         found = [*divisions(beams, log_area, {}), *fine_divisions(beams)]
         strata = tuple(d.bin for d in found if d.covariate in _STRATA)
-        return cls(tuple(frames), beams, expected, strata, seed)
+        return cls(tuple(frames), beams, expected, strata, seed, surfaces)
+
+    @functools.cached_property
+    def held(self) -> Held[Scale]:
+        """The scale for the tasks of a crew."""
+        return Held(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is kept only to save time."""
+        return {name: value for name, value in self.__dict__.items() if name != "held"}
 
     def measured(self) -> Sights:
         """What was measured."""
@@ -67,9 +81,8 @@ class Scale:
     def simulated(self, model: Model, first: int, count: int, nuisance: Nuisance | None = None) -> list[Sights]:
         """What a model shows, with seeds of its own."""
         nuisance = nuisance or Nuisance()
-        run, posed = nuisance.posed(nuisance.model(model), [Surfaces(f.ideal) for f in self.frames])
-        frames = [Frame(f.number, one.ideal, f.measured, f.time_s) for f, one in zip(self.frames, posed, strict=True)]
-        return [_sights(frames, self.beams, run, self.seed, first + k) for k in range(count)]
+        run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
+        return [_sights(self.frames, posed, self.beams, run, self.seed, first + k) for k in range(count)]
 
     def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
         """The gap that a model leaves beyond its own noise, and that noise's standard deviation.
@@ -152,9 +165,12 @@ class Scale:
         return float(difference.sum() / max(count.sum(), 1e-9) / _RATE_SPREAD)
 
 
-def _sights(frames: Sequence[Frame], beams: Beams, model: Model, seed: int, k: int) -> Sights:
-    scans = [simulate(f.ideal, model, seed=(seed << 16) + k, frame=f.number, threads=1) for f in frames]
-    return sights_of(beams, scans)
+def _sights(
+    frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: Beams, model: Model, seed: int, k: int
+) -> Sights:
+    shown = functools.partial(simulate, model=model, seed=(seed << 16) + k, threads=1)
+    pairs = zip(frames, surfaces, strict=True)
+    return sights_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
 
 
 def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins: int) -> FloatArray:
@@ -177,23 +193,27 @@ Told = Callable[[int, int, float], object]
 """Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
-def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None) -> Gap:
+def excesses(scale: Scale, models: Sequence[Model], crew: Crew | None = None) -> list[tuple[float, float]]:
+    """`Scale.excess` of each model."""
+    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model) for model in models))]
+
+
+def gap_of(
+    scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None, crew: Crew | None = None
+) -> Gap:
     """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
 
     The floor is what two simulations of the last model are apart. What a stage's own model makes by chance counts as
     much as the last one's: an effect that strikes at random adds noise to the model, which is no gap. Intervals are
     5 % to 95 % quantiles over beams drawn anew with replacement.
     """
-    measured, weights = scale.measured(), _drawn_anew(scale)
     found: list[FloatArray] = []
     chance: list[FloatArray] = []
-    for i, (_, model) in enumerate(stages):
-        shown = scale.simulated(model, 9100, _SEEDS)
-        others = scale.simulated(model, 9200, _FLOORS)
-        found.append(scale.distances(measured, shown, weights))
-        chance.append(np.array([scale.distance(other, shown) for other in others]))
+    for apart, own in (crew or Crew()).map(_apart, ((scale.held, model) for _, model in stages)):
+        found.append(apart)
+        chance.append(own)
         if told is not None:
-            told(i + 1, len(stages) + 1, float(np.abs(found[-1][0] - chance[-1].mean(axis=0)).mean()))
+            told(len(found), len(stages) + 1, float(np.abs(apart[0] - own.mean(axis=0)).mean()))
     noise = chance[-1].mean(axis=0)
     # A measurement that is nearer than a model's own simulations are to each other differs from it too.
     parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
@@ -204,6 +224,15 @@ def gap_of(scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None 
     }
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
     return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
+
+
+def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:
+    """The parts of the gap between the measurement and a model, as it is and with beams drawn anew, and those between
+    the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts)."""
+    shown = scale.simulated(model, 9100, _SEEDS)
+    others = scale.simulated(model, 9200, _FLOORS)
+    chance = np.array([scale.distance(other, shown) for other in others])
+    return scale.distances(scale.measured(), shown, _drawn_anew(scale)), chance
 
 
 def _drawn_anew(scale: Scale) -> list[FloatArray]:

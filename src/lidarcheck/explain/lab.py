@@ -18,8 +18,8 @@ from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
 from lidarcheck.model.again import Unread, simulate_unread
-from lidarcheck.model.chain import Surfaces
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["Frame", "Lab", "Metric"]

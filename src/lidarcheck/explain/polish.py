@@ -7,12 +7,31 @@ model the residuals are small, so that parameters and their intervals come out s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Frame, Lab
 from lidarcheck.model.spec import Model
 
-__all__ = ["polished"]
+__all__ = ["Judged", "judged", "polished"]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit around its own model, with the lab around that, and the gap that it leaves beam by beam, beyond its own
+    noise; that noise's standard deviation is `chance`."""
+
+    lab: Lab
+    last: Fit
+    left: float
+    chance: float
+
+
+def judged(scale: Scale, model: Model, now: Fit, seed: int) -> Judged:
+    """The fit polished on the scale's frames, and judged there."""
+    lab, last = polished(scale.frames, model, now, seed)
+    return Judged(lab, last, *scale.excess(last.model(model), last.nuisance))
 
 
 def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tuple[Lab, Fit]:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import Bench, Trial, select_distance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.polish import polished
+from lidarcheck.explain.polish import Judged, judged, polished
 from lidarcheck.model.spec import Model
 
 __all__ = ["Polished", "Rival", "contest", "rivals"]
@@ -54,16 +55,16 @@ class Polished:
 
 def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
     """The effects that are nearly as near as an accepted one is, when they take its place; the nearest first."""
-    found = []
     names = now.names()
+    near = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
-    for place, name in enumerate(names):
-        for trial in _near(name, names, trials):
-            swapped = _swapped(bench.lab, now, place, trial)
-            farther = swapped.distance + select_distance(bench.select, swapped) - best
-            if farther < max(_NEAR, _NEAR_PART * trial.merit):
-                found.append(Rival(trial.name, place, swapped, farther))
-        told("equivalence", place + 1, len(names))
+    tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in near)
+    found = []
+    for (place, trial), (swapped, distance) in zip(near, bench.crew.map(_swapped, tasks), strict=True):
+        farther = distance - best
+        if farther < max(_NEAR, _NEAR_PART * trial.merit):
+            found.append(Rival(trial.name, place, swapped, farther))
+        told("equivalence", len(found), len(near))
     return sorted(found, key=lambda one: one.farther)
 
 
@@ -80,32 +81,45 @@ def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Tria
     return sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
 
 
-def _swapped(lab: Lab, now: Fit, place: int, trial: Trial) -> Fit:
-    """The fit with another effect in one's place, all fitted again."""
+def _swapped(lab: Lab, select: Lab, now: Fit, place: int, trial: Trial) -> tuple[Fit, float]:
+    """The fit with another effect in one's place, all fitted again, and how far it is on all frames."""
     mine = trial.fit.names().index(trial.name)
     probes, x = list(now.probes), list(now.x)
     probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
-    return fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+    found = fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+    return found, found.distance + select_distance(select, found)
 
 
-def contest(scale: Scale, model: Model, now: Fit, others: Sequence[Rival], seed: int) -> Polished:
+def contest(
+    scale: Scale,
+    model: Model,
+    now: Fit,
+    others: Sequence[Rival],
+    seed: int,
+    *,
+    known: Judged | None = None,
+    crew: Crew | None = None,
+) -> Polished:
     """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
 
     A rival takes an accepted effect's place only where it is nearer by more than chance; those that chance may make as
-    near are its equals, at most two.
+    near are its equals, at most two. `known`: the accepted effects where they were judged already.
     """
-    lab, last = polished(scale.frames, model, now, seed)
     if not others:
+        lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
         return Polished(now, lab, last, {})
-    own, chance = scale.excess(last.model(model), last.nuisance)
-    found = [(one, polished(scale.frames, model, one.fit, seed)) for one in others[:_MOST]]
-    gaps = {one.name: scale.excess(at.model(model), at.nuisance)[0] for one, (_, at) in found}
-    best, (its_lab, its_last) = min(found, key=lambda pair: gaps[pair[0].name])
-    equals = {now.names()[k]: _equals(others, k, gaps, own + _MARGIN * chance) for k in range(len(now.names()))}
-    if gaps[best.name] >= own - _MARGIN * chance:
-        return Polished(now, lab, last, equals)
-    near = _equals([one for one in others if one is not best], best.place, gaps, gaps[best.name] + _MARGIN * chance)
-    return Polished(best.fit, its_lab, its_last, {best.name: near})
+    fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
+    found = [*(crew or Crew()).map(judged, ((scale.held, model, one, seed) for one in fits))]
+    own = known or found.pop(0)
+    rest = list(zip(others[:_MOST], found, strict=True))
+    gaps = {one.name: its.left for one, its in rest}
+    best, its = min(rest, key=lambda pair: pair[1].left)
+    most = own.left + _MARGIN * own.chance
+    equals = {now.names()[k]: _equals(others, k, gaps, most) for k in range(len(now.names()))}
+    if its.left >= own.left - _MARGIN * own.chance:
+        return Polished(now, own.lab, own.last, equals)
+    near = _equals([one for one in others if one is not best], best.place, gaps, its.left + _MARGIN * own.chance)
+    return Polished(best.fit, its.lab, its.last, {best.name: near})
 
 
 def _equals(others: Sequence[Rival], place: int, gaps: Mapping[str, float], most: float) -> tuple[str, ...]:

@@ -7,10 +7,12 @@ make, and judged there beam by beam.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import MOST_EFFECTS, Bench, Search, Trial
 from lidarcheck.explain.gap import Scale
-from lidarcheck.explain.polish import polished
+from lidarcheck.explain.polish import judged
 
 __all__ = ["is_open", "second_look"]
 
@@ -30,25 +32,22 @@ def is_open(bench: Bench, now: Fit) -> bool:
 
 
 def second_look(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
-    """The search with the candidate that closes most of what is left, or as it is where none closes enough.
+    """The search with the candidate that closes most of what is left, or as it is where none closes enough; it then
+    knows how its own fit was judged.
 
     `seen`: the frames of the fit and the selection, beam by beam.
     """
     tried = _unsure(search)
     if not tried:
         return search
-    model = bench.lab.model
-    least = (1.0 - _LEAST_CLOSED) * _left(seen, polished(seen.frames, model, search.fit, seed)[1], bench)
-    best = None
-    for trial in tried:
-        last = polished(seen.frames, model, trial.fit, seed)[1]
-        left = _left(seen, last, bench)
-        if left < least:
-            best, least = last, left
-    if best is None:
-        return search
+    fits = [search.fit, *(trial.fit for trial in tried)]
+    own, *others = bench.crew.map(judged, ((seen.held, bench.lab.model, one, seed) for one in fits))
+    best = min(others, key=lambda one: one.left)
+    if best.left >= (1.0 - _LEAST_CLOSED) * own.left:
+        return replace(search, own=own)
     # Told as one of the first bench, whose frames and summaries all that follows is in.
-    return Search(search.first, fit(bench.lab, best.probes, best.x, rounds=0, nuisance=best.nuisance), search.trials)
+    now = fit(bench.lab, best.last.probes, best.last.x, rounds=0, nuisance=best.last.nuisance)
+    return Search(search.first, now, search.trials)
 
 
 def _unsure(search: Search) -> list[Trial]:
@@ -61,7 +60,3 @@ def _unsure(search: Search) -> list[Trial]:
         if last and beside and better and trial.gain > trial.needed and not trial.passes:
             best[trial.name] = trial
     return sorted(best.values(), key=lambda t: -t.gain)[:_MOST]
-
-
-def _left(seen: Scale, at: Fit, bench: Bench) -> float:
-    return seen.excess(at.model(bench.lab.model), at.nuisance)[0]

@@ -26,7 +26,7 @@ from lidarcheck.explain.explanation import (
 )
 from lidarcheck.explain.findings import candidates_table, findings_of
 from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
-from lidarcheck.explain.gap import Scale, gap_of
+from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
@@ -109,7 +109,7 @@ def _explain(case: Case, run: Run) -> Explanation:
     untestable = run.list_untestable(bench, screened)
     answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
-    if answer.verdict == "explained" and not _carries_over(seen, answer, gap):
+    if answer.verdict == "explained" and not _carries_over(seen, answer, gap, run.crew):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
@@ -123,21 +123,23 @@ def _deaf(_step: Step) -> None:
     return None
 
 
-def _calibrated(seen: Scale, model: Model, off: Nuisance) -> Model:
+def _calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
     """The model with the small errors put right that were fitted beside the effects, all or those of reflectances,
     whichever comes nearest: an ideal scan says too little of edges to turn its beams by a part of one."""
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
     ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
-    return min(ways, key=lambda way: seen.excess(way)[0]) if len(ways) > 1 else model
+    if len(ways) == 1:
+        return model
+    left = [excess for excess, _ in excesses(seen, ways, crew)]
+    return ways[int(np.argmin(left))]
 
 
-def _carries_over(seen: Scale, answer: Answer, gap: Gap) -> bool:
+def _carries_over(seen: Scale, answer: Answer, gap: Gap, crew: Crew) -> bool:
     """Whether a good part of the gap closes, over the frames that no fit has seen and all others alike.
 
     Where there is no gap beyond chance, this cannot be asked.
     """
-    before, chance = seen.excess(answer.stages[0][1])
-    after, _ = seen.excess(answer.stages[-1][1])
+    (before, chance), (after, _) = excesses(seen, (answer.stages[0][1], answer.stages[-1][1]), crew)
     whole = before + gap.before.value - gap.floor.value
     left = after + gap.after.value - gap.floor.value
     return whole <= _SURE * chance or left <= (1.0 - _LEAST_CLOSED) * whole
@@ -230,7 +232,7 @@ class Run:
         if not is_open(bench, search.fit):
             return search
         found = second_look(bench, seen, search, 2 * self.seed + 4)
-        if found is not search:
+        if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
         return found
 
@@ -247,7 +249,7 @@ class Run:
         None where no effect is accepted."""
         if not closed.holds or not search.fit.probes:
             return None
-        found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4)
+        found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4, known=search.own, crew=self.crew)
         if found.fit is not search.fit:
             self.did("rivals", f"{', '.join(found.fit.names())} in the place of {', '.join(search.fit.names())}")
             search.fit = found.fit
@@ -280,7 +282,7 @@ class Run:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
-        calibrated = _calibrated(seen, model, last.last.nuisance)
+        calibrated = _calibrated(seen, model, last.last.nuisance, self.crew)
         if calibrated is not model:
             stages.append(("gain, reflectances and pose", calibrated))
         return Answer("explained", tuple(findings), tuple(stages), "")
@@ -315,7 +317,7 @@ class Run:
             self.tell("verification", i, n)
             self.hear(Step("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
 
-        gap = gap_of(scale, answer.stages, told)
+        gap = gap_of(scale, answer.stages, told, self.crew)
         self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
         return gap
 

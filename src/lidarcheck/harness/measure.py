@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 
 import numpy as np
@@ -28,8 +29,9 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     """
     digest = hashlib.sha256()
     parts = []
+    shown = functools.partial(simulate, scenario.ideal, model, scene=scenario.scene, surfaces=scenario.surfaces)
     for frame in range(scenario.frames):
-        scan = simulate(scenario.ideal, model, seed=seed, frame=frame, threads=threads, scene=scenario.scene)
+        scan = shown(seed=seed, frame=frame, threads=threads)
         _feed(digest, scan)
         parts.append(Echoes.of(scan, pair_with_ideal(scenario.ideal, scan), frame))
     return _measured(scenario, Echoes.joined(parts), digest.hexdigest())

@@ -157,10 +157,10 @@ class ScenarioFile(pytest.File):
 
     def _jobs(self) -> int | None:
         """This process's part of the cores, where pytest-xdist runs several."""
-        from lidarcheck.harness.seeds import default_jobs
+        from lidarcheck.cores import usable_cores
 
         workers = getattr(self.config, "workerinput", {}).get("workercount", 1)
-        return max(1, default_jobs() // int(workers))
+        return max(1, usable_cores() // int(workers))
 
 
 class KpiItem(pytest.Item):

@@ -5,6 +5,7 @@ A scenario is a TOML file; `docs/scenarios.md` describes it. Reading it finds al
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,7 @@ from lidarcheck.harness.scene_file import SceneFile, scene_of
 from lidarcheck.kpi.pairing import beam_keys, pair_with_ideal
 from lidarcheck.model.file import load_model, model_of
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.scenes import Scene
 
@@ -60,6 +62,11 @@ class Scenario:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kpis", tuple(asked.spec for asked in self.asked))
+
+    @functools.cached_property
+    def surfaces(self) -> Surfaces:
+        """What the ideal scan shows, the same for all seeds."""
+        return Surfaces(self.ideal)
 
 
 def load_scenario(path: Path | str) -> Scenario:

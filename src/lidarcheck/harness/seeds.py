@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Held, Threads, one_blas_thread
 from lidarcheck.harness import gate
 from lidarcheck.harness.kpi_spec import Measurement
@@ -29,7 +29,6 @@ __all__ = [
     "Progress",
     "Runner",
     "SeedRecord",
-    "default_jobs",
     "distance",
     "fresh_seeds",
     "quantile_function",
@@ -74,7 +73,7 @@ class Runner:
     """
 
     def __init__(self, jobs: int | None = None, progress: Progress | None = None, crew: Crew | None = None) -> None:
-        self._jobs = jobs or default_jobs()
+        self._jobs = jobs or usable_cores()
         self._progress = progress or (lambda done, total, label: None)
         self._crew = crew
         self._held: dict[int, Held[Callable[[int], Measurement]]] = {}
@@ -143,8 +142,3 @@ def record_of(measurement: Measurement) -> SeedRecord:
         quantiles={name: quantile_function(sample) for name, sample in measurement.samples.items()},
         digest=measurement.digest,
     )
-
-
-def default_jobs() -> int:
-    """The number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import Run, Surfaces, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
+from lidarcheck.model.chain import Run, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Light, Scan
 
 __all__ = ["Unread", "light_of_beams", "simulate_unread"]

@@ -15,8 +15,9 @@ from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Fidelity, check_fidelity
 from lidarcheck.model.light import light_of, surface_signal
-from lidarcheck.model.sharing import share, usable_cores
+from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import Material, Sensor, beam_directions
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from lidarcheck.model.numbers import Numbers
 
 __all__ = [
-    "Surfaces",
     "aimed",
     "chain_echoes",
     "check_seed",
@@ -36,7 +36,6 @@ __all__ = [
     "rounded_ranges",
     "run_and_light",
     "simulate",
-    "usable_cores",
 ]
 
 Progress = Callable[[int, int], object]
@@ -54,13 +53,15 @@ def simulate(
     threads: int | None = None,
     progress: Progress | None = None,
     scene: Caster | None = None,
+    surfaces: Surfaces | None = None,
     fidelity: Fidelity = "exact",
 ) -> Scan:
     """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
 
     The same `seed` and `frame` give the same bytes, for any number of threads and any order of rows. Beams without an
     echo have no row. `threads`: all cores when None. `progress` is told (beams done, beams). `scene`: what the ideal
-    scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. `fidelity`: "exact"
+    scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. `surfaces`: these,
+    if known already; what such effects find without random numbers is kept there for the next seed. `fidelity`: "exact"
     runs the chain for every beam; "fast" draws the echoes of beams with one pulse from a library that the chain has
     filled (docs/performance.md); "reference" follows every detector through every bin, some milliseconds a beam. Raises
     `InputError` for a material without an entry and `ExternalModelError` when the model is an external program that
@@ -80,7 +81,7 @@ def simulate(
     how: dict[str, Any] = {"seed": seed, "frame": frame, "threads": threads, "progress": progress}
     run, scan = _plain_frame(ideal, model, scene, not readout, how) if fidelity == "fast" else (None, None)
     if run is None or scan is None:
-        run, light = run_and_light(ideal, model, seed, frame, scene, threads=threads)
+        run, light = run_and_light(ideal, model, seed, frame, scene, surfaces, threads)
         scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
@@ -147,24 +148,6 @@ def run_and_light(
     return run.after_stage("detector", model.effects), light
 
 
-class Surfaces:
-    """The surfaces of an ideal scan, found when an effect asks for them."""
-
-    def __init__(self, ideal: IdealScan) -> None:
-        self.ideal = ideal
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what can be found again faster than it is sent."""
-        return {"ideal": self.ideal}
-
-    @functools.cached_property
-    def caster(self) -> Caster:
-        """The surfaces themselves."""
-        from lidarcheck.effects.surfaces import LocalSurfaces
-
-        return LocalSurfaces.of(self.ideal)
-
-
 @dataclass(frozen=True, slots=True)
 class Run:
     """What effects may know while a frame is simulated; random numbers are keyed by the asking effect's name."""
@@ -196,7 +179,7 @@ class Run:
         run = self
         for effect in of_stage(stage, effects):
             if stage == "aim":
-                run = replace(run, ideal=effect.aim(run.ideal, run.of(effect)))
+                run = replace(run, ideal=run.surfaces.aimed(effect, run))
             else:
                 run = replace(run, sensor=effect.detector(run.sensor))
         return run

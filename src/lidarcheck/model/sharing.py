@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-__all__ = ["Share", "serially", "share", "usable_cores"]
+from lidarcheck.cores import usable_cores
+
+__all__ = ["Share", "serially", "share"]
 
 Share = Callable[[Callable[[int], None], range], None]
 """Calls a function with each of the starts of chunks, which do not depend on each other."""
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def serially(run: Callable[[int], None], starts: range) -> None:

@@ -177,10 +177,10 @@ def drawing_ahead(out: Path | None) -> Iterator[None]:
     if out is None:
         yield
         return
+    from lidarcheck.cores import usable_cores
     from lidarcheck.crew import Processes
-    from lidarcheck.harness.seeds import default_jobs
 
-    with Processes(default_jobs() - 1, _wake, least=1) as crew:
+    with Processes(usable_cores() - 1, _wake, least=1) as crew:
         _ready.append(crew)
         try:
             yield
@@ -197,11 +197,11 @@ def _wake() -> None:
 
 def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
     """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
+    from lidarcheck.cores import usable_cores
     from lidarcheck.crew import Processes
-    from lidarcheck.harness.seeds import default_jobs
 
     numbered = [*enumerate(figures, 1)]
-    others = max(min(default_jobs(), len(figures) // _WORTH_A_PROCESS), 1) - 1
+    others = max(min(usable_cores(), len(figures) // _WORTH_A_PROCESS), 1) - 1
     # This process draws too, and as many pictures more as others need to begin that are not ready.
     own = (len(figures) + (0 if _ready else _WORTH_A_PROCESS * others)) // (others + 1)
     new = contextlib.nullcontext(_ready[-1]) if _ready else Processes(others, least=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cores import usable_cores
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
@@ -149,7 +149,7 @@ class Scene:
             for rows in blocks:
                 run(rows)
         else:
-            with ThreadPoolExecutor(_cores()) as pool:
+            with ThreadPoolExecutor(usable_cores()) as pool:
                 list(pool.map(run, blocks))
         return Hits(*found)
 
@@ -205,10 +205,6 @@ def _group(velocity_m_s: Velocity, things: list[SceneObject]) -> _Group:
 
 def _blocks(n: int) -> Iterator[slice]:
     return (slice(start, min(start + _BLOCK, n)) for start in range(0, n, _BLOCK))
-
-
-def _cores() -> int:
-    return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
 def _first(groups: Groups, rays: Rays, rows: slice, max_range_m: float) -> _Columns:

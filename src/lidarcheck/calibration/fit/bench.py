@@ -19,6 +19,7 @@ from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
 
 __all__ = ["Bench", "Metric", "Reference", "seed_of"]
 
@@ -91,6 +92,7 @@ class Bench:
         self, frames: Sequence[Frame], beams: Beams, used: BoolArray, seed: int, crew: Crew | None = None
     ) -> None:
         self.frames = tuple(frames)
+        self._surfaces = [Surfaces(f.ideal) for f in self.frames]
         self.beams = beams
         self.used = used
         self.seed = seed
@@ -115,7 +117,8 @@ class Bench:
     def sights(self, model: Model, purpose: str, k: int) -> Sights:
         """What the model shows of each beam with the k-th seed of a purpose."""
         seed = seed_of(self.seed, purpose, k)
-        scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1) for f in self.frames]
+        pairs = zip(self.frames, self._surfaces, strict=True)
+        scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
         return sights_of(self.beams, scans)
 
     def totals(self, reference: Reference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
