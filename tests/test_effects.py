@@ -2,16 +2,22 @@
 
 import dataclasses
 import inspect
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from lidarcheck import effects
 from lidarcheck.effects.base import STAGES
+from lidarcheck.effects.ranges import moved_light
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import Haze, IdealScan, Light, Scan
 from lidarcheck.sensor import Material, Sensor, beam_directions
+
+FloatArray = npt.NDArray[np.float64]
 
 IDENTITY: dict[str, dict[str, float]] = {
     "beam_divergence": {"vertical_deg": 0.0, "horizontal_deg": 0.0},
@@ -154,6 +160,59 @@ def test_ranges_move_along_the_beam(ideal: IdealScan) -> None:
     assert moved.y_m / moved.x_m == pytest.approx(plain.y_m / plain.x_m)
     scaled = simulate(ideal, model(effects.make("range_scale", {"fraction": 0.01})), seed=1)
     assert scaled.range_m == pytest.approx(plain.range_m * 1.01, abs=0.01001)
+
+
+@pytest.mark.parametrize(("name", "settings", "error_m"), [
+    ("range_offset", {"offset_m": -0.25}, lambda r: np.full(len(r), -0.25)),
+    ("range_scale", {"fraction": 0.01}, lambda r: 0.01 * r),
+])  # fmt: skip
+def test_moving_the_light_moves_ranges_by_as_much_on_average_and_counts_it_anew(
+    ideal: IdealScan, name: str, settings: dict[str, float], error_m: Callable[[FloatArray], FloatArray]
+) -> None:
+    plain = simulate(ideal, model(), seed=1)
+    moved = simulate(ideal, model(effects.make(name, {**settings, "moves": "light"})), seed=1)
+    keys = [scan.layer * 960 + scan.point for scan in (plain, moved)]
+    (one, other), lone = zip(*(np.unique(k, return_index=True) for k in keys), strict=True)
+    _, mine, theirs = np.intersect1d(one, other, return_indices=True)
+    before, after = plain.take(lone[0][mine]), moved.take(lone[1][theirs])
+    assert len(mine) > 0.9 * len(one)
+    off = after.range_m - before.range_m - error_m(before.range_m)
+    assert np.median(off) == pytest.approx(0.0, abs=0.02)
+    assert not np.array_equal(after.area, before.area)  # other photons fall into a bin
+    assert np.median(np.log(after.area / before.area)) == pytest.approx(0.0, abs=0.02)
+
+
+def test_what_moves_decides_the_stage() -> None:
+    light, echoes = (effects.make("range_offset", {"offset_m": 0.1, "moves": one}) for one in ("light", "echoes"))
+    assert [one.stage for one in (light, echoes, effects.make("range_offset", {}))] == ["light", "readout", "readout"]
+    assert effects.find("range_offset").stage == "readout"
+    built = model(effects.make("threshold", {})).with_(light)
+    assert [effect.name for effect in built.effects] == ["range_offset", "threshold"]
+    with pytest.raises(UsageError, match=r"range_offset \(stage light\) stands behind threshold \(stage detector\)"):
+        effects.check_order([effects.make("threshold", {}), light])
+    with pytest.raises(UsageError, match="use one of echoes, light"):
+        effects.make("range_offset", {"moves": "sensors"})
+
+
+@pytest.mark.parametrize(("factor", "offset_m"), [(1.0, 2.0), (1.0, -1.3), (1.02, 0.0), (0.97, 0.4)])
+def test_moved_haze_keeps_its_light_and_moves_its_middle(factor: float, offset_m: float) -> None:
+    step_m, cells = 0.1, 900
+    middle_m = (np.arange(cells) + 0.5) * step_m
+    density = np.exp(-(((middle_m - 40.0) / 8.0) ** 2))
+    one = np.array([0.5])
+    haze = Haze(step_m, density, np.array([0, 1]), np.array([60.0]), one)
+    beam = Light(np.array([250]), np.array([480]), 1e-4 * one, np.array([0, 2]), np.array([1.0, 50.0]), np.ones(2))
+    moved = moved_light(replace(beam, haze=haze), factor, offset_m)
+    assert moved.pulse_range_m == pytest.approx(np.maximum(factor * beam.pulse_range_m + offset_m, 0.0))
+    assert moved.pulse_signal.tolist() == [float(factor + offset_m >= 0.0), 1.0]
+    assert moved.haze is not None
+    there_m = (np.arange(len(moved.haze.density_per_m)) + 0.5) * step_m
+    total, after = density.sum(), moved.haze.density_per_m.sum()
+    assert after == pytest.approx(total, rel=1e-4)
+    assert (there_m * moved.haze.density_per_m).sum() / after == pytest.approx(
+        factor * (middle_m * density).sum() / total + offset_m, abs=1e-3
+    )
+    assert moved.haze.row_end_m == pytest.approx([factor * 60.0 + offset_m])
 
 
 def test_dropout_takes_whole_beams_and_the_share_it_says(ideal: IdealScan) -> None:

@@ -9,6 +9,7 @@ from lidarcheck.explain.candidates import Free, Probe, fixed_probes
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.located_losses import loss_probes
+from lidarcheck.explain.located_ranges import range_probes
 from lidarcheck.explain.nuisances import (
     GAIN_ERROR,
     LIMIT,
@@ -133,6 +134,30 @@ def test_the_size_of_lost_blocks_is_read_off_the_data(points: int, layers: int) 
     assert found[0].fixed["block_points"] == pytest.approx(points, rel=0.5, abs=0.5)
     assert found[0].fixed["block_layers"] == pytest.approx(layers, rel=0.5, abs=0.5)
     assert found[0].settings["share"] == pytest.approx(0.08, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "within"),
+    [
+        ("boresight", {"yaw_deg": 0.15, "pitch_deg": -0.06}, 0.02),
+        ("motion", {"forward_m_s": 20.0, "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": -25.0}, 12.0),
+        ("range_offset", {"offset_m": 0.12}, 0.01),
+        ("range_scale", {"fraction": -0.006}, 0.001),
+    ],
+)
+def test_an_aim_a_speed_an_offset_and_a_scale_are_read_off_the_ranges(
+    name: str, settings: dict[str, float], within: float
+) -> None:
+    how = {"layers": range(230, 270), "points": range(320, 640, 4)}
+    there = Lab(frames(model(make(name, settings)), 3, **how), model(), 5)
+    found = [probe.settings for probe in range_probes(there, [name])]
+    off = [max(abs(one[key] - value) for key, value in settings.items()) for one in found]
+    assert min(off) < within, found
+
+
+def test_an_offset_of_the_light_is_a_start_of_its_own(lab: Lab) -> None:
+    kinds = {probe.variant: probe.effect().stage for probe in range_probes(lab, ["range_offset", "range_scale"])}
+    assert kinds == {"": "readout", "light": "light"}
 
 
 # Candidates

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
-from lidarcheck.effects.ranges import at_range
-from lidarcheck.scan import Scan
+from lidarcheck.effects.ranges import StageByWhat, at_range, moved_light, what_moves
+from lidarcheck.scan import Light, Scan
 
 __all__ = ["RangeScale"]
 
@@ -15,13 +15,21 @@ __all__ = ["RangeScale"]
 class RangeScale(ReadoutEffect):
     """Every range is off by the same fraction.
 
-    R' = (1 + fraction) R, along the beam, quantised as the sensor reports it: the clock of the time-to-digital
-    converter runs fast or slow; quartz drifts by 1e-5, an uncalibrated ring oscillator by percents. Identity at 0.
+    R' = (1 + fraction) R, along the beam, quantised as the sensor reports it: time is turned into range with a wrong
+    factor. With `moves = "light"`, the bins are shorter or longer than they should be: the clock of the time-to-digital
+    converter runs fast or slow; quartz drifts by 1e-5, an uncalibrated ring oscillator by percents. What falls into one
+    bin is then another light; the effect belongs to the stage `light`. Identity at 0.
     """
 
     name = "range_scale"
+    stage = StageByWhat()
 
     fraction: float = parameter("", low=-0.1, high=0.1, typical=0.001, meaning="relative error of every range")
+    moves: str | None = what_moves()
+
+    def light(self, light: Light, around: Surroundings) -> Light:
+        """Move all light."""
+        return light if self.fraction == 0.0 else moved_light(light, 1.0 + self.fraction, 0.0)
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move every echo along its beam."""

@@ -1,16 +1,30 @@
-"""Moving echoes along their beams, as several effects do, and rounding their ranges as the sensor reports them."""
+"""Moving echoes, or light, along the beams, as several effects do, and rounding ranges as the sensor reports them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.scan import Scan
+from lidarcheck.effects.base import choice_parameter
+from lidarcheck.scan import Haze, Light, Scan
 from lidarcheck.sensor import Sensor, beam_directions
 
-__all__ = ["at_range", "quantised"]
+__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "what_moves"]
+
+
+def what_moves() -> Any:
+    """Declare what an error of range moves: echoes that were found, or the light before it is counted."""
+    return choice_parameter(("echoes", "light"), meaning="what is moved; the echoes where left out")
+
+
+class StageByWhat:
+    """The stage of an effect that moves either echoes or light, by its `moves`."""
+
+    def __get__(self, effect: Any, kind: type) -> str:
+        return "light" if effect is not None and effect.moves == "light" else "readout"
 
 
 def quantised(range_m: npt.NDArray[np.float64], sensor: Sensor) -> npt.NDArray[np.float64]:
@@ -31,6 +45,25 @@ def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
     xyz = beam_directions(scan.layer, scan.point) * range_m[:, None]
     moved = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
     return _in_order(moved, range_m)
+
+
+def moved_light(light: Light, factor: float, offset_m: float) -> Light:
+    """All light from `factor` R + `offset_m` in the place of R; what would be behind the sensor is lost."""
+    range_m = factor * light.pulse_range_m + offset_m
+    signal = np.where(range_m < 0.0, 0.0, light.pulse_signal)
+    haze = None if light.haze is None else _moved_haze(light.haze, factor, offset_m)
+    return replace(light, pulse_range_m=np.maximum(range_m, 0.0), pulse_signal=signal, haze=haze)
+
+
+def _moved_haze(haze: Haze, factor: float, offset_m: float) -> Haze:
+    """The same light in cells of the same length, shared out between those that it now lies in."""
+    cells = len(haze.density_per_m)
+    edges_m = np.arange(cells + 1) * haze.step_m
+    total = np.concatenate([[0.0], np.cumsum(haze.density_per_m * haze.step_m)])
+    more = max(0, int(np.ceil((factor * edges_m[-1] + offset_m - edges_m[-1]) / haze.step_m)))
+    new_m = np.arange(cells + more + 1) * haze.step_m
+    density = np.diff(np.interp(new_m, factor * edges_m + offset_m, total)) / haze.step_m
+    return replace(haze, density_per_m=density, row_end_m=np.maximum(factor * haze.row_end_m + offset_m, 0.0))
 
 
 def _in_order(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:

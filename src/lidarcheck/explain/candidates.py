@@ -184,7 +184,11 @@ _STARTS: dict[str, list[dict[str, float]]] = {
     "signal_gain": [{"gain": 0.8}, {"gain": 1.25}, {"gain": 0.5}],
     "ambient_light": [{"rate_per_ns": 0.0005}, {"rate_per_ns": 0.002}],
     "dark_counts": [{"rate_per_ns": 0.0002}, {"rate_per_ns": 0.0008}],
-    "crosstalk": [{"sides": 0.02, "corners": 0.01}, {"sides": 0.06, "corners": 0.02}],
+    "crosstalk": [
+        {"sides": 0.03, "corners": 0.015},
+        {"sides": 0.1, "corners": 0.05},
+        {"sides": 0.3, "corners": 0.12},
+    ],
     "afterpulsing": [{"probability": 0.05}, {"probability": 0.15}],
     "dead_time": [
         {"shift_ns": -3.0, "spread_ns": 0.0},

@@ -22,9 +22,9 @@ FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 
 MOST_EFFECTS = 4
-REFINED = 4
+REFINED = 5
 """So many of the best screened effects are fitted in each round."""
-NEARLY = 0.45
+NEARLY = 0.35
 """Effects that explain less than this part of what the best one does are not fitted."""
 LEAST_PART = 0.05
 """An effect that explains less of the distance than this is not worth a name."""

@@ -1,8 +1,9 @@
-"""Starts for what shifts ranges, read off the paired range residuals: over the amplitude, over the range, all alike."""
+"""Starts for what shifts ranges, read off the paired range residuals: over the amplitude, the range, surfaces' slopes
+and the sweep, or all alike."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -22,58 +23,99 @@ _FEWEST = 200
 """Fewer beams than this do not show a curve."""
 _POWERS = (-1.0, -0.5, 0.5)
 _LARGEST_REFERENCE = 1e6
+_TRIMMED, _NOISE_M = 3, 0.01
+_USUAL_SPEEDS, _USUAL_ANGLES = (20.0, 5.0, 1.0, 30.0), (0.3, 0.3)
+"""Speeds ahead, to the left and up [m/s] and to the left [deg/s], and angles [deg], that are no surprise."""
 _REFERENCE = Free("reference_area", 0.5, log=True)
 
 
 def range_probes(lab: Lab, names: Collection[str]) -> list[Probe]:
-    """A walk error as a curve in log AREA and as a power of it, a scale, an offset: each at its best."""
-    residual, area, range_m = _residuals(lab)
+    """A walk as a curve in log AREA and as a power of it, a scale, an offset, an aim, a speed: each at its best."""
+    used, residual = _range_residuals(lab)
     if len(residual) < _FEWEST:
         return []
+    area, range_m = np.exp(lab.measured_sights.feature[used, 1]), lab.beams.distance_m[used]
     found: list[Probe] = []
     if "range_offset" in names:
-        found.append(Probe("range_offset", {"offset_m": float(np.median(residual))}, free_of("range_offset")))
+        found += _of_echoes_and_light("range_offset", {"offset_m": float(np.median(residual))})
     if "range_scale" in names:
         y, x = _medians(range_m, residual)
         fraction = float(np.clip(np.sum(x * y) / np.sum(x * x), -0.05, 0.05))
-        found.append(Probe("range_scale", {"fraction": fraction}, free_of("range_scale")))
+        found += _of_echoes_and_light("range_scale", {"fraction": fraction})
+    if "boresight" in names:
+        found += _aimed(lab)
     if "motion" in names:
-        found += _ahead(lab)
+        found += _driving(lab)
     if "walk_error" in names:
         found += _walks(*_medians(np.log10(area), residual)[::-1])
     return found
 
 
-def _ahead(lab: Lab) -> list[Probe]:
-    """A sensor that drives: the velocity along X by which ranges have shortened when each column is fired."""
-    measured, expected = lab.measured_sights, lab.summaries.expected
-    used = measured.detected & expected.known & ~expected.at_edge & (expected.spread[:, 0] < 0.5)
-    way_s = _driving_s(lab)[used]
-    if not np.any(way_s > 0.0):
+def _of_echoes_and_light(name: str, settings: dict[str, float]) -> list[Probe]:
+    """Ranges may be off because echoes are moved or because the light is, before it is counted in bins."""
+    free = free_of(name)
+    return [Probe(name, settings, free), Probe(name, settings, free, {"moves": "light"}, "light")]
+
+
+def _driving(lab: Lab) -> list[Probe]:
+    """A sensor that drives ahead, and one that moves and turns, as ranges have changed when each column is fired."""
+    used, residual = _range_residuals(lab)
+    per_speed = _per_speed(lab)[used]
+    ahead = per_speed[:, 0] < 0.0
+    if not ahead.any():
         return []
-    residual = measured.feature[used, 0] - expected.mean[used, 0]
-    velocity = -float(np.median(residual[way_s > 0.0] / way_s[way_s > 0.0]))
-    settings = {"forward_m_s": float(np.clip(velocity, -60.0, 60.0)), "left_m_s": 0.0, "up_m_s": 0.0, "yaw_deg_s": 0.0}
-    return [Probe("motion", settings, free_of("motion"))] if velocity else []
+    forward = np.array([float(np.median(residual[ahead] / per_speed[ahead, 0])), 0.0, 0.0, 0.0])
+    found = [_motion(speeds) for speeds in (forward, _best(per_speed, residual, _USUAL_SPEEDS)) if speeds.any()]
+    return [Probe("motion", settings, free_of("motion")) for settings in found]
 
 
-def _driving_s(lab: Lab) -> FloatArray:
-    """How much shorter each beam's range gets per 1 m/s along X, from the ideal scan's time to the beam's; (n,)."""
-    found = np.zeros(len(lab.beams))
+def _motion(speeds: FloatArray) -> dict[str, float]:
+    limited = np.clip(speeds, [-60.0, -60.0, -60.0, -100.0], [60.0, 60.0, 60.0, 100.0])
+    names = ("forward_m_s", "left_m_s", "up_m_s", "yaw_deg_s")
+    return dict(zip(names, limited.tolist(), strict=True))
+
+
+def _per_speed(lab: Lab) -> FloatArray:
+    """How each beam's range changes per 1 m/s ahead, to the left and up and per 1 deg/s to the left, from the ideal
+    scan's time to the beam's; (n, 4)."""
+    found = np.zeros((len(lab.beams), 4))
     for number, frame in enumerate(lab.frames):
         ideal = frame.ideal
         passed_s = sweep_time_s(ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
         place = np.searchsorted(lab.beams.key, key_of(number, ideal.layer, ideal.point))
-        found[place] = passed_s * rays_of(ideal).direction[:, 0]
+        found[place, :3] = -passed_s[:, None] * rays_of(ideal).direction
+        found[place, 3] = passed_s * lab.beams.slope_m_per_deg[place, 1]
     return found
 
 
-def _residuals(lab: Lab) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Range residuals [m], AREA and range [m] of beams whose range the model knows well."""
+def _best(per_unit: FloatArray, residual: FloatArray, usual: Sequence[float]) -> FloatArray:
+    """The factors of the columns that explain the residuals best, without those that none explains; (n_columns,).
+
+    `usual`: sizes that are no surprise, to which the data must add what goes beyond.
+    """
+    kept = np.ones(len(residual), dtype=bool)
+    noise = _NOISE_M
+    for _ in range(_TRIMMED):
+        rows = np.concatenate([per_unit[kept], np.diag(noise / np.asarray(usual))])
+        factors = np.asarray(np.linalg.lstsq(rows, np.append(residual[kept], np.zeros(len(usual))), rcond=None)[0])
+        off = np.abs(residual - per_unit @ factors)
+        noise = max(1.5 * float(np.median(off)), _NOISE_M)
+        kept = off <= 2.0 * noise
+    return factors
+
+
+def _aimed(lab: Lab) -> list[Probe]:
+    """A sensor that looks elsewhere, as ranges have changed along the slopes of surfaces."""
+    used, residual = _range_residuals(lab)
+    pitch, yaw = np.clip(_best(lab.beams.slope_m_per_deg[used], residual, _USUAL_ANGLES), -2.0, 2.0).tolist()
+    return [Probe("boresight", {"yaw_deg": yaw, "pitch_deg": pitch}, free_of("boresight"))] if pitch or yaw else []
+
+
+def _range_residuals(lab: Lab) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+    """The beams whose range the model knows well, (n_beams,), and their range residuals [m]."""
     expected, measured = lab.summaries.expected, lab.measured_sights
     used = measured.detected & expected.known & ~expected.at_edge & (expected.spread[:, 0] < 0.5)
-    residual = measured.feature[used, 0] - expected.mean[used, 0]
-    return residual, np.exp(measured.feature[used, 1]), lab.beams.distance_m[used]
+    return used, measured.feature[used, 0] - expected.mean[used, 0]
 
 
 def _medians(over: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
