@@ -8,6 +8,8 @@ import pytest
 from explain_core_kit import WALL, frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.explanation import Finding
+from lidarcheck.explain.findings import is_doubtful
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Trial
 from lidarcheck.explain.gap import PARTS, Scale, _wasserstein, gap_of
@@ -153,6 +155,23 @@ def test_a_name_is_surer_the_farther_its_rivals_are_and_the_less_is_left_open() 
     assert 0.0 < sure(990.0, 90.0) < sure(800.0, 90.0) < sure(500.0, 90.0) < 1.0
     assert sure(800.0, 150.0) < sure(800.0, 50.0)
     assert sure(500.0, 0.0) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("name", "confidence", "equals", "doubtful"),
+    [
+        ("range_scale", 0.60, (), True),
+        ("range_scale", 0.70, (), False),
+        ("range_scale", 0.50, ("range_offset",), False),
+        ("range_scale", 0.40, ("range_offset",), True),
+        ("boresight", 0.40, (), False),
+    ],
+)
+def test_a_name_that_leads_too_little_is_not_said(
+    name: str, confidence: float, equals: tuple[str, ...], doubtful: bool
+) -> None:
+    finding = Finding(name, {}, confidence, equals, "", "", ())
+    assert is_doubtful(finding) is doubtful
 
 
 def test_a_trial_passes_by_its_gain_on_both_kinds_of_frames_and_its_size() -> None:

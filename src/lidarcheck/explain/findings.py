@@ -14,16 +14,17 @@ from lidarcheck.explain.fit import Fit, with_effects
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.rivals import Polished
-from lidarcheck.explain.verdict import Closure, confidence, intervals
+from lidarcheck.explain.verdict import AT_EDGES, Closure, confidence, intervals
 from lidarcheck.explain.words import standouts
 
-__all__ = ["candidates_table", "findings_of", "rounded_effects", "separating"]
+__all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]
 
 FloatArray = npt.NDArray[np.float64]
 
 WIDEN = 1.5
 """Intervals are this much wider than the curvature says: set by hand after a dozen cases, not yet by coverage."""
 _DIGITS = 5
+_LEAST_SURE = 0.65
 
 
 def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished) -> list[Finding]:
@@ -41,7 +42,7 @@ def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished)
             Finding(
                 name=name,
                 parameters=parameters[i],
-                confidence=confidence(bench, now, name, search.trials, closed) / (1.0 + 0.5 * len(equal)),
+                confidence=confidence(bench, now, name, search.trials, closed) / _shared(len(equal)),
                 equivalent_to=equal,
                 where="; ".join(one.words for one in shown),
                 separated_by=separating(name, equal),
@@ -49,6 +50,16 @@ def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished)
             )
         )
     return found
+
+
+def is_doubtful(finding: Finding) -> bool:
+    """Whether a name leads too little, with what shares its confidence, to be said. At edges no name leads by much."""
+    return finding.confidence * _shared(len(finding.equivalent_to)) < _LEAST_SURE and finding.name not in AT_EDGES
+
+
+def _shared(equals: int) -> float:
+    """What a confidence is divided by where so many others explain the data as well."""
+    return 1.0 + 0.5 * equals
 
 
 def _change(lab: Lab, now: Fit, i: int) -> FloatArray:

@@ -18,7 +18,7 @@ from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
+__all__ = ["AT_EDGES", "Closure", "closure", "confidence", "intervals", "not_testable"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,7 +26,7 @@ OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.28
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
 where a beam looks elsewhere, and most where all that shows is at edges: without the scene, these are known to half a
 beam only."""
-_AT_EDGES = ("beam_divergence", "boresight", "vibration")
+AT_EDGES = ("beam_divergence", "boresight", "vibration")
 OPEN_PER_LEAD, OPEN_MOST = 0.4, 0.22
 """The further a name leads over the next best one, the more may be left open: where two names explain nearly the same,
 a third that is in no catalogue may do so too."""
@@ -95,7 +95,7 @@ def _left(lab: Lab, now: Fit) -> float:
 
 def _open_part(name: str) -> float:
     """The part of the excess that one effect may leave open."""
-    if name in _AT_EDGES:
+    if name in AT_EDGES:
         return OPEN_PART_EDGES
     return OPEN_PART_AIM if find(name).stage == "aim" else OPEN_PART
 
@@ -114,11 +114,11 @@ def _own_distance(select: Lab, now: Fit) -> float:
 def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure) -> float:
     """How often a name that stands out so far from its rivals, in a gap closed so far, is right.
 
-    A logistic function of the lead over the next best name and of what is left open. Its coefficients are set
-    by hand and not yet fitted to how often names were right.
+    A logistic function of the lead over the next best name and of what is left open, fitted to how often the names of
+    six benchmarks, 115 of them, were right.
     """
     open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
-    score = 2.2 + 8.0 * min(lead(name, now, trials), 0.4) - 1.2 * min(open_part, 2.0)
+    score = 1.02 + 5.36 * min(lead(name, now, trials), 0.4) - 0.8 * min(open_part, 2.0)
     return float(1.0 / (1.0 + np.exp(-score)))
 
 

@@ -24,7 +24,7 @@ from lidarcheck.explain.explanation import (
     Step,
     Teller,
 )
-from lidarcheck.explain.findings import candidates_table, findings_of
+from lidarcheck.explain.findings import candidates_table, findings_of, is_doubtful
 from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
 from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
@@ -270,6 +270,10 @@ class Run:
             answer = Answer("no_gap", (), (("", self.model),), "")
         else:
             answer = self._explained(bench, seen, search, closed, last)
+            if is_doubtful(answer.findings[0]):
+                first = answer.findings[0]
+                self.did("withdrawn", f"{first.name}: its lead is too small, {100.0 * first.confidence:.0f} % sure")
+                answer = self._unknown(bench, seen, search, 1.0 - first.confidence)
         self.did("unknown", answer.words or "nothing is left that needs a description")
         for one in answer.findings:
             self.hear(Step("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
