@@ -103,34 +103,27 @@ class Scale:
     def distances(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
         """The same for several weights of the beams, shape (n_weights, n_parts)."""
         parts = np.zeros((len(weights), len(PARTS)))
+        parts[:, :4] = self._shifts(one, others, weights)
         for stratum in self.strata:
-            parts[:, :4] += self._shifts(stratum, one, others, weights)
             for i, weight in enumerate(weights):
                 parts[i, 4] += self._losses(stratum, one, others, weight)
                 parts[i, 5] += self._strays(stratum, one, others, weight)
         return np.asarray(parts / max(len(self.strata), 1))
 
-    def _shifts(
-        self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]
-    ) -> FloatArray:
-        """Mean over strata of the 1-Wasserstein distances of the four features, in standard deviations; (n, 4)."""
-        known = self.expected.known & (stratum >= 0)
-        mine = np.flatnonzero(known & one.detected)
-        theirs = [np.flatnonzero(known & other.detected) for other in others]
-        row = np.concatenate([mine, *theirs])
-        sign = np.where(np.arange(len(row)) < len(mine), 1.0, -1.0)
-        bins = int(stratum.max()) + 1
-        shares = [np.bincount(stratum[mine], weight[mine], bins) for weight in weights]
+    def _shifts(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+        """The 1-Wasserstein distances of the four features, in standard deviations: means over the bins of each way to
+        make strata, summed over these; (n_weights, 4)."""
+        mine = np.flatnonzero(self.expected.known & one.detected)
+        theirs = [np.flatnonzero(self.expected.known & other.detected) for other in others]
+        row, count = np.concatenate([mine, *theirs]), len(mine)
         found = np.zeros((len(weights), 4))
         for j in range(4):
             own = self._standard(one, mine, j)
             value = np.concatenate([own, *(self._standard(o, t, j) for o, t in zip(others, theirs, strict=True))])
-            # The order is the same for all weights.
-            order = np.lexsort((value, stratum[row]))
-            value, place, beam, side = value[order], stratum[row][order], row[order], sign[order]
-            for i, (weight, share) in enumerate(zip(weights, shares, strict=True)):
-                apart = _wasserstein(value, place, side * weight[beam], bins)
-                found[i, j] = (share * apart).sum() / max(share.sum(), 1e-9)
+            # Sorted by value once: a stable sort by the few numbers of a stratum is quick.
+            ascending = np.argsort(value, kind="stable")
+            for stratum in self.strata:
+                found[:, j] += _apart_in(stratum, row, value, ascending, count, weights)
         return found
 
     def _standard(self, sights: Sights, rows: IndexArray, feature: int) -> FloatArray:
@@ -171,6 +164,31 @@ def _sights(
     shown = functools.partial(simulate, model=model, seed=(seed << 16) + k, threads=1)
     pairs = zip(frames, surfaces, strict=True)
     return sights_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
+
+
+def _apart_in(
+    stratum: IndexArray,
+    row: IndexArray,
+    value: FloatArray,
+    ascending: IndexArray,
+    count: int,
+    weights: Sequence[FloatArray],
+) -> list[float]:
+    """Mean over the bins of a stratum of the 1-Wasserstein distances between the first `count` values, of the beams
+    `row`, and the others; one for each of the beams' weights."""
+    bins = int(stratum.max()) + 1
+    place = stratum[row[ascending]]
+    order = np.argsort(place.astype(np.int16), kind="stable")
+    order = order[np.searchsorted(place[order], 0) :]
+    chosen, place = ascending[order], place[order]
+    sorted_value, beam = value[chosen], row[chosen]
+    first = chosen < count
+    found = []
+    for weight in weights:
+        share = np.bincount(place[first], weight[beam[first]], bins)
+        apart = _wasserstein(sorted_value, place, np.where(first, 1.0, -1.0) * weight[beam], bins)
+        found.append(float((share * apart).sum() / max(share.sum(), 1e-9)))
+    return found
 
 
 def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins: int) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,7 +93,7 @@ class Lab:
         names = {i: m.name for i, m in model.materials.items()}
         base = [self.sights(model, 1000 + k) for k in range(EXPECTATION_SEEDS)]
         drawn = [self.sights(model, 2000 + k) for k in range(FLOOR_SEEDS)]
-        fresh = [_shuffled(self.beams, drawn, self.seed + k) for k in range(FLOOR_DRAWS)]
+        fresh = _shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
         self.summaries = Summaries(self.beams, base, fresh, names)
         self.measured_sights = sights_of(self.beams, [f.measured for f in frames])
         self.measured_plain = self.summaries.plain(self.measured_sights)
@@ -233,23 +233,27 @@ class Lab:
         return np.asarray(np.maximum(mean - 1.0, 1.0)[self._kind])
 
 
-def _shuffled(beams: Beams, drawn: Sequence[Sights], seed: int) -> Sights:
-    """One more measurement that the model could have made: each beam as one of some simulations shows it.
+def _shuffled(beams: Beams, drawn: Sequence[Sights], seeds: Iterable[int]) -> Iterator[Sights]:
+    """More measurements that the model could have made: each beam as one of some simulations shows it.
 
     Beams are independent under the model, so that this is as good as another simulation.
     """
-    rng = np.random.default_rng(np.random.SeedSequence([seed & 0xFFFFFFFF, 77]))
-    pick = rng.integers(0, len(drawn), len(beams))
-    rows = np.arange(len(beams))
-    detected = np.array([s.detected for s in drawn])[pick, rows]
-    feature = np.array([s.feature for s in drawn])[pick, rows]
-    mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
-    extra = {name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)]) for name in EXTRA}
-    order = np.argsort(extra["extra_beam"], kind="stable")
-    strayed = np.array([s.strayed for s in drawn])[pick, rows]
-    return Sights(
-        detected=detected, feature=feature, strayed=strayed, **{name: column[order] for name, column in extra.items()}
-    )
+    all_detected, all_features = np.array([s.detected for s in drawn]), np.array([s.feature for s in drawn])
+    all_strayed, rows = np.array([s.strayed for s in drawn]), np.arange(len(beams))
+    for seed in seeds:
+        rng = np.random.default_rng(np.random.SeedSequence([seed & 0xFFFFFFFF, 77]))
+        pick = rng.integers(0, len(drawn), len(beams))
+        mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
+        extra = {
+            name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)]) for name in EXTRA
+        }
+        order = np.argsort(extra["extra_beam"], kind="stable")
+        yield Sights(
+            detected=all_detected[pick, rows],
+            feature=all_features[pick, rows],
+            strayed=all_strayed[pick, rows],
+            **{name: column[order] for name, column in extra.items()},
+        )
 
 
 def _metrics(lab: Lab) -> tuple[Metric, Metric]:

@@ -7,7 +7,7 @@ both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +57,7 @@ class Summaries:
     """Turns the sights of frames into summaries, relative to what a model shows of the same frames."""
 
     def __init__(
-        self, beams: Beams, base: Sequence[Sights], fresh: Sequence[Sights], materials: Mapping[int, str]
+        self, beams: Beams, base: Sequence[Sights], fresh: Iterable[Sights], materials: Mapping[int, str]
     ) -> None:
         """`base`: what the model shows with some seeds, of which each beam's expectation is taken; `fresh`: with
         others, of which the summaries' own means and spreads are taken."""
