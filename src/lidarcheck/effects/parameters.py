@@ -112,6 +112,7 @@ class ChoiceParameter:
     choices: tuple[str, ...]
     example: str | None
     meaning: str
+    option: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -159,9 +160,10 @@ def list_parameter(
     return dataclasses.field(default=(), metadata={**facts, "example": tuple(example)})
 
 
-def choice_parameter(choices: Sequence[str], *, meaning: str, example: str | None = None) -> Any:
-    """Declare a parameter that is one of some words, as a field of type `str | None`; None when left out."""
-    metadata = {"choices": tuple(choices), "example": example, "meaning": meaning}
+def choice_parameter(choices: Sequence[str], *, meaning: str, example: str | None = None, option: bool = False) -> Any:
+    """Declare a parameter that is one of some words, as a field of type `str | None`; None when left out. `option`: as
+    of `parameter`."""
+    metadata = {"choices": tuple(choices), "example": example, "meaning": meaning, "option": option}
     return dataclasses.field(default=None, metadata=metadata)
 
 

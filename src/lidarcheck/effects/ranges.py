@@ -17,7 +17,7 @@ __all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "what_moves"]
 
 def what_moves() -> Any:
     """Declare what an error of range moves: echoes that were found, or the light before it is counted."""
-    return choice_parameter(("echoes", "light"), meaning="what is moved; the echoes where left out")
+    return choice_parameter(("echoes", "light"), meaning="what is moved; the echoes where left out", option=True)
 
 
 class StageByWhat:

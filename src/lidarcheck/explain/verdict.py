@@ -39,8 +39,13 @@ _SHOWN_PART = 0.2
 _FORM_ERROR = 0.03
 """Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
 _EDGE_SEEDS = 4
-_LOOSE_FORMS = {"share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35}
-"""The same where a number hangs more on the form: how often, and what a tail or a border is taken to be."""
+_LOOSE_FORMS = {
+    "share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35, "probability": 0.15,
+    "sky": 0.20,
+}  # fmt: skip
+"""The same where a number hangs more on the form: how often, and what a tail, a border or the sky is taken to be."""
+_WHOLE_BINS = {"shift_ns": 0.6}
+"""Errors in the parameter's own unit where it acts in whole bins."""
 
 
 @dataclass(frozen=True)
@@ -151,8 +156,8 @@ def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
     angle = POSE_ERROR_DEG if probe.name == "boresight" else 0.0
     found = []
     for one, at in zip(probe.free, x, strict=True):
-        part = _LOOSE_FORMS.get(one.name, _FORM_ERROR)
-        found.append(part / one.step if one.log else np.hypot(part * at, angle / one.step))
+        part, least = _LOOSE_FORMS.get(one.name, _FORM_ERROR), max(angle, _WHOLE_BINS.get(one.name, 0.0))
+        found.append(part / one.step if one.log else np.hypot(part * at, least / one.step))
     return np.array(found)
 
 
