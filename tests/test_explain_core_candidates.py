@@ -155,6 +155,17 @@ def test_an_aim_a_speed_an_offset_and_a_scale_are_read_off_the_ranges(
     assert min(off) < within, found
 
 
+@pytest.mark.parametrize("transmission", [0.15, 0.5])
+def test_a_blocked_patch_is_read_off_line_by_line(transmission: float) -> None:
+    place = {"first_layer": 236, "last_layer": 249, "first_point": 421, "last_point": 447}
+    dirt = make("blockage", {"transmission": transmission, "soft_edge_deg": 0.0, **place})
+    how = {"layers": range(230, 270), "points": range(400, 480)}
+    found = [p.settings for p in located_probes(Lab(frames(model(dirt), 2, **how), model(), 5), ["blockage"])]
+    assert all(abs(found[0][name] - value) <= 1 for name, value in place.items()), found[0]
+    nearest = min((one["transmission"] for one in found[:2]), key=lambda t: abs(np.log(t / transmission)))
+    assert nearest == pytest.approx(transmission, rel=0.35)
+
+
 def test_an_offset_of_the_light_is_a_start_of_its_own(lab: Lab) -> None:
     kinds = {probe.variant: probe.effect().stage for probe in range_probes(lab, ["range_offset", "range_scale"])}
     assert kinds == {"": "readout", "light": "light"}

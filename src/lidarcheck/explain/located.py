@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import make
 from lidarcheck.explain.candidates import Free, Probe, free_of
+from lidarcheck.explain.dimming import Dimming
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_losses import loss_probes
+from lidarcheck.explain.located_patch import to_lines
 from lidarcheck.explain.located_ranges import range_probes
 from lidarcheck.explain.nuisances import beside
 
@@ -25,21 +26,6 @@ _LOST = -1.0
 """ln gain that a surely expected but missing echo stands for."""
 _BLOCKS = 16
 _PERIODS = (2, 3, 4, 5, 6, 8)
-
-
-@dataclass(frozen=True)
-class Dimming:
-    """Per beam the ln gain that its echo asks for, and the weight of that; shape (n,)."""
-
-    log_gain: FloatArray
-    weight: FloatArray
-
-    def mean(self, group: IndexArray, count: int) -> tuple[FloatArray, FloatArray]:
-        """Weighted mean of each group and its weight; groups below 0 take no part."""
-        used = group >= 0
-        weight = np.bincount(group[used], self.weight[used], count)
-        total = np.bincount(group[used], (self.weight * self.log_gain)[used], count)
-        return total / np.maximum(weight, 1e-9), weight.astype(np.float64)
 
 
 def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
@@ -184,22 +170,23 @@ def _patches(lab: Lab, dimming: Dimming) -> list[Probe]:
     shape = (len(rows) - 1, len(columns) - 1)
     dim = -np.clip(gain - np.average(gain, weights=weight + 1e-9), -2.0, 2.0)
     top, bottom, left, right = _best_rectangle((dim * weight).reshape(shape), weight.reshape(shape))
-    inside = np.zeros(shape, dtype=bool)
-    inside[top:bottom, left:right] = True
-    flat = inside.ravel()
-    level = np.average(gain[flat], weights=weight[flat] + 1e-9) - (
-        np.average(gain[~flat], weights=weight[~flat] + 1e-9) if (~flat).any() else 0.0
-    )
+    box = to_lines(lab, dimming, (int(rows[top]), int(rows[bottom]), int(columns[left]), int(columns[right])))
     place = {
-        "first_layer": int(rows[top]), "last_layer": int(rows[bottom]) - 1,
-        "first_point": int(columns[left]), "last_point": int(columns[right]) - 1,
+        "first_layer": box[0], "last_layer": box[1] - 1,
+        "first_point": box[2], "last_point": box[3] - 1,
     }  # fmt: skip
+    beams = lab.beams
+    inside = (beams.layer >= box[0]) & (beams.layer < box[1]) & (beams.point >= box[2]) & (beams.point < box[3])
+    means, weights = dimming.mean(inside.astype(np.int64), 2)
+    level = float(means[1] - (means[0] if weights[0] > 0.0 else 0.0))
     transmission = float(np.clip(np.exp(level), 0.02, 0.95))
     free = (
         *free_of("blockage"),
         *(Free(name, step, whole=True) for name, step in zip(place, (4.0, 4.0, 4.0, 4.0), strict=True)),
     )
-    starts = [(transmission, place, soft, r) for soft, r in ((0.2, 0.2), (1.0, 0.8))]
+    # Echoes that are lost say only that little comes through: half of it is a start, too.
+    starts = [(t, place, 0.05, 0.0) for t in (transmission, 0.5 * transmission)]
+    starts += [(transmission, place, soft, r) for soft, r in ((0.2, 0.2), (1.0, 0.8))]
     # The middle of the view as well: whether dirt would show there tells whether it is testable at all.
     starts.append((0.6, _middle_patch(rows, columns), 1.0, 0.8))
     return [
