@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -149,3 +151,42 @@ def test_an_interrupt_while_a_thread_begins_waits_for_its_task_and_hurries_it():
         interrupted()
     assert ended.is_set()
     assert len(hurries) >= 3
+
+
+INTERRUPTED_ELSEWHERE = """
+import signal, sys, threading, time
+from lidarcheck.crew import Processes, Threads
+
+over = threading.Event()
+
+def sleep():
+    time.sleep(1)
+    # The thread that gets the signal is not the one that waits: as if it had come just before the wait.
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+    return over.wait(30)
+
+def main():
+    begin = time.monotonic()
+    try:
+        if sys.argv[1] == "threads":
+            with Threads(1, hurry=over.set) as crew:
+                list(crew.map(sleep, [()]))
+        else:
+            threading.Timer(1, sleep).start()
+            with Processes(2) as crew:
+                list(crew.map(time.sleep, [(30.0,)]))
+    except KeyboardInterrupt:
+        over.set()
+        print(time.monotonic() - begin)
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_a_signal_that_wakes_nobody_still_ends_the_wait(kind, tmp_path):
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED_ELSEWHERE)
+    ended = subprocess.run([sys.executable, script, kind], capture_output=True, text=True, timeout=60, check=True)
+    assert float(ended.stdout) < 20

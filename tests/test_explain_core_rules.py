@@ -48,6 +48,13 @@ def test_where_the_select_frames_cannot_show_it_an_effect_must_only_do_no_harm()
     assert not dataclasses.replace(unseen, select_change=60.0).passes
 
 
+def test_where_the_select_frames_show_it_weakly_most_of_what_it_changes_there_must_be_to_the_better() -> None:
+    weak = trial("walk_error", 1000.0, 120.0, 80.0, 60.0)
+    assert weak.passes
+    assert not dataclasses.replace(weak, select_after=95.0).passes
+    assert not dataclasses.replace(weak, select_after=180.0).passes
+
+
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])

@@ -26,6 +26,7 @@ from typing import Any
 from lidarcheck.crew.base import Crew, Held, Remote, held_by, pack_tasks, pack_thing, perform, things_of
 from lidarcheck.crew.identity import limit_blas
 from lidarcheck.crew.keeping import kept
+from lidarcheck.crew.waiting import result_of
 from lidarcheck.errors import WorkerError
 
 __all__ = ["Processes", "Threads"]
@@ -87,7 +88,7 @@ class Threads(Remote["Future[Any]"]):
                 self._running -= 1
 
     def _landed(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
-        result = waiting[0].result()
+        result = result_of(waiting[0])
         waiting.popleft()
         return [result]
 
@@ -168,7 +169,7 @@ class Processes(Remote[_Flight]):
         while True:
             first = waiting[0]
             try:
-                results: list[Any] = first.future.result()
+                results: list[Any] = result_of(first.future)
             except BrokenProcessPool:
                 if first.pool is self._pool:
                     self._replace(first.pool)

@@ -18,13 +18,14 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from lidarcheck.crew.waiting import as_they_end
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.explain.benchmark_score import Answer, Score, score
 
@@ -159,8 +160,7 @@ def _answers(tasks: Sequence[tuple[str, dict[str, Any], str, str]], jobs: int) -
             min(jobs, len(tasks)), mp_context=multiprocessing.get_context("spawn"), initializer=_as_worker
         )
         try:
-            for future in as_completed([pool.submit(_answer, *task) for task in tasks]):
-                yield future.result()
+            yield from as_they_end([pool.submit(_answer, *task) for task in tasks])
         except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():

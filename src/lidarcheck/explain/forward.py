@@ -48,6 +48,8 @@ _PRICE, _PRICE_PART = 6.0, 0.003
 _UNSEEN, _HARMLESS = 0.05, 0.02
 """An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
 by that part."""
+_TO_THE_BETTER = 0.5
+"""The true effect brings select frames as much nearer as it moves them, a wrong one as much farther away."""
 _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 CHANCE = 250.0
@@ -109,7 +111,8 @@ class Trial:
         better = self.select_before - self.select_after
         # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
         unseen = self.select_change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
-        holds = better > 0.05 * self.gain or unseen
+        # They may show it weakly: then most of what it changes there must be to the better.
+        holds = better > 0.05 * self.gain or better > _TO_THE_BETTER * self.select_change or unseen
         own = next(e for e in self.fit.effects() if e.name == self.name)
         return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
 
