@@ -1,7 +1,5 @@
 """The contest between names that explain the data nearly as well."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,11 +7,10 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import fit
-from lidarcheck.explain.forward import Bench, Search, Trial
+from lidarcheck.explain.forward import Bench, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.rivals import Rival, contest, rivals
-from lidarcheck.explain.second_look import is_open, second_look
 
 OFFSET = make("range_offset", {"offset_m": 0.12})
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
@@ -64,35 +61,3 @@ def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: 
     beside = rivals(bench, trials[0].fit, trials, lambda *_: None)
     assert all(one.farther > 0.0 for one in beside)
     assert "signal_gain" not in [one.name for one in beside]
-
-
-def test_a_second_look_takes_what_closes_and_leaves_what_does_not(bench: Bench) -> None:
-    """What is accepted explains nothing; one candidate beside it is right and one is not, and neither held."""
-    scale = Scale.of((*bench.lab.frames, *bench.select.frames), model(), 5)
-    accepted = fitted(bench.lab, "signal_gain")
-    found = {}
-    for name in ("range_offset", "dark_counts"):
-        probe = fixed_probes([name])[0]
-        both = fit(bench.lab, [*accepted.probes, probe], [*accepted.x, probe.start()], rounds=2)
-        unsure = Trial(name, 2, both, 500.0, 1.0, 100.0, 110.0)
-        assert not unsure.passes
-        before = Search(accepted, accepted, [unsure])
-        found[name] = before, second_look(bench, scale, before, 7)
-    before, after = found["range_offset"]
-    assert after.fit.names() == ("signal_gain", "range_offset")
-    assert after.own is None
-    before, after = found["dark_counts"]
-    assert after.fit is before.fit
-    known = after.own
-    assert known is not None
-    assert known.lab.model == accepted.model(model())
-
-
-def test_a_search_is_open_where_much_is_left_and_room_for_more(bench: Bench) -> None:
-    accepted = fitted(bench.lab, "range_offset")
-    floor = bench.lab.floor_distance
-    wide = replace(bench, start=floor + 40000.0)
-    left = {part: replace(accepted, distance=floor + part * 40000.0) for part in (0.01, 0.2)}
-    assert is_open(wide, left[0.2])
-    assert not is_open(wide, left[0.01])
-    assert not is_open(wide, replace(left[0.2], probes=()))

@@ -16,7 +16,7 @@ from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["Bench", "Search", "Trial", "backward", "find_effects", "forward", "start_fit"]
+__all__ = ["Bench", "Search", "Trial", "accepted", "backward", "find_effects", "forward", "start_fit"]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
@@ -65,18 +65,20 @@ SMALL = 4.0
 
 @dataclass(frozen=True)
 class Bench:
-    """The frames to fit on and the frames to select on, and how large a gain by chance can be."""
+    """The frames to fit on and the frames to select on, how large a gain by chance can be, and how far the fit's frames
+    are at the start; `least_part` of that above the floor is worth a name."""
 
     lab: Lab
     select: Lab
     level: float
     start: float
     crew: Crew = field(default_factory=Crew)
+    least_part: float = LEAST_PART
 
     @property
     def worth(self) -> float:
         """The least gain that is worth a name, whatever chance says."""
-        return LEAST_PART * max(self.start - self.lab.floor_distance, 0.0)
+        return self.least_part * max(self.start - self.lab.floor_distance, 0.0)
 
 
 @dataclass(frozen=True)
@@ -168,13 +170,19 @@ def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) 
     for number in range(1, MOST_EFFECTS + 1):
         trials = run_round(bench, found, screened, number, told)
         found.trials += trials
-        accepted = [trial for trial in trials if trial.passes]
-        if not accepted:
+        passing = [trial for trial in trials if trial.passes]
+        if not passing:
             break
-        found.fit = fit_nuisance(bench.lab, max(accepted, key=lambda t: t.merit).fit)
+        found.fit = fit_nuisance(bench.lab, max(passing, key=lambda t: t.merit).fit)
         if found.fit.distance - bench.lab.floor_distance < max(0.5 * CHANCE, 0.5 * bench.worth):
             break
     return found
+
+
+def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
+    """The trial with which an effect was accepted: its last one that passes, or else that explains enough."""
+    own = [t for t in trials if t.name == name and t.gain > t.needed]
+    return max(own, key=lambda t: (t.passes, t.round, t.merit), default=None)
 
 
 def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench, Trial, select_distance
+from lidarcheck.explain.forward import Bench, Trial, accepted, select_distance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged, judged, polished
@@ -70,10 +70,9 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
 
 def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
     """The trials of the round in which an effect was accepted that came near it, the best of each other name."""
-    own = [t for t in trials if t.name == name and t.passes]
-    if not own:
+    last, best = accepted(name, trials), dict[str, Trial]()
+    if last is None:
         return []
-    last, best = own[-1], dict[str, Trial]()
     for t in trials:
         near = t.round == last.round and t.name not in names and t.merit > _NEAR_MERIT * last.merit
         if near and (t.name not in best or t.merit > best[t.name].merit):

@@ -1,62 +1,107 @@
-"""A second look at candidates that explain the frames of the fit but seem not to hold on others.
+"""A second look: a search for one effect more, around the model that has those that were found.
 
 Summaries are compressed, and blunt far from the model that they are relative to: beside one strong effect a second one
-moves them little, and not always to the better. So such candidates are fitted once more around the model that they
-make, and judged there beam by beam.
+moves them little, and not always to the better. Around the explained model residuals are small, and what is left stands
+out as if it were all there is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import MOST_EFFECTS, Bench, Search, Trial
+from lidarcheck.crew import Crew
+from lidarcheck.explain.candidates import Probe, fixed_probes
+from lidarcheck.explain.fit import fit
+from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, run_round
 from lidarcheck.explain.gap import Scale
-from lidarcheck.explain.polish import judged
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.polish import Judged, judged
+from lidarcheck.explain.screen import Screened, chance_level, screen
 
-__all__ = ["is_open", "second_look"]
+__all__ = ["second_look"]
 
-_OPEN_PART, _OPEN = 0.05, 900.0
-"""A search has left much open where the distance above the floor is still this part of what it was, and so much."""
+_LEFT = 3.0 * CHANCE
+"""Less than this above the floor is not looked at again."""
+_LEAST_PART = 0.33
+"""Another effect must explain this part of what the others leave: of what an effect's form leaves over, which is no
+effect of its own, several explain a little."""
+_LEAST_CLOSED, _SURE = 0.15, 4.0
+"""Beam by beam it must close this part of the gap that the others leave, and so many standard deviations of chance."""
 _MOST = 2
-_LEAST_CLOSED = 0.25
-"""Another effect must close this part of the gap that the others leave beam by beam: what an effect's form leaves over
-is no effect of its own."""
 
 
-def is_open(bench: Bench, now: Fit) -> bool:
-    """Whether the accepted effects leave so much that another may be hidden beside them."""
-    left = now.distance - bench.lab.floor_distance
-    most = max(_OPEN_PART * (bench.start - bench.lab.floor_distance), _OPEN)
-    return 0 < len(now.probes) < MOST_EFFECTS and left > most
+def second_look(
+    bench: Bench,
+    seen: Scale,
+    search: Search,
+    screened: Sequence[Screened],
+    seed: int,
+    told: Callable[[int, int], object],
+) -> Search:
+    """The search with the effects that show beside the accepted ones, one after another, or as it is where none does;
+    it then knows how its own fit was judged.
 
-
-def second_look(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
-    """The search with the candidate that closes most of what is left, or as it is where none closes enough; it then
-    knows how its own fit was judged.
-
-    `seen`: the frames of the fit and the selection, beam by beam.
+    `seen`: the frames of the fit and the selection, beam by beam. `screened`: what the first search began with.
     """
-    tried = _unsure(search)
-    if not tried:
-        return search
-    fits = [search.fit, *(trial.fit for trial in tried)]
-    own, *others = bench.crew.map(judged, ((seen.held, bench.lab.model, one, seed) for one in fits))
-    best = min(others, key=lambda one: one.left)
-    if best.left >= (1.0 - _LEAST_CLOSED) * own.left:
-        return replace(search, own=own)
-    # Told as one of the first bench, whose frames and summaries all that follows is in.
-    now = fit(bench.lab, best.last.probes, best.last.x, rounds=0, nuisance=best.last.nuisance)
-    return Search(search.first, now, search.trials)
+    while 0 < len(search.fit.probes) < MOST_EFFECTS:
+        own = search.own or bench.crew.beside(judged, seen.held, bench.lab.model, search.fit, seed)()
+        search = replace(search, own=own)
+        if own.last.distance - own.lab.floor_distance < _LEFT:
+            return search
+        starts = _starts(bench, own.lab, search, screened)
+        trials = _trials(own, starts, 1 + max(trial.round for trial in search.trials), bench.crew, told)
+        found = _best(bench, seen, search, trials, seed)
+        if found is None:
+            return search
+        search = found
+    return search
 
 
-def _unsure(search: Search) -> list[Trial]:
-    """The trials of the last round that gain enough and do not hold elsewhere, the best of each name."""
+def _trials(
+    own: Judged, starts: Sequence[Probe], number: int, crew: Crew, told: Callable[[int, int], object]
+) -> list[Trial]:
+    """Candidates fitted on top of what was found, as in a round of the first search, on all frames seen: of these all
+    must agree on what is left, and it is the gap beam by beam that decides."""
+    lab = own.lab
+    screened = screen(lab, starts, told, crew)
+    level = chance_level(lab, screened)
+    bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
+    return run_round(bench, Search(own.last, own.last), screened, number, _silent)
+
+
+def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]) -> list[Probe]:
+    """Of each kind of each other effect the start that explained most of what was left, and those that need a look at
+    the data, at what is left now."""
+    names = {one.probe.name for one in screened} - set(search.fit.names())
+    fixed = fixed_probes(sorted(names))
+    residual = bench.lab.measured - search.fit.shown.mean(axis=0)
+    best: dict[tuple[str, str], tuple[float, Probe]] = {}
+    for one in screened:
+        kind, gain = (one.probe.name, one.probe.variant), one.gain(bench.lab, residual)[0]
+        if one.probe in fixed and gain > best.get(kind, (-1.0,))[0]:
+            best[kind] = gain, one.probe
+    return [probe for _, probe in best.values()] + located_probes(lab, names)
+
+
+def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial], seed: int) -> Search | None:
+    """The search with the candidate that closes most of what is left beam by beam; None where none closes enough."""
     best: dict[str, Trial] = {}
-    for trial in search.trials:
-        last = trial.round == search.trials[-1].round and trial.name not in search.fit.names()
-        beside = set(search.fit.names()) <= set(trial.fit.names())
-        better = trial.name not in best or trial.gain > best[trial.name].gain
-        if last and beside and better and trial.gain > trial.needed and not trial.passes:
-            best[trial.name] = trial
-    return sorted(best.values(), key=lambda t: -t.gain)[:_MOST]
+    for trial in sorted((t for t in trials if t.passes), key=lambda t: t.merit):
+        best[trial.name] = trial
+    tried = sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+    own = search.own
+    if not tried or own is None:
+        return None
+    others = [*bench.crew.map(judged, ((seen.held, bench.lab.model, one.fit, seed) for one in tried))]
+    least = min(others, key=lambda one: one.left)
+    if least.left > min((1.0 - _LEAST_CLOSED) * own.left, own.left - _SURE * own.chance):
+        return None
+    # Told as one of the first bench, whose frames and summaries all that follows is in.
+    now = fit(bench.lab, least.last.probes, least.last.x, rounds=0, nuisance=least.last.nuisance)
+    return Search(search.first, now, [*search.trials, *trials], least)
+
+
+def _silent(_step: str, _done: int, _of: int) -> None:
+    return None

@@ -13,7 +13,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, select_shown
+from lidarcheck.explain.forward import Bench, Trial, accepted, select_shown
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
@@ -129,11 +129,11 @@ def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], close
 
 def lead(name: str, now: Fit, trials: Sequence[Trial]) -> float:
     """By what part of its merit a name leads over the next best other one of its round, 0 ... 1."""
-    own = [t for t in trials if t.name == name and t.passes]
-    if not own:
+    own = accepted(name, trials)
+    if own is None:
         return 0.0
-    rivals = [t.merit for t in trials if t.round == own[-1].round and t.name not in now.names()]
-    return min(max(1.0 - max([*rivals, 0.0]) / max(own[-1].merit, 1e-9), 0.0), 1.0)
+    rivals = [t.merit for t in trials if t.round == own.round and t.name not in now.names()]
+    return min(max(1.0 - max([*rivals, 0.0]) / max(own.merit, 1e-9), 0.0), 1.0)
 
 
 def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:

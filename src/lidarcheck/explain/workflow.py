@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
+from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.explanation import (
     Explanation,
@@ -32,7 +34,7 @@ from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
-from lidarcheck.explain.second_look import is_open, second_look
+from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable
@@ -54,12 +56,13 @@ _HEARD_PLACES = 5
 
 PROGRESS = Progress(
     {
-        "residuals and floor": 0.20,
-        "candidates": 0.22,
-        "fit": 0.33,
-        "equivalence and testability": 0.08,
-        "unknown": 0.05,
-        "verification": 0.12,
+        "residuals and floor": 0.17,
+        "candidates": 0.19,
+        "fit": 0.29,
+        "second look": 0.14,
+        "equivalence and testability": 0.07,
+        "unknown": 0.04,
+        "verification": 0.10,
     }
 )
 
@@ -102,8 +105,8 @@ def _explain(case: Case, run: Run) -> Explanation:
     screened, bench = run.screen_candidates(bench)
     search = run.fit_and_select(bench, screened)
     seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
-    search = run.look_again(bench, seen, search)
-    closed = closure(bench, search.fit, search.trials)
+    search = run.look_again(bench, seen, search, screened)
+    search, closed = run.close(bench, seen, search)
     others = run.find_rivals(bench, search, closed)
     last = run.polish(seen, search, closed, others)
     untestable = run.list_untestable(bench, screened)
@@ -227,14 +230,25 @@ class Run:
         self.did("select", f"distance {select_distance(bench.select, now):.0f} on the select frames")
         return found
 
-    def look_again(self, bench: Bench, seen: Scale, search: Search) -> Search:
-        """At candidates that seem not to hold, beside effects that leave much open."""
-        if not is_open(bench, search.fit):
-            return search
-        found = second_look(bench, seen, search, 2 * self.seed + 4)
+    def look_again(self, bench: Bench, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
+        """For effects that hide beside those that were accepted."""
+        told = functools.partial(self.tell, "second look")
+        found = second_look(bench, seen, search, screened, 2 * self.seed + 4, told)
+        self.tell("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
         return found
+
+    def close(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Closure]:
+        """Whether little is left open, by the summaries of the select frames or beam by beam."""
+        closed = closure(bench, search.fit, search.trials)
+        if closed.holds:
+            return search, closed
+        found, closed = appeal(bench, seen, search, closed, 2 * self.seed + 4)
+        if closed.holds:
+            part = f"{100.0 * closed.share:.0f} % of the gap"
+            self.did("appeal", f"{', '.join(found.fit.names())}: beam by beam, {part} closes on the frames seen")
+        return found, closed
 
     def find_rivals(self, bench: Bench, search: Search, closed: Closure) -> list[Rival]:
         """The effects that explain the data nearly as well in the place of an accepted one."""

@@ -1,0 +1,104 @@
+"""Effects that hide beside strong ones, and closure beam by beam where summaries say that too much is open."""
+
+import numpy as np
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import Effect, make
+from lidarcheck.explain.appeal import appeal
+from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.forward import Bench, Search, Trial
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.screen import screen
+from lidarcheck.explain.second_look import second_look
+from lidarcheck.explain.verdict import Closure
+
+GAIN, JITTER = make("signal_gain", {"gain": 0.5}), make("timing_jitter", {"sigma_ns": 0.5})
+FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
+NAMES = ("range_offset", "timing_jitter", "dark_counts", "signal_gain")
+
+
+def bench_of(*hidden: Effect) -> Bench:
+    measured = frames(model(*hidden), 4, **FINE)
+    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
+    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+
+
+def seen_of(bench: Bench) -> Scale:
+    return Scale.of((*bench.lab.frames, *bench.select.frames), model(), 5)
+
+
+def fitted(bench: Bench, name: str) -> Fit:
+    probe = fixed_probes([name])[0]
+    return fit(bench.lab, [probe], [probe.start()], rounds=4)
+
+
+def trial(found: Fit, gain: float, after: float) -> Trial:
+    return Trial(found.names()[0], 1, found, gain, 1.0, 100.0, after)
+
+
+def ignored(_done: int, _of: int) -> None:
+    return None
+
+
+@pytest.mark.parametrize(("hidden", "names"), [((GAIN, JITTER), ("signal_gain", "timing_jitter")), ((GAIN,), None)])
+def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
+    hidden: tuple[Effect, ...], names: tuple[str, ...] | None
+) -> None:
+    bench = bench_of(*hidden)
+    strong = fitted(bench, "signal_gain")
+    search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
+    found = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    assert found.own is not None
+    assert found.fit.names() == (names or ("signal_gain",))
+    if names is None:
+        assert found.fit is strong
+    else:
+        assert found.own.last.effects()[1].settings()["sigma_ns"] == pytest.approx(0.5, abs=0.1)
+        assert found.trials[-1].round == 2
+        assert len(found.own.lab.frames) == 4
+
+
+def test_a_second_look_at_no_effect_is_none() -> None:
+    bench = bench_of()
+    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))))
+    search = Search(nothing, nothing)
+    assert second_look(bench, seen_of(bench), search, [], 7, ignored) is search
+
+
+@pytest.fixture(scope="module")
+def offset() -> Bench:
+    return bench_of(make("range_offset", {"offset_m": 0.12}))
+
+
+def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_much_is_open(offset: Bench) -> None:
+    much = Closure(1000.0, 900.0, 350.0)
+    nothing = Fit((), (), offset.start, np.zeros((1, len(offset.lab.measured))))
+    right, wrong = (trial(fitted(offset, name), 500.0, 110.0) for name in ("range_offset", "dark_counts"))
+    assert not right.passes
+    search, closed = appeal(offset, seen_of(offset), Search(nothing, nothing, [wrong, right]), much, 7)
+    assert closed.holds
+    assert closed.share > 0.8
+    assert search.fit.names() == ("range_offset",)
+    assert search.own is not None
+    before = Search(nothing, nothing, [wrong])
+    search, closed = appeal(offset, seen_of(offset), before, much, 7)
+    assert search is before
+    assert closed is much
+
+
+def test_the_accepted_effects_appeal_before_all_others(offset: Bench) -> None:
+    much, scale = Closure(1000.0, 900.0, 350.0), seen_of(offset)
+    right, wrong = (fitted(offset, name) for name in ("range_offset", "dark_counts"))
+    search, closed = appeal(offset, scale, Search(wrong, wrong, [trial(right, 500.0, 110.0)]), much, 7)
+    assert search.fit is wrong
+    assert not closed.holds
+
+
+def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -> None:
+    bench = bench_of()
+    much, right = Closure(1000.0, 900.0, 350.0), fitted(bench, "range_offset")
+    search = Search(right, right, [trial(right, 500.0, 110.0)])
+    assert appeal(bench, seen_of(bench), search, much, 7) == (search, much)
