@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe, fixed_probes
-from lidarcheck.explain.fit import fit
+from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, run_round
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
@@ -29,6 +29,8 @@ _LEAST_PART = 0.33
 effect of its own, several explain a little."""
 _LEAST_CLOSED, _SURE = 0.15, 4.0
 """Beam by beam it must close this part of the gap that the others leave, and so many standard deviations of chance."""
+_STILL = 0.5
+"""Another look is taken where one more effect has left this part of what was left before."""
 _MOST = 2
 
 
@@ -45,14 +47,15 @@ def second_look(
 
     `seen`: the frames of the fit and the selection, beam by beam. `screened`: what the first search began with.
     """
+    left = 0.0
     while 0 < len(search.fit.probes) < MOST_EFFECTS:
-        own = search.own or bench.crew.beside(judged, seen.held, bench.lab.model, search.fit, seed)()
-        search = replace(search, own=own)
-        if own.last.distance - own.lab.floor_distance < _LEFT:
+        own = search.own or judged(seen, bench.lab.model, search.fit, seed)
+        search, before, left = replace(search, own=own), left, own.last.distance - own.lab.floor_distance
+        if left < max(_LEFT, _STILL * before):
             return search
         starts = _starts(bench, own.lab, search, screened)
         trials = _trials(own, starts, 1 + max(trial.round for trial in search.trials), bench.crew, told)
-        found = _best(bench, seen, search, trials, seed)
+        found = _best(bench, seen, search, trials)
         if found is None:
             return search
         search = found
@@ -85,22 +88,24 @@ def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]
     return [probe for _, probe in best.values()] + located_probes(lab, names)
 
 
-def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial], seed: int) -> Search | None:
+def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) -> Search | None:
     """The search with the candidate that closes most of what is left beam by beam; None where none closes enough."""
-    best: dict[str, Trial] = {}
+    best: dict[str, Fit] = {}
     for trial in sorted((t for t in trials if t.passes), key=lambda t: t.merit):
-        best[trial.name] = trial
-    tried = sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+        best.pop(trial.name, None)
+        best[trial.name] = trial.fit
+    tried = [*best.values()][-_MOST:]
     own = search.own
     if not tried or own is None:
         return None
-    others = [*bench.crew.map(judged, ((seen.held, bench.lab.model, one.fit, seed) for one in tried))]
-    least = min(others, key=lambda one: one.left)
-    if least.left > min((1.0 - _LEAST_CLOSED) * own.left, own.left - _SURE * own.chance):
+    models = ((seen.held, one.model(bench.lab.model), one.nuisance) for one in tried)
+    left = [excess for excess, _ in bench.crew.map(Scale.excess, models)]
+    if min(left) > min((1.0 - _LEAST_CLOSED) * own.left, own.left - _SURE * own.chance):
         return None
+    found = tried[left.index(min(left))]
     # Told as one of the first bench, whose frames and summaries all that follows is in.
-    now = fit(bench.lab, least.last.probes, least.last.x, rounds=0, nuisance=least.last.nuisance)
-    return Search(search.first, now, [*search.trials, *trials], least)
+    now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
+    return Search(search.first, now, [*search.trials, *trials])
 
 
 def _silent(_step: str, _done: int, _of: int) -> None:
