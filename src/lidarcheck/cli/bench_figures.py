@@ -28,6 +28,7 @@ def cases(quick: bool) -> dict[str, Callable[[], list[Figure]]]:
     return {
         "simulate, SMART": lambda: _simulate("SMART", repeats, quick),
         "simulate, SLIM": lambda: _simulate("SLIM", repeats, quick),
+        **({"simulate on the GPU": lambda: _on_gpu(repeats, quick)} if _has_gpu() else {}),
         "simulate fast, SMART": lambda: fast_figures("SMART", repeats, quick),
         "simulate fast, SLIM": lambda: fast_figures("SLIM", repeats, quick),
         "frame to PCD": lambda: pcd_figures(repeats, quick),
@@ -57,6 +58,36 @@ def _simulate(variant: str, repeats: int, quick: bool) -> list[Figure]:
         against = _plain_numpy(variant, mpts, quick) if threads == 1 else ()
         name = f"simulate_exact_{variant.lower()}_{threads}_mpts_s"
         figures.append(rate(name, "Mpoints/s", len(frame) / MEGA, seconds, against))
+    return figures
+
+
+def _has_gpu() -> bool:
+    from lidarcheck.model.fidelity import check_device
+
+    try:
+        check_device("cuda")
+    except UsageError:
+        return False
+    return True
+
+
+def _on_gpu(repeats: int, quick: bool) -> list[Figure]:
+    """The exact chain on a GPU, beside the same on all cores of the processor."""
+    from lidarcheck.cli.bench_scene import lab_frame, lab_model
+    from lidarcheck.model import simulate
+
+    figures, frame = [], lab_frame()
+    if quick:
+        frame = frame.take(np.arange(0, len(frame), 10))
+    for variant in ("SMART", "SLIM"):
+        model = lab_model(variant)
+        seconds, own = (
+            times(lambda device=device, model=model: simulate(frame, model, seed=1, device=device), repeats)  # type: ignore[misc]
+            for device in ("cuda", "cpu")
+        )
+        speeds = [len(frame) / MEGA / min(one) for one in (seconds, own)]
+        others = (Other("the processor, all cores", speeds[1], speeds[0] / speeds[1]),)
+        figures.append(rate(f"simulate_cuda_{variant.lower()}_mpts_s", "Mpoints/s", len(frame) / MEGA, seconds, others))
     return figures
 
 

@@ -17,7 +17,7 @@ from lidarcheck.errors import UsageError
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
     from lidarcheck.model import Model
-    from lidarcheck.model.fidelity import Fidelity
+    from lidarcheck.model.fidelity import Device, Fidelity
 
 __all__ = ["simulate"]
 
@@ -55,6 +55,9 @@ def simulate(
         Literal["fast", "exact", "reference"],
         Parameter(help="Echoes from a library, by the exact chain, or detector by detector, which is slow."),
     ] = "exact",
+    device: Annotated[
+        Literal["cpu", "cuda"], Parameter(help="What runs the exact chain: the processor, or an NVIDIA GPU.")
+    ] = "cpu",
     quiet: Quiet = False,
 ) -> int:
     """Run ideal scans through the sensor model."""
@@ -65,27 +68,37 @@ def simulate(
         found = None if scene is None else find_scene(scene)
         return simulate_frames(
             (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
-            scheduler=scheduler, fidelity=fidelity,
+            scheduler=scheduler, fidelity=fidelity, device=device,
         )  # fmt: skip
     for option, value in {"--format": format, "--scheduler": scheduler}.items():
         if value is not None:
             raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
     found = None if scene is None else find_scene(scene)
-    return _one(ideal, model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity)
+    return _one(ideal, model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity, device=device)
 
 
 def _one(
-    ideal: Path, model: Path, out: Path, *, scene: SceneFile | None, seed: int, jobs: int | None, fidelity: Fidelity
+    ideal: Path,
+    model: Path,
+    out: Path,
+    *,
+    scene: SceneFile | None,
+    seed: int,
+    jobs: int | None,
+    fidelity: Fidelity,
+    device: Device,
 ) -> int:
     from lidarcheck.crew import one_blas_thread
     from lidarcheck.formats import load_ideal, save_scan
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
     from lidarcheck.model import simulate as run
+    from lidarcheck.model.fidelity import check_device
 
     target_format(out)
     check_writable(out, option="--out", besides=(ideal, model))
     sensor_model = load_model(model)
+    check_device(device, fidelity, sensor_model)
     check_writable(out, option="--out", besides=_read(sensor_model, scene))
     with stage(f"reading {ideal.name}"):
         beams_meet = load_ideal(ideal)
@@ -97,6 +110,7 @@ def _one(
             threads=jobs,
             scene=None if scene is None else scene.scene,
             fidelity=fidelity,
+            device=device,
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
     with stage(f"writing {out.name}"):

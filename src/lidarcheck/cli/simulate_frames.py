@@ -13,7 +13,7 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.harness.scene_file import SceneFile
-    from lidarcheck.model.fidelity import Fidelity
+    from lidarcheck.model.fidelity import Device, Fidelity
 
 __all__ = ["MOST_FRAMES", "frames_number", "simulate_frames"]
 
@@ -40,6 +40,7 @@ def simulate_frames(
     jobs: int | None,
     scheduler: str | None,
     fidelity: Fidelity = "exact",
+    device: Device = "cpu",
 ) -> int:
     """Simulate what is not in the directory yet, and say what was done."""
     from lidarcheck.cores import usable_cores
@@ -48,13 +49,13 @@ def simulate_frames(
     from lidarcheck.harness.frames import Frames
     from lidarcheck.model import load_model
 
-    frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity)
+    frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity, device)
     frames.check()
     external = frames.model.external is not None
     if external and scheduler is not None:
         what = f"the model {model} is an external program, which is on this machine alone"
         raise UsageError(what, fix="leave out --scheduler")
-    own = 1 if external else min(jobs or usable_cores(), len(ideals) * (count or 1))
+    own = 1 if external or device != "cpu" else min(jobs or usable_cores(), len(ideals) * (count or 1))
     with workers(scheduler, jobs) as cluster:
         local = Processes(own, _wake)
         with local if cluster is None else contextlib.nullcontext(cluster) as crew, progress("simulating") as show:

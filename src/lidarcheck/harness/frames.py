@@ -24,7 +24,7 @@ from lidarcheck.formats.recognise import target_format
 from lidarcheck.harness.provenance import parameters_hash, source_hash
 from lidarcheck.harness.scene_file import SceneFile
 from lidarcheck.model import simulate
-from lidarcheck.model.fidelity import Fidelity, check_fidelity
+from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
@@ -71,11 +71,13 @@ class Frames:
     seed: int = 0
     scene: SceneFile | None = None
     fidelity: Fidelity = "exact"
+    device: Device = "cpu"
 
     def check(self) -> None:
         """`UsageError` or `InputError` for what can be known before the work."""
         target_format(self.out / f"frame{self.suffix}")
         check_fidelity(self.fidelity, self.model)
+        check_device(self.device, self.fidelity, self.model)
         if self.model.external is not None and (self.count or 1) > 1:
             fix = "leave out --frames, or give an ideal scan for each frame"
             raise UsageError("an external model does not know frames: all would be the same", fix=fix)
@@ -120,7 +122,7 @@ class Frames:
         setup = Held((self.model, None if self.scene is None else self.scene.scene))
         only = Held(load_ideal(self.ideals[0])) if len(self.ideals) == 1 and left else None
         for task in left:
-            yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity
+            yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity, self.device
 
     @contextlib.contextmanager
     def _directory(self) -> Iterator[None]:
@@ -152,12 +154,18 @@ class Frames:
             "scene": _hash_of(self.scene.files) if self.scene else None,
             "source": source_hash(),
         }
+        if self.device != "cpu":
+            mine = {"device": self.device, **mine}
         ideals = {path.stem: _hash_of([path]) for path in self.ideals}
         found = self._found()
         if found is None:
             return {**mine, "ideals": ideals}
         words = {"source": "version of lidarcheck"}
-        others = [f"another {words.get(key, key)}" for key in mine if found.get(key) != mine[key]]
+        others = [
+            f"another {words.get(key, key)}"
+            for key in dict.fromkeys([*mine, "device"])
+            if found.get(key) != mine.get(key)
+        ]
         before = found.get("ideals", {})
         others += [f"another {stem}" for stem in ideals if before.get(stem, ideals[stem]) != ideals[stem]]
         if others:
@@ -206,12 +214,13 @@ def _simulated(
     frame: int,
     suffix: str,
     fidelity: Fidelity,
+    device: Device,
 ) -> tuple[bytes, int]:
     """A frame's file, and how many echoes are in it."""
     model, scene = setup
     with tempfile.TemporaryDirectory(prefix="lidarcheck-frame-", ignore_cleanup_errors=True) as name:
         beams = _read(ideal, Path(name)) if isinstance(ideal, _Source) else ideal
-        scan = simulate(beams, model, seed=seed, frame=frame, threads=1, scene=scene, fidelity=fidelity)
+        scan = simulate(beams, model, seed=seed, frame=frame, threads=1, scene=scene, fidelity=fidelity, device=device)
         file = Path(name) / f"frame{suffix}"
         save_scan(scan, file)
         return file.read_bytes(), len(scan)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lidarcheck.effects import Effect
 from lidarcheck.effects.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
-from lidarcheck.model.fidelity import Fidelity, check_fidelity
+from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
@@ -55,6 +55,7 @@ def simulate(
     scene: Caster | None = None,
     surfaces: Surfaces | None = None,
     fidelity: Fidelity = "exact",
+    device: Device = "cpu",
 ) -> Scan:
     """One ideal scan through the sensor model: its echoes, in order of (layer, point, echo number).
 
@@ -63,12 +64,14 @@ def simulate(
     scan was cast from; effects that aim beams elsewhere ask it, else the ideal scan's own surfaces. `surfaces`: these,
     if known already; what such effects find without random numbers is kept there for the next seed. `fidelity`: "exact"
     runs the chain for every beam; "fast" draws the echoes of beams with one pulse from a library that the chain has
-    filled (docs/performance.md); "reference" follows every detector through every bin, some milliseconds a beam. Raises
-    `InputError` for a material without an entry and `ExternalModelError` when the model is an external program that
-    fails.
+    filled (docs/performance.md); "reference" follows every detector through every bin, some milliseconds a beam.
+    `device`: "cuda" runs the exact chain on an NVIDIA GPU, to the same echoes but for the last digit of its arithmetic.
+    Raises `InputError` for a material without an entry, `ExternalModelError` when the model is an external program that
+    fails, and `UsageError` for a device that is not there.
     """
     check_seed(seed, frame)
     check_fidelity(fidelity, model)
+    check_device(device, fidelity, model)
     if model.external is not None:
         from lidarcheck.model.external import run_external
 
@@ -82,7 +85,7 @@ def simulate(
     run, scan = _plain_frame(ideal, model, scene, not readout, how) if fidelity == "fast" else (None, None)
     if run is None or scan is None:
         run, light = run_and_light(ideal, model, seed, frame, scene, surfaces, threads)
-        scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, **how)
+        scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, device=device, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
     return rounded_ranges(scan, run.sensor) if readout else scan
@@ -213,9 +216,11 @@ def echoes_of(
     progress: Progress | None = None,
     rounded: bool = True,
     fidelity: Fidelity = "exact",
+    device: Device = "cpu",
 ) -> Scan:
     """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
     check_fidelity(fidelity)
+    check_device(device, fidelity)
     if fidelity == "reference":
         from lidarcheck.model.reference import reference_echoes
 
@@ -229,7 +234,7 @@ def echoes_of(
             return scan
     from lidarcheck.model.listing import scan_of
 
-    echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress)
+    echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress, device=device)
     return scan_of(echoes, light, sensor, rounded, functools.partial(share, threads=threads))
 
 
@@ -241,6 +246,7 @@ def chain_echoes(
     frame: int = 0,
     threads: int | None = None,
     progress: Progress | None = None,
+    device: Device = "cpu",
 ) -> Echoes:
     """The echoes of each beam as the exact chain finds them, before they are put into a table."""
     from lidarcheck.model import kernel, streams
@@ -257,6 +263,12 @@ def chain_echoes(
     follow = _follower(sensor, numbers) if sensor.nonideal.any else None
     one_background = n == 0 or per_bin.min() == per_bin.max()
     order = np.arange(n) if one_background else np.argsort(per_bin, kind="stable")
+    if device == "cuda":
+        _refuse_disturbed(sensor)
+        from lidarcheck.model.cuda import simulate_on_cuda
+
+        simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
+        return echoes
 
     idle: list[kernel.Scratch] = []
 
@@ -275,6 +287,12 @@ def chain_echoes(
 
     share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
     return echoes
+
+
+def _refuse_disturbed(sensor: Sensor) -> None:
+    if sensor.nonideal.any:
+        what = "crosstalk, afterpulsing and a dead time that varies are followed detector by detector, not on a GPU"
+        raise UsageError(what, fix="use the device cpu")
 
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.haze_front import Front, front_of
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import whole_below
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulse_form import PHASES, PulseForm
 from lidarcheck.scan import Haze, Light
@@ -114,7 +115,7 @@ def _add_ramp(
     ramps: FloatArray, before: int, at: float, weight: float, origin: int, low: int, high: int, rates: FloatArray
 ) -> None:
     """Add `weight` W_k(at) to the bins `low` ... `high - 1`; index 0 of `rates` is bin `origin`."""
-    middle = math.floor(at)
+    middle = whole_below(at)
     position = (at - middle) * PHASES
     phase = int(position)
     above = weight * (position - phase)
@@ -137,14 +138,14 @@ def _tabulate(
     bins = len(whole)
     for cell in range(len(density) + 1):
         begin = cell * step
-        low = math.floor(begin) - before - 1
+        low = whole_below(begin) - before - 1
         if cell % stride == 0:
             for column in range(cut.shape[1]):
                 if 0 <= low + column < bins:
                     cut[cell // stride, column] = whole[low + column]
         if cell < len(density) and density[cell] > 0.0:
             end = (cell + 1) * step
-            high = min(math.floor(end) - before + ramps.shape[1], bins)
+            high = min(whole_below(end) - before + ramps.shape[1], bins)
             _add_ramp(ramps, before, end, density[cell], 0, max(low, 0), high, whole)
             _add_ramp(ramps, before, begin, -density[cell], 0, max(low, 0), high, whole)
 
@@ -159,7 +160,7 @@ def haze_end(numbers: Numbers, haze: HazeRates, beam: int, faint: float) -> int:
     weight = 0.0
     for row in range(haze.first[beam], rows_end):
         weight += haze.share[row]
-    low, high = haze.begin, min(math.floor(longest) + haze.behind + 1, haze.last)
+    low, high = haze.begin, min(whole_below(longest) + haze.behind + 1, haze.last)
     while low < high:
         middle = (low + high) // 2
         if weight * haze.ceiling[middle] <= faint:
@@ -200,10 +201,10 @@ def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rat
     last_cell = min(int(at / haze.step), len(haze.density) - 1)
     table_row = last_cell // haze.stride
     first_cell = table_row * haze.stride
-    base = math.floor(first_cell * haze.step) - haze.before - 1
+    base = whole_below(first_cell * haze.step) - haze.before - 1
     for k in range(max(base, begin), min(base + haze.cut.shape[1], end)):
         rates[k - begin] += share * haze.cut[table_row, k - base]
-    high = min(math.floor(at) - haze.before + haze.ramps.shape[1], end)
+    high = min(whole_below(at) - haze.before + haze.ramps.shape[1], end)
     for cell in range(first_cell, last_cell + 1):
         density = share * haze.density[cell]
         low = max(base, begin)

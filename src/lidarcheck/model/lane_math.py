@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from lidarcheck.model.jit import inlined
 
-__all__ = ["LANES", "LN2", "exp", "expm1", "log1m"]
+__all__ = ["LANES", "LN2", "exp", "expm1", "log1m", "whole_below"]
 
 LANES = 32
 """Beams that are worked on side by side: four times what a vector holds, so that sums do not wait for each other."""
@@ -91,3 +91,9 @@ def log1m(x: float) -> float:
     high = (_I9 + z * _I11) + y * (_I13 + z * _I15)
     w = y * y
     return -4.0 * t * (low + w * (high + w * ((_I17 + z * _I19) + y * _I21)))
+
+
+@inlined
+def whole_below(x: float) -> int:
+    """The largest whole number that is not above x."""
+    return int(math.floor(x))  # noqa: RUF046 - what `floor` gives on a GPU is a floating-point number

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.haze_rates import HazeRates, add_haze, haze_end, haze_rates_of
 from lidarcheck.model.jit import inlined
+from lidarcheck.model.lane_math import whole_below
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulse_form import PHASES, form_of
 from lidarcheck.model.sharing import Share, serially
@@ -72,7 +72,7 @@ def pulse_window(numbers: Numbers, pulses: Pulses, beam: int) -> Any:
     begin, end = numbers.bins, 0
     for j in range(pulses.first[beam], pulses.first[beam + 1]):
         if pulses.signal[j] > 0.0:
-            middle = math.floor(pulses.centre[j])
+            middle = whole_below(pulses.centre[j])
             low = middle - pulses.reach[j]
             high = middle + pulses.reach_behind[j] + 1 + numbers.on
             begin = min(begin, max(low, 0))
@@ -106,7 +106,7 @@ def add_pulses(
         centre, signal = pulses.centre[j], pulses.signal[j]
         if signal <= 0.0:
             continue
-        middle = math.floor(centre)
+        middle = whole_below(centre)
         low = max(middle - pulses.reach[j], begin)
         high = min(middle + pulses.reach_behind[j] + 1, end)
         position = (centre - middle) * PHASES
