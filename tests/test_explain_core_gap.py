@@ -155,6 +155,10 @@ def test_a_name_is_surer_the_farther_its_rivals_are_and_the_less_is_left_open() 
     assert 0.0 < sure(990.0, 90.0) < sure(800.0, 90.0) < sure(500.0, 90.0) < 1.0
     assert sure(800.0, 150.0) < sure(800.0, 50.0)
     assert sure(500.0, 0.0) > 0.8
+    trials = [trial("range_offset", 1000.0), trial("range_scale", 990.0)]
+    closed = Closure(2000.0, 90.0, 100.0)
+    lone = confidence(SimpleNamespace(), now, "range_offset", trials, closed, ("range_scale",))  # type: ignore[arg-type]
+    assert lone == sure(500.0, 90.0) > sure(990.0, 90.0)
 
 
 @pytest.mark.parametrize(

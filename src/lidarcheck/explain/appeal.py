@@ -13,12 +13,10 @@ from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, excesses
 from lidarcheck.explain.polish import judged
-from lidarcheck.explain.verdict import Closure
+from lidarcheck.explain.verdict import AT_EDGES, OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
 
 __all__ = ["appeal"]
 
-_OPEN = 0.2
-"""So much of the gap may be left: of names that were wrong on hidden cases the best left a quarter."""
 _SURE = 10.0
 """A gap of fewer standard deviations of chance is too small to tell."""
 _MOST = 2
@@ -36,7 +34,8 @@ def appeal(bench: Bench, seen: Scale, search: Search, closed: Closure, seed: int
     known = search.own if search.own is not None and search.fit.probes else None
     own = [known] if known else [*bench.crew.map(judged, ((seen.held, bench.lab.model, one, seed) for one in fits))]
     best = min(range(len(own)), key=lambda i: own[i].left)
-    found = Closure(before, own[best].left, _OPEN * before)
+    at_edges = any(name in AT_EDGES for name in fits[best].names())
+    found = Closure(before, own[best].left, (OPEN_BY_BEAMS_EDGES if at_edges else OPEN_BY_BEAMS) * before)
     return (replace(search, fit=fits[best], own=own[best]), found) if found.holds else (search, closed)
 
 

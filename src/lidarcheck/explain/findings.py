@@ -14,7 +14,7 @@ from lidarcheck.explain.fit import Fit, with_effects
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.rivals import Polished
-from lidarcheck.explain.verdict import AT_EDGES, Closure, confidence, intervals
+from lidarcheck.explain.verdict import AT_EDGES, OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.words import standouts
 
 __all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]
@@ -27,8 +27,13 @@ _DIGITS = 5
 _LEAST_SURE = 0.65
 
 
-def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished) -> list[Finding]:
-    """The accepted effects, the most important first, with the parameters of the last fit."""
+def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished, before: float) -> list[Finding]:
+    """The accepted effects, the most important first, with the parameters of the last fit.
+
+    `before`: the gap beam by beam without them. A name need not lead over those that were compared with it beam by
+    beam, where it closes that gap: to be nearer than these says little where all are far.
+    """
+    settled = polish.compared if polish.left <= OPEN_BY_BEAMS * before else polish.equals
     now, lab = search.fit, bench.lab
     parameters = intervals(polish.lab, polish.last, WIDEN)
     effects = rounded_effects(polish.last)
@@ -36,13 +41,13 @@ def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished)
     found = []
     for i in np.argsort([-lab.metric.square(change) for change in changes], kind="stable"):
         name = now.probes[i].name
-        equal = polish.equals.get(name, ())
+        equal, compared = polish.equals.get(name, ()), settled.get(name, ())
         shown = standouts(lab.summaries.names, changes[i], 2.0, 3)
         found.append(
             Finding(
                 name=name,
                 parameters=parameters[i],
-                confidence=confidence(bench, now, name, search.trials, closed) / _shared(len(equal)),
+                confidence=confidence(bench, now, name, search.trials, closed, compared) / _shared(len(equal)),
                 equivalent_to=equal,
                 where="; ".join(one.words for one in shown),
                 separated_by=separating(name, equal),

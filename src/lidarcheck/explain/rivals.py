@@ -7,7 +7,7 @@ model that each of them makes, and judged there by the distance beam by beam.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,12 +45,15 @@ class Rival:
 
 @dataclass(frozen=True)
 class Polished:
-    """The winner of a contest: its fit, the lab around its model with the last fit there, and each effect's equals."""
+    """The winner of a contest: its fit, the lab around its model with the last fit there, each effect's equals, all
+    that were compared with it beam by beam, and the gap that it left there."""
 
     fit: Fit
     lab: Lab
     last: Fit
     equals: Mapping[str, tuple[str, ...]]
+    compared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    left: float = np.inf
 
 
 def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
@@ -116,9 +119,11 @@ def contest(
     most = own.left + _MARGIN * own.chance
     equals = {now.names()[k]: _equals(others, k, gaps, most) for k in range(len(now.names()))}
     if its.left >= own.left - _MARGIN * own.chance:
-        return Polished(now, own.lab, own.last, equals)
+        compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(now.names())}
+        return Polished(now, own.lab, own.last, equals, compared, own.left)
     near = _equals([one for one in others if one is not best], best.place, gaps, its.left + _MARGIN * own.chance)
-    return Polished(best.fit, its.lab, its.last, {best.name: near})
+    beaten = (now.names()[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
+    return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
 
 
 def _equals(others: Sequence[Rival], place: int, gaps: Mapping[str, float], most: float) -> tuple[str, ...]:

@@ -34,6 +34,9 @@ OPEN_SMALL = (0.30, 900.0)
 """Of a small excess so large a part, up to so much: nuisances, and chance, make as much."""
 OPEN_CHANCE = 350.0
 """So much may be left whatever the excess was."""
+OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES = 0.2, 0.45
+"""So much of the gap beam by beam may be left: of names that were wrong on hidden cases the best left a quarter. More
+where all that shows is at edges; there, the best of the wrong ones left six tenths."""
 _SHOWN_PART = 0.2
 """Select frames whose excess is less than this part of that of the fit's frames do not show what these do."""
 _FORM_ERROR = 0.03
@@ -116,23 +119,28 @@ def _own_distance(select: Lab, now: Fit) -> float:
     return float(np.mean([select.distance(shown, other) for other in others]))
 
 
-def confidence(bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure) -> float:
+def confidence(
+    bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure, compared: Sequence[str] = ()
+) -> float:
     """How often a name that stands out so far from its rivals, in a gap closed so far, is right.
+
+    `compared`: rivals that it was compared with beam by beam, which are either beaten or its equals.
 
     A logistic function of the lead over the next best name and of what is left open, fitted to how often the names of
     six benchmarks, 115 of them, were right.
     """
     open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
-    score = 1.02 + 5.36 * min(lead(name, now, trials), 0.4) - 0.8 * min(open_part, 2.0)
+    score = 1.02 + 5.36 * min(lead(name, now, trials, compared), 0.4) - 0.8 * min(open_part, 2.0)
     return float(1.0 / (1.0 + np.exp(-score)))
 
 
-def lead(name: str, now: Fit, trials: Sequence[Trial]) -> float:
-    """By what part of its merit a name leads over the next best other one of its round, 0 ... 1."""
+def lead(name: str, now: Fit, trials: Sequence[Trial], compared: Sequence[str] = ()) -> float:
+    """By what part of its merit a name leads over the next best other one of its round, 0 ... 1; not over those that it
+    was compared with beam by beam, which says more."""
     own = accepted(name, trials)
     if own is None:
         return 0.0
-    rivals = [t.merit for t in trials if t.round == own.round and t.name not in now.names()]
+    rivals = [t.merit for t in trials if t.round == own.round and t.name not in (*now.names(), *compared)]
     return min(max(1.0 - max([*rivals, 0.0]) / max(own.merit, 1e-9), 0.0), 1.0)
 
 

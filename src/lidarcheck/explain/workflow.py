@@ -294,7 +294,8 @@ class Run:
         return answer
 
     def _explained(self, bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
-        findings = findings_of(bench, search, closed, last)
+        [(before, _)] = excesses(seen, [self.model], self.crew) if last.compared else [(0.0, 0.0)]
+        findings = findings_of(bench, search, closed, last, before)
         stages, model = [("", self.model)], self.model
         for finding in findings:
             for effect in finding.effects:
