@@ -97,6 +97,16 @@ def test_the_accepted_effects_appeal_before_all_others(offset: Bench) -> None:
     assert not closed.holds
 
 
+def test_usual_errors_that_close_the_gap_leave_nothing_to_name() -> None:
+    bench = bench_of(make("material_reflectance", {"factor": 1.08, "material_id": 1}))
+    much = Closure(1000.0, 900.0, 350.0)
+    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))))
+    search = Search(nothing, nothing, [trial(fitted(bench, "signal_gain"), 500.0, 110.0)])
+    found, closed = appeal(bench, seen_of(bench), search, much, 7)
+    assert closed.holds
+    assert found.fit.names() == ()
+
+
 def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -> None:
     bench = bench_of()
     much, right = Closure(1000.0, 900.0, 350.0), fitted(bench, "range_offset")

@@ -9,34 +9,50 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, excesses
-from lidarcheck.explain.polish import judged
+from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.verdict import AT_EDGES, OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
 
 __all__ = ["appeal"]
 
 _SURE = 10.0
 """A gap of fewer standard deviations of chance is too small to tell."""
+_LESS = 0.5
 _MOST = 2
 
 
 def appeal(bench: Bench, seen: Scale, search: Search, closed: Closure, seed: int) -> tuple[Search, Closure]:
     """The search and how it closes the gap beam by beam, where it does; else both as they are.
 
-    `seen`: the frames of the fit and the selection, beam by beam.
+    Where no effect was accepted, usual errors alone are asked first, and a candidate must leave less than half of what
+    these do. `seen`: the frames of the fit and the selection, beam by beam.
     """
-    fits = [search.fit] if search.fit.probes else _promising(search)
     [(before, chance)] = excesses(seen, [bench.lab.model])
-    if not fits or before < _SURE * chance:
+    if before < _SURE * chance:
         return search, closed
-    known = search.own if search.own is not None and search.fit.probes else None
-    own = [known] if known else [*bench.crew.map(judged, ((seen.held, bench.lab.model, one, seed) for one in fits))]
-    best = min(range(len(own)), key=lambda i: own[i].left)
-    at_edges = any(name in AT_EDGES for name in fits[best].names())
-    found = Closure(before, own[best].left, (OPEN_BY_BEAMS_EDGES if at_edges else OPEN_BY_BEAMS) * before)
-    return (replace(search, fit=fits[best], own=own[best]), found) if found.holds else (search, closed)
+    first = search.own or judged(seen, bench.lab.model, search.fit, seed)
+    if _is_closed(first, before):
+        return replace(search, own=first), Closure(before, first.left, _open(first) * before)
+    if search.fit.probes:
+        return search, closed
+    tasks = ((seen.held, bench.lab.model, one, seed) for one in _promising(search))
+    for own in sorted(bench.crew.map(judged, tasks), key=lambda one: one.left):
+        if _is_closed(own, before) and own.left < _LESS * first.left:
+            now = fit(bench.lab, own.last.probes, own.last.x, rounds=0, nuisance=own.last.nuisance)
+            return replace(search, fit=now, own=own), Closure(before, own.left, _open(own) * before)
+    return search, closed
+
+
+def _is_closed(own: Judged, before: float) -> bool:
+    """Whether little enough is left; without an effect, by errors that are usual."""
+    return own.left <= _open(own) * before and (bool(own.last.probes) or own.last.nuisance.usual)
+
+
+def _open(own: Judged) -> float:
+    """The part of the gap that may be left."""
+    return OPEN_BY_BEAMS_EDGES if any(name in AT_EDGES for name in own.last.names()) else OPEN_BY_BEAMS
 
 
 def _promising(search: Search) -> list[Fit]:
