@@ -11,9 +11,10 @@ from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.screen import screen
 from lidarcheck.explain.second_look import second_look
-from lidarcheck.explain.verdict import Closure
+from lidarcheck.explain.verdict import Closure, closure
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.5}), make("timing_jitter", {"sigma_ns": 0.5})
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
@@ -105,6 +106,15 @@ def test_usual_errors_that_close_the_gap_leave_nothing_to_name() -> None:
     found, closed = appeal(bench, seen_of(bench), search, much, 7)
     assert closed.holds
     assert found.fit.names() == ()
+
+
+def test_errors_that_only_the_frames_of_the_fit_have_are_no_sign_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = bench_of()
+    off = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))), nuisance=Nuisance(yaw=4.0))
+    # As where errors that are fitted to some frames make others worse, and cannot be fitted there.
+    monkeypatch.setattr("lidarcheck.explain.verdict._left", lambda _lab, _now: 5000.0)
+    assert closure(bench, off).holds
+    assert not closure(bench, fitted(bench, "range_offset")).holds
 
 
 def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -> None:

@@ -80,6 +80,8 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     if not in_select:
         before = fitted
     after = _left(bench.select if in_select else bench.lab, now)
+    if not now.probes:
+        after = min(after, before)  # usual errors as the frames of the fit have them need not be those of others
     part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
     leads = [lead(name, now, trials) for name in now.names()]
     part = max(part, min(part + OPEN_PER_LEAD * min(leads, default=0.0), OPEN_MOST))
