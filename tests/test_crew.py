@@ -166,6 +166,8 @@ def sleep():
     return over.wait(30)
 
 def main():
+    # A background job of a shell inherits that SIGINT is ignored, and the tests may be one.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     begin = time.monotonic()
     try:
         if sys.argv[1] == "threads":

@@ -31,7 +31,7 @@ from lidarcheck.explain.forward import Bench, Search, find_effects, select_dista
 from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.nuisances import Nuisance
+from lidarcheck.explain.overall import calibrated, carries_over
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.second_look import second_look
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
 __all__ = ["PROGRESS", "Answer", "Run", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
-_LEAST_CLOSED, _SURE = 0.4, 3.0
-"""Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard
-deviations."""
 _HEARD_PLACES = 5
 """So many of what stands out are told while the work goes on; the report has all."""
 
@@ -112,7 +109,9 @@ def _explain(case: Case, run: Run) -> Explanation:
     untestable = run.list_untestable(bench, screened)
     answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
-    if answer.verdict == "explained" and not _carries_over(seen, answer, gap, run.crew):
+    if answer.verdict == "explained" and not carries_over(
+        seen, answer.stages[0][1], answer.stages[-1][1], gap, run.crew
+    ):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
@@ -124,28 +123,6 @@ def _silent(_step: str, _done: int, _of: int) -> None:
 
 def _deaf(_step: Step) -> None:
     return None
-
-
-def _calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
-    """The model with the small errors put right that were fitted beside the effects, all or those of reflectances,
-    whichever comes nearest: an ideal scan says too little of edges to turn its beams by a part of one."""
-    tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
-    ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
-    if len(ways) == 1:
-        return model
-    left = [excess for excess, _ in excesses(seen, ways, crew)]
-    return ways[int(np.argmin(left))]
-
-
-def _carries_over(seen: Scale, answer: Answer, gap: Gap, crew: Crew) -> bool:
-    """Whether a good part of the gap closes, over the frames that no fit has seen and all others alike.
-
-    Where there is no gap beyond chance, this cannot be asked.
-    """
-    (before, chance), (after, _) = excesses(seen, (answer.stages[0][1], answer.stages[-1][1]), crew)
-    whole = before + gap.before.value - gap.floor.value
-    left = after + gap.after.value - gap.floor.value
-    return whole <= _SURE * chance or left <= (1.0 - _LEAST_CLOSED) * whole
 
 
 def _part(step: str, done: int, of: int) -> tuple[int, int]:
@@ -301,9 +278,9 @@ class Run:
             for effect in finding.effects:
                 model = model.with_(effect)
             stages.append((finding.name, model))
-        calibrated = _calibrated(seen, model, last.last.nuisance, self.crew)
-        if calibrated is not model:
-            stages.append(("gain, reflectances and pose", calibrated))
+        there = calibrated(seen, model, last.last.nuisance, self.crew)
+        if there is not model:
+            stages.append(("gain, reflectances and pose", there))
         return Answer("explained", tuple(findings), tuple(stages), "")
 
     def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
