@@ -12,7 +12,8 @@ from lidarcheck.explain.explanation import Finding
 from lidarcheck.explain.findings import is_doubtful
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Trial
-from lidarcheck.explain.gap import PARTS, Scale, _wasserstein, gap_of
+from lidarcheck.explain.gap import PARTS, Scale, gap_of
+from lidarcheck.explain.tallies import areas_between
 from lidarcheck.explain.verdict import Closure, confidence
 
 OFFSET = make("range_offset", {"offset_m": 0.08})
@@ -31,9 +32,11 @@ def test_wasserstein_distances_are_those_of_scipy_in_every_bin() -> None:
     b, b_bin = b[b_bin != 4], b_bin[b_bin != 4]
     a_weight, b_weight = rng.integers(0, 4, len(a)).astype(float), rng.uniform(0.0, 2.0, len(b))
     value, place = np.concatenate([a, b]), np.concatenate([a_bin, b_bin])
-    order = np.lexsort((value, place))
-    found = _wasserstein(value[order], place[order], np.concatenate([a_weight, -b_weight])[order], 7)
-    assert found.shape == (7,)
+    order, scratch = np.argsort(value), np.full((5, 7), np.nan)
+    weight = np.concatenate([a_weight, b_weight])
+    areas_between(value[order], order, order < len(a), place, weight, scratch)
+    found = scratch[4]
+    assert scratch[0] == pytest.approx(np.bincount(a_bin, a_weight, 7))
     for i in range(7):
         mine, theirs = a_bin == i, b_bin == i
         expected = 0.0
@@ -66,7 +69,7 @@ def test_the_gap_grows_with_the_effect(name: str, parameter: str, sizes: tuple[f
     found = []
     for size in sizes:
         scale = Scale.of(frames(model(make(name, {parameter: size})), 2), model(), 3)
-        parts = scale.distance(scale.measured(), scale.simulated(model(), 9100, 2))
+        parts = scale.distance(scale.measured, scale.simulated(model(), 9100, 2))
         found.append((parts.mean(), parts[PARTS.index(feature)]))
     assert (np.diff(found, axis=0) > 0.0).all()
     assert found[-1][1] > 3.0 * found[0][1]

@@ -23,6 +23,7 @@ from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import FEATURES, Sights, sights_of
 from lidarcheck.explain.summaries import Expected, expectation
+from lidarcheck.explain.tallies import areas_between
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
@@ -31,6 +32,7 @@ __all__ = ["Scale", "excesses", "gap_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 PARTS = (*FEATURES, "detected", "other echoes")
 _BASE_SEEDS = 6
@@ -74,6 +76,7 @@ class Scale:
         """Without what is kept only to save time."""
         return {name: value for name, value in self.__dict__.items() if name != "held"}
 
+    @functools.cached_property
     def measured(self) -> Sights:
         """What was measured."""
         return sights_of(self.beams, [f.measured for f in self.frames])
@@ -93,7 +96,7 @@ class Scale:
         shown = self.simulated(model, 9300, _SEEDS, nuisance)
         others = self.simulated(model, 9400, _FLOORS, nuisance)
         noise = np.array([self.distance(other, shown) for other in others])
-        beyond = np.abs(self.distance(self.measured(), shown) - noise.mean(axis=0))
+        beyond = np.abs(self.distance(self.measured, shown) - noise.mean(axis=0))
         return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
@@ -120,10 +123,10 @@ class Scale:
         for j in range(4):
             own = self._standard(one, mine, j)
             value = np.concatenate([own, *(self._standard(o, t, j) for o, t in zip(others, theirs, strict=True))])
-            # Sorted by value once: a stable sort by the few numbers of a stratum is quick.
-            ascending = np.argsort(value, kind="stable")
+            ascending = np.argsort(value)
+            beam, ordered = row[ascending], (value[ascending], ascending < count)
             for stratum in self.strata:
-                found[:, j] += _apart_in(stratum, row, value, ascending, count, weights)
+                found[:, j] += _apart_in(stratum, beam, *ordered, weights)
         return found
 
     def _standard(self, sights: Sights, rows: IndexArray, feature: int) -> FloatArray:
@@ -167,44 +170,17 @@ def _sights(
 
 
 def _apart_in(
-    stratum: IndexArray,
-    row: IndexArray,
-    value: FloatArray,
-    ascending: IndexArray,
-    count: int,
-    weights: Sequence[FloatArray],
+    stratum: IndexArray, beam: IndexArray, value: FloatArray, first: BoolArray, weights: Sequence[FloatArray]
 ) -> list[float]:
-    """Mean over the bins of a stratum of the 1-Wasserstein distances between the first `count` values, of the beams
-    `row`, and the others; one for each of the beams' weights."""
-    bins = int(stratum.max()) + 1
-    place = stratum[row[ascending]]
-    order = np.argsort(place.astype(np.int16), kind="stable")
-    order = order[np.searchsorted(place[order], 0) :]
-    chosen, place = ascending[order], place[order]
-    sorted_value, beam = value[chosen], row[chosen]
-    first = chosen < count
+    """Mean over the bins of a stratum of the 1-Wasserstein distances between the `first` values and the others; one for
+    each of the beams' weights. `value`, ascending, is of the beams `beam`."""
+    scratch = np.empty((5, int(stratum.max()) + 1))
     found = []
     for weight in weights:
-        share = np.bincount(place[first], weight[beam[first]], bins)
-        apart = _wasserstein(sorted_value, place, np.where(first, 1.0, -1.0) * weight[beam], bins)
+        areas_between(value, beam, first, stratum, weight, scratch)
+        share, apart = scratch[0], scratch[4]
         found.append(float((share * apart).sum() / max(share.sum(), 1e-9)))
     return found
-
-
-def _wasserstein(value: FloatArray, place: IndexArray, weight: FloatArray, bins: int) -> FloatArray:
-    """1-Wasserstein distance of weighted samples in each bin, (bins,): the area between distribution functions.
-
-    `value` (n,) ascends within each bin of `place`; `weight` is below 0 for the second sample.
-    """
-    first = weight > 0.0
-    total_a = np.bincount(place, np.where(first, weight, 0.0), bins)
-    total_b = np.bincount(place, np.where(first, 0.0, -weight), bins)
-    # Within a bin the steps of both samples sum to 0, so one running sum serves all bins whose samples are both there.
-    both = (total_a > 0.0) & (total_b > 0.0)
-    step = np.where(both[place], weight / np.maximum(np.where(first, total_a[place], total_b[place]), 1e-9), 0.0)
-    same = (place[1:] == place[:-1]) & both[place[1:]]
-    height = np.abs(np.cumsum(step)[:-1])
-    return np.bincount(place[1:], np.where(same, height * np.diff(value), 0.0), bins).astype(np.float64)
 
 
 Told = Callable[[int, int, float], object]
@@ -250,7 +226,7 @@ def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:
     shown = scale.simulated(model, 9100, _SEEDS)
     others = scale.simulated(model, 9200, _FLOORS)
     chance = np.array([scale.distance(other, shown) for other in others])
-    return scale.distances(scale.measured(), shown, _drawn_anew(scale)), chance
+    return scale.distances(scale.measured, shown, _drawn_anew(scale)), chance
 
 
 def _drawn_anew(scale: Scale) -> list[FloatArray]:

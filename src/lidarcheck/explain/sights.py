@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.beams import Beams, key_of
+from lidarcheck.explain.tallies import write_nearest
 from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
 from lidarcheck.scan import Scan
 
@@ -60,12 +61,9 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     beam = np.searchsorted(beams.key, key_of(frame, layer, point))
     surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
     residual = np.where(surface >= 0, range_m - np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], np.inf)
-    # The nearest echo of each beam comes first; ties in range cannot be in one beam.
-    order = np.lexsort((np.abs(residual), beam))
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = beam[order][1:] != beam[order][:-1]
-    reach = OF_SURFACE_M + _STEPS * beams.step_m[beam]
-    own = order[first & (np.abs(residual) <= reach)[order]]
+    nearest = np.full(len(beams), -1)
+    write_nearest(beam, np.abs(residual), OF_SURFACE_M + _STEPS * beams.step_m, nearest)
+    own = nearest[nearest >= 0]
     detected = np.zeros(len(beams), dtype=bool)
     detected[beam[own]] = True
     feature = np.zeros((len(beams), len(FEATURES)))

@@ -17,8 +17,9 @@ from lidarcheck.explain.beams import Beams
 from lidarcheck.explain.covariates import Division, divisions, fine_divisions
 from lidarcheck.explain.expected import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation
 from lidarcheck.explain.sights import FEATURES, Sights
-from lidarcheck.explain.strays import stray_summaries
+from lidarcheck.explain.strays import Strays
 from lidarcheck.explain.summary import Summary
+from lidarcheck.explain.tallies import add_up, write_residuals, write_scatter
 
 __all__ = ["Expected", "Summaries", "Summary", "compressed", "expectation"]
 
@@ -35,7 +36,9 @@ _STATISTICS = (
     "width scatter",
     "detected",
 )
-_MEANS = (0, 1, 2, 3, 8)
+_MEANS, _SCATTERED, _FINE_MEANS, _SPREADS = (0, 1, 2, 3, 8), (4, 5, 6, 7), (0, 1, 8), (0, 1, 8)
+"""The statistics that are summed up over all covariates, over some, over the finest, and over columns of beams."""
+_COLUMN = "from column to column"
 _SCATTER_OVER = ("all", "range", "amplitude", "material", "point", "frame", "edge")
 """Covariates over which scatter is looked at; the means go over all."""
 _EXTRAS = ("echoes in front", "echoes behind", "echoes without a surface")
@@ -47,10 +50,16 @@ def compressed(z: FloatArray) -> FloatArray:
 
 
 class _Sums(NamedTuple):
-    """Beams by bins as a sparse matrix of ones, and the bins' names."""
+    """The bin of each beam in each division, counted through all of these, (divisions, n), -1 for none; their names."""
 
-    matrix: object
+    labels: npt.NDArray[np.int32]
     bins: tuple[tuple[str, str], ...]
+
+    def of(self, values: FloatArray, columns: Sequence[int] | IndexArray) -> FloatArray:
+        """The sums of some columns of `values` (n, k) over the bins, shape (bins, columns)."""
+        total = np.zeros((len(self.bins), len(columns)))
+        add_up(self.labels, values, np.array(columns), total)
+        return total
 
 
 class Summaries:
@@ -65,21 +74,22 @@ class Summaries:
         self.expected = expectation(beams, base)
         log_area = np.where(self.expected.known, self.expected.mean[:, 1], np.nan)
         coarse = divisions(beams, log_area, materials)
-        self._coarse = _sums(coarse, len(beams))
-        self._scattered = _sums([d for d in coarse if d.covariate in _SCATTER_OVER], len(beams))
-        self._fine = _sums(fine_divisions(beams), len(beams))
-        self._columns = _lines(beams)
+        self._coarse = _sums(coarse)
+        self._scattered = _sums([d for d in coarse if d.covariate in _SCATTER_OVER])
+        self._fine = _sums(fine_divisions(beams))
+        self._lines = _lines(beams, next(d for d in coarse if d.covariate == "point"))
+        self._in_column = np.array([covariate == _COLUMN for covariate, _ in self._lines.bins])
         self._pose = _pose_weights(beams, self.expected)
-        self._named = [
-            _named([_STATISTICS[j] for j in _MEANS], self._coarse),
-            _named(_STATISTICS[4:8], self._scattered),
-            _named(("range", "area", "detected"), self._fine),
-            _named(_EXTRAS, self._coarse),
+        self._strays = Strays(beams)
+        self.names = [
+            *_named([_STATISTICS[j] for j in _MEANS], self._coarse),
+            *_named([_STATISTICS[j] for j in _SCATTERED], self._scattered),
+            *_named([_STATISTICS[j] for j in _FINE_MEANS], self._fine),
+            *self._line_names(),
+            *_named(_EXTRAS, self._coarse),
+            *self._strays.names,
         ]
-        self._strips = next(d for d in coarse if d.covariate == "point")
-        raw = [self._sum(sights) for sights in fresh]
-        self.names = raw[0][1]
-        values = np.array([z for z, _ in raw])
+        values = np.array([self._sum(sights) for sights in fresh])
         self._centre = values.mean(axis=0)
         counted = np.array([name.feature in (*_EXTRAS, "other echoes") for name in self.names])
         # Counts of rare echoes are Poisson; one more than expected is no surprise where none was seen.
@@ -92,70 +102,63 @@ class Summaries:
 
     def plain(self, sights: Sights) -> FloatArray:
         """The summaries in standard deviations from the model's mean, shape (n_summaries,)."""
-        return np.asarray((self._sum(sights)[0] - self._centre) / self._scale)
+        return np.asarray((self._sum(sights) - self._centre) / self._scale)
 
     def of(self, sights: Sights) -> FloatArray:
         """The compressed summaries, shape (n_summaries,)."""
         return compressed(self.plain(sights))
 
-    def _sum(self, sights: Sights) -> tuple[FloatArray, list[Summary]]:
+    def _sum(self, sights: Sights) -> FloatArray:
+        """The summaries before they are standardised, in the order of `names`."""
         value, weight = _statistics(sights, self.expected)
+        counts = self._extra_counts(sights)
         parts = [
-            (_means(value[:, _MEANS], weight[:, _MEANS], self._coarse), self._named[0]),
-            (_means(value[:, 4:8], weight[:, 4:8], self._scattered), self._named[1]),
-            (_means(value[:, [0, 1, 8]], weight[:, [0, 1, 8]], self._fine), self._named[2]),
-            self._posed(value[:, 0], weight[:, 0]),
-            self._column_spreads(sights, value, weight),
-            self._extra_counts(sights),
-            stray_summaries(self.beams, sights),
+            _means(value, weight, self._coarse, _MEANS),
+            _means(value, weight, self._scattered, _SCATTERED),
+            _means(value, weight, self._fine, _FINE_MEANS),
+            self._along_lines(sights, value, weight),
+            self._coarse.of(counts, range(len(_EXTRAS))).T.ravel(),
+            self._strays.counts(sights),
         ]
-        values = np.concatenate([part[0] for part in parts])
-        return values, [name for part in parts for name in part[1]]
+        return np.concatenate(parts)
 
-    def _posed(self, value: FloatArray, weight: FloatArray) -> tuple[FloatArray, list[Summary]]:
-        """Range residuals along the slope of the surfaces: where the beams look beside where they should."""
-        found, names = [], []
-        for axis, name in enumerate(("elevation", "azimuth")):
-            w = self._pose[:, axis]
-            part, square = value * w, weight * w * w
-            for bins, label, texts in (
-                (self._strips.bin, "point", self._strips.names),
-                (self.beams.frame, "frame", tuple(str(i) for i in range(int(self.beams.frame.max()) + 1))),
-            ):
-                total = np.bincount(bins, part, len(texts)) / np.sqrt(np.bincount(bins, square, len(texts)) + 1e-3)
-                found.append(total)
-                names += [Summary(f"range along {name}", label, text) for text in texts]
-            column = self._columns
-            t = np.bincount(column, part) / np.sqrt(np.bincount(column, square) + 1e-3)
-            found.append(np.array([_unevenness(t)]))
-            names.append(Summary(f"range along {name}", "from column to column", "spread"))
-        return np.concatenate(found), names
-
-    def _column_spreads(
-        self, sights: Sights, value: FloatArray, weight: FloatArray
-    ) -> tuple[FloatArray, list[Summary]]:
-        found, names = [], []
-        for j, name in ((0, "range"), (1, "area"), (8, "detected")):
-            total = np.bincount(self._columns, value[:, j])
-            t = total / np.sqrt(np.bincount(self._columns, weight[:, j]) + 1.0)
-            found.append(_unevenness(t))
-            names.append(Summary(name, "from column to column", "spread"))
-        lone = sights.extra_side < 0
-        count = np.bincount(self._columns[sights.extra_beam[lone]], minlength=int(self._columns.max()) + 1)
+    def _along_lines(self, sights: Sights, value: FloatArray, weight: FloatArray) -> FloatArray:
+        """Range residuals along the slope of the surfaces, where the beams look beside where they should, over strips
+        and frames; and by how much sums over columns of beams spread, those of the residuals and of other echoes."""
+        slope = self._pose
+        table = np.column_stack(
+            [value[:, :1] * slope, weight[:, :1] * slope**2, value[:, _SPREADS], weight[:, _SPREADS]]
+        )
+        total = self._lines.of(table, range(table.shape[1]))
+        posed = total[:, :2] / np.sqrt(total[:, 2:4] + 1e-3)
+        columns, found = self._in_column, list[float]()
+        for axis in range(2):
+            found += [*posed[~columns, axis], _unevenness(posed[columns, axis])]
+        even = total[columns, 4:7] / np.sqrt(total[columns, 7:10] + 1.0)
+        found += [_unevenness(even[:, j]) for j in range(len(_SPREADS))]
+        lone = sights.extra_beam[sights.extra_side < 0]
+        count = np.bincount(self._lines.labels[-1, lone] - int(np.argmax(columns)), minlength=int(columns.sum()))
         found.append(float((count**2 - count).sum() / np.sqrt(len(count) + count.sum() ** 2 / len(count))))
-        names.append(Summary("other echoes", "from column to column", "spread"))
-        return np.array(found), names
+        return np.array(found)
 
-    def _extra_counts(self, sights: Sights) -> tuple[FloatArray, list[Summary]]:
-        """Numbers of other echoes in front of, behind and without a surface, by the beam's covariates."""
-        counts = np.zeros((len(self.beams), len(_EXTRAS)))
+    def _line_names(self) -> list[Summary]:
+        """The names of what `_along_lines` finds."""
+        found = []
+        for name in ("elevation", "azimuth"):
+            along = f"range along {name}"
+            found += [Summary(along, *where) for where in self._lines.bins if where[0] != _COLUMN]
+            found.append(Summary(along, _COLUMN, "spread"))
+        features = [*(_STATISTICS[j] for j in _SPREADS), "other echoes"]
+        return found + [Summary(name, _COLUMN, "spread") for name in features]
+
+    def _extra_counts(self, sights: Sights) -> FloatArray:
+        """Numbers of other echoes in front of, behind and without a surface, of each beam, (n, 3)."""
         lone = sights.extra_side < 0
         beam, range_m = sights.extra_beam[lone], sights.extra_m[lone]
         distance = self.beams.distance_m[beam]
         kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
-        np.add.at(counts, (beam, kind), 1.0)
-        total = self._coarse.matrix @ counts  # type: ignore[operator]
-        return total.T.ravel(), self._named[3]
+        cells = len(self.beams) * len(_EXTRAS)
+        return np.bincount(beam * len(_EXTRAS) + kind, minlength=cells).reshape(-1, len(_EXTRAS)).astype(np.float64)
 
 
 def _named(features: Sequence[str], sums: _Sums) -> list[Summary]:
@@ -163,27 +166,25 @@ def _named(features: Sequence[str], sums: _Sums) -> list[Summary]:
     return [Summary(feature, *where) for feature in features for where in sums.bins]
 
 
-def _means(value: FloatArray, weight: FloatArray, sums: _Sums) -> FloatArray:
-    """Standardised sums over the bins of values with variances `weight`, shapes (n, features); feature by feature."""
-    total = sums.matrix @ value  # type: ignore[operator]
-    noise = np.sqrt(np.maximum(sums.matrix @ weight, 1.0))  # type: ignore[operator]
-    return np.asarray((total / noise).T.ravel())
+def _means(value: FloatArray, weight: FloatArray, sums: _Sums, columns: Sequence[int]) -> FloatArray:
+    """Standardised sums over the bins of values with variances `weight`, shapes (n, statistics); column by column."""
+    # An echo's features are all there or none: they share a weight.
+    kinds, which = np.unique(np.where(np.array(columns) < len(FEATURES), 0, columns), return_inverse=True)
+    noise = np.sqrt(np.maximum(sums.of(weight, kinds), 1.0))[:, which]
+    return np.asarray((sums.of(value, columns) / noise).T.ravel())
 
 
 def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatArray]:
     """Per beam the statistics that are summed up, and the variance that each has by chance; shapes (n, 9)."""
     valid = sights.detected & expected.known
-    u = np.clip((sights.feature - expected.mean) / expected.spread, -CLIP, CLIP)
-    value = np.zeros((len(u), len(_STATISTICS)))
+    value = np.zeros((len(valid), len(_STATISTICS)))
     weight = np.zeros_like(value)
-    value[valid, :4] = u[valid]
-    weight[valid, :4] = 1.0
-    for j, (feature, partner) in enumerate(SCATTERS, start=4):
+    write_residuals(valid, sights.feature, expected.mean, expected.spread, CLIP, value)
+    weight[:, :4] = valid[:, None]
+    for j, (feature, partner) in enumerate(SCATTERS):
         mine, other = expected.partner[partner]
-        both = valid[mine] & valid[other]
-        square = np.minimum(0.5 * (u[mine, feature] - u[other, feature]) ** 2, SPREAD_CLIP)
-        value[mine, j] = np.where(both, (square - expected.square_mean[j - 4]) / expected.square_spread[j - 4], 0.0)
-        weight[mine, j] = both
+        moments = float(expected.square_mean[j]), float(expected.square_spread[j])
+        write_scatter(valid, mine, other, feature, _SCATTERED[j], *moments, SPREAD_CLIP, value, weight)
     # A beam beside an edge may stray onto another surface, or past its own; what it loses says little of losses.
     p, sure = expected.probability, ~expected.at_edge
     value[:, 8] = np.where(sure, sights.detected - p, 0.0)
@@ -191,25 +192,21 @@ def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatAr
     return value, weight
 
 
-def _sums(found: Sequence[Division], n: int) -> _Sums:
-    from scipy.sparse import csr_matrix
-
-    rows: list[IndexArray] = []
-    columns: list[IndexArray] = []
-    bins: list[tuple[str, str]] = []
+def _sums(found: Sequence[Division]) -> _Sums:
+    labels, bins = [], list[tuple[str, str]]()
     for division in found:
-        used = np.flatnonzero(division.bin >= 0)
-        rows.append(division.bin[used] + len(bins))
-        columns.append(used)
+        labels.append(np.where(division.bin >= 0, division.bin + len(bins), -1))
         bins += [(division.covariate, name) for name in division.names]
-    r, c = np.concatenate(rows), np.concatenate(columns)
-    return _Sums(csr_matrix((np.ones(len(r)), (r, c)), shape=(len(bins), n)), tuple(bins))
+    return _Sums(np.array(labels, dtype=np.int32), tuple(bins))
 
 
-def _lines(beams: Beams) -> IndexArray:
-    """The (frame, point) column of each beam: what is swept at one moment."""
+def _lines(beams: Beams, strips: Division) -> _Sums:
+    """Strips of points, frames, and last the (frame, point) columns: what is swept at one moment."""
+    frames = int(beams.frame.max()) + 1
     _, column = np.unique(beams.frame * 1024 + beams.point, return_inverse=True)
-    return np.asarray(column, dtype=np.int64)
+    columns = tuple(str(i) for i in range(int(column.max()) + 1))
+    by_frame = Division("frame", beams.frame, tuple(str(i) for i in range(frames)))
+    return _sums([strips, by_frame, Division(_COLUMN, np.asarray(column), columns)])
 
 
 def _pose_weights(beams: Beams, expected: Expected) -> FloatArray:

@@ -61,7 +61,7 @@ class _Side:
     @classmethod
     def of(cls, bench: Bench, model: Model) -> _Side:
         scale = Scale.of(bench.frames, model, seed_of(bench.seed, "held out") >> 24)
-        return cls(scale, scale.measured(), bench.used.astype(np.float64), bench.crew)
+        return cls(scale, scale.measured, bench.used.astype(np.float64), bench.crew)
 
     def distance(self, model: Model, seeds: int) -> Distance:
         return Distance(tuple(self.crew.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
