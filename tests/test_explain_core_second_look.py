@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
+from lidarcheck.crew import Crew
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
@@ -12,8 +13,9 @@ from lidarcheck.explain.forward import Bench, Search, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import Nuisance
+from lidarcheck.explain.polish import judged
 from lidarcheck.explain.screen import screen
-from lidarcheck.explain.second_look import second_look
+from lidarcheck.explain.second_look import joint_trials, second_look
 from lidarcheck.explain.verdict import Closure, closure
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.5}), make("timing_jitter", {"sigma_ns": 0.5})
@@ -60,6 +62,24 @@ def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
         assert found.own.last.effects()[1].settings()["sigma_ns"] == pytest.approx(0.5, abs=0.1)
         assert found.trials[-1].round == 2
         assert len(found.own.lab.frames) == 4
+
+
+def test_of_two_effects_that_do_much_the_same_both_are_found_though_the_first_took_what_both_do() -> None:
+    """Crosstalk multiplies dark counts: these alone are twice too many, and leave nothing that crosstalk would fit."""
+    dark, cross = make("dark_counts", {"rate_per_ns": 0.0007}), make("crosstalk", {"sides": 0.12, "corners": 0.05})
+    bench = bench_of(dark, cross)
+    strong, other, far = (fitted(bench, name) for name in ("dark_counts", "crosstalk", "range_offset"))
+    assert strong.effects()[0].settings()["rate_per_ns"] > 0.0012
+    trials = [trial(strong, 1000.0, 10.0), trial(other, 900.0, 20.0), trial(far, 300.0, 60.0)]
+    seen = seen_of(bench)
+    own = judged(seen, bench.lab.model, strong, 7)
+    [found] = joint_trials(own, Search(strong, strong, trials), 2, Crew())
+    assert found.fit.names() == ("dark_counts", "crosstalk")
+    assert found.passes
+    rate, sides = (e.settings() for e in found.fit.effects())
+    assert rate["rate_per_ns"] == pytest.approx(0.0007, rel=0.25)
+    assert sides["sides"] + sides["corners"] == pytest.approx(0.17, rel=0.3)
+    assert seen.excess(found.fit.model(bench.lab.model), found.fit.nuisance)[0] < 0.5 * own.left
 
 
 def test_a_second_look_at_no_effect_is_none() -> None:

@@ -82,6 +82,12 @@ class Probe:
             settings["exponent"] = 1.0 + (settings["exponent"] - 1.0) * factor
         return replace(self, settings=settings)
 
+    def weaker(self, x: FloatArray, factor: float) -> Probe:
+        """A start at a point of the fit's scale, with the strength there scaled."""
+        there = self.effect(x).settings()
+        moved = {one.name: there[one.name] for one in self.free}
+        return replace(self, settings={**self.settings, **moved}).scaled(factor)
+
     def start(self) -> FloatArray:
         """The start on the fit's scale, shape (n_free,)."""
         typical = {p.name: p.typical for p in find(self.name).parameters()}

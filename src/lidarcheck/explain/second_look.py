@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+import numpy.typing as npt
+
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe, fixed_probes
-from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, run_round
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
@@ -20,7 +23,9 @@ from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.screen import Screened, chance_level, screen
 
-__all__ = ["second_look"]
+__all__ = ["joint_trials", "second_look"]
+
+FloatArray = npt.NDArray[np.float64]
 
 _LEFT = 3.0 * CHANCE
 """Less than this above the floor is not looked at again."""
@@ -32,6 +37,9 @@ _LEAST_CLOSED, _SURE = 0.15, 4.0
 _STILL = 0.5
 """Another look is taken where one more effect has left this part of what was left before."""
 _MOST = 2
+_ALIKE, _WEAKER = 0.5, 0.6
+"""Names that explained such a part of what an accepted one did are tried beside it, both from such a part of their
+strengths."""
 
 
 def second_look(
@@ -54,7 +62,8 @@ def second_look(
         if left < max(_LEFT, _STILL * before):
             return search
         starts = _starts(bench, own.lab, search, screened)
-        trials = _trials(own, starts, 1 + max(trial.round for trial in search.trials), bench.crew, told)
+        number = 1 + max(trial.round for trial in search.trials)
+        trials = _trials(own, starts, number, bench.crew, told) + joint_trials(own, search, number, bench.crew)
         found = _best(bench, seen, search, trials)
         if found is None:
             return search
@@ -72,6 +81,41 @@ def _trials(
     level = chance_level(lab, screened)
     bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
     return run_round(bench, Search(own.last, own.last), screened, number, _silent)
+
+
+def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[Trial]:
+    """Names that explained much of the same, fitted together with the accepted ones from where both are weaker.
+
+    Of two effects that do much the same the one that is accepted first takes what both do, and then leaves nothing that
+    the other one could begin with: dark counts that crosstalk multiplies are so many more dark counts.
+    """
+    now, before = own.last, own.last.distance
+    needed = _LEAST_PART * (before - own.lab.floor_distance)
+    tasks = ((own.lab.held, now, *alike) for alike in _alike(search))
+    found = []
+    for joint in crew.map(_joined, tasks):
+        if joint.possible:
+            gain = before - joint.distance
+            found.append(Trial(joint.names()[-1], number, joint, gain, needed, before, joint.distance))
+    return found
+
+
+def _alike(search: Search) -> list[tuple[Probe, FloatArray]]:
+    """The other names that explained nearly as much as an accepted one of their round, where their fits ended."""
+    names = search.fit.names()
+    accepted_gain = {t.round: t.gain for t in search.trials if t.name in names and t.passes}
+    best: dict[str, Trial] = {}
+    for t in sorted(search.trials, key=lambda t: t.gain):
+        if t.name not in names and t.passes and t.gain > _ALIKE * accepted_gain.get(t.round, float("inf")):
+            best.pop(t.name, None)
+            best[t.name] = t
+    return [(t.fit.probes[-1], t.fit.x[-1]) for t in [*best.values()][-_MOST:]]
+
+
+def _joined(lab: Lab, now: Fit, probe: Probe, x: FloatArray) -> Fit:
+    """Effects and one more fitted together, all from a part of their strengths."""
+    probes = [at.weaker(x, _WEAKER) for at, x in zip((*now.probes, probe), (*now.x, x), strict=True)]
+    return fit_nuisance(lab, fit(lab, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance))
 
 
 def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]) -> list[Probe]:

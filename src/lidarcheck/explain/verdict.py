@@ -39,7 +39,7 @@ OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES = 0.2, 0.45
 where all that shows is at edges; there, the best of the wrong ones left six tenths."""
 _SHOWN_PART = 0.2
 """Select frames whose excess is less than this part of that of the fit's frames do not show what these do."""
-_FORM_ERROR = 0.03
+_FORM_ERROR = 0.04
 """Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
 _EDGE_SEEDS = 4
 _LOOSE_FORMS = {
@@ -47,6 +47,9 @@ _LOOSE_FORMS = {
     "sky": 0.20,
 }  # fmt: skip
 """The same where a number hangs more on the form: how often, and what a tail, a border or the sky is taken to be."""
+_OTHERS_FORMS = 1.5
+"""Beside other effects a parameter also takes up what their forms leave: so many times its own form's part besides. Of
+65 parameters of three benchmarks, 85 % were covered without this where one effect was named, 68 % where more were."""
 _WHOLE_BINS = {"shift_ns": 0.6}
 """Errors in the parameter's own unit where it acts in whole bins."""
 
@@ -153,6 +156,7 @@ def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
     curvature = jacobian.T @ weighted + 1e-6 * np.eye(jacobian.shape[1])
     variance = np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
     own = np.concatenate([_form_error(probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
+    own *= 1.0 + _OTHERS_FORMS * (len(now.probes) > 1)
     half = 1.645 * np.sqrt(widen**2 * variance + own**2)
     found, start = [], 0
     for probe, x in zip(now.probes, now.x, strict=True):
