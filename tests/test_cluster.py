@@ -191,6 +191,13 @@ def test_the_same_bits_on_one_process_on_four_and_on_a_cluster(work, inputs, tmp
     assert one == many
 
 
+def test_whether_there_is_a_gpu_is_asked_where_the_work_is_done(farm, cluster, inputs, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("lidarcheck.model.cuda.check_cuda", lambda: pytest.fail("asked on the caller's machine"))
+    code = simulate_at(farm.address, inputs, tmp_path / "there", "--device", "cuda")
+    said = capsys.readouterr().err.strip()
+    assert code == 0 or (code == 2 and said.startswith("error: no GPU can be used: ") and "\n" not in said)
+
+
 def test_the_command_writes_what_it_writes_without_a_cluster(farm, cluster, inputs, tmp_path, capsys):
     assert simulate_at(farm.address, inputs, tmp_path / "there", "--format", "txt") == 0
     where = ["--model", str(inputs / "model.toml"), "--out", str(tmp_path / "here"), "--frames", "2"]

@@ -88,10 +88,10 @@ def test_a_gpu_finds_the_same_echoes_in_all_but_a_few_beams(variant: str) -> Non
     right = chain_echoes(shown, sensor, seed=2)
     found = chain_echoes(shown, sensor, seed=2, device="cuda")
     assert np.mean(found.held != right.held) < 1e-4
-    same = found.held == right.held
-    for i in np.flatnonzero(same)[::97]:
-        np.testing.assert_allclose(found.centre[i, : right.held[i]], right.centre[i, : right.held[i]], atol=1.0)
-    assert found.area.shape == right.area.shape
+    filled = (np.arange(sensor.max_echoes) < right.held[:, None]) & (found.held == right.held)[:, None]
+    for feature in ("centre", "width", "area", "peak"):
+        ours, theirs = (getattr(one, feature)[filled] for one in (found, right))
+        assert np.mean(~np.isclose(ours, theirs, rtol=1e-9)) < 1e-4
 
 
 @pytest.mark.skipif(usable(), reason="there is a GPU here")

@@ -50,7 +50,7 @@ def simulate_frames(
     from lidarcheck.model import load_model
 
     frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity, device)
-    frames.check()
+    frames.check(here=scheduler is None)
     external = frames.model.external is not None
     if external and scheduler is not None:
         what = f"the model {model} is an external program, which is on this machine alone"

@@ -73,11 +73,11 @@ class Frames:
     fidelity: Fidelity = "exact"
     device: Device = "cpu"
 
-    def check(self) -> None:
-        """`UsageError` or `InputError` for what can be known before the work."""
+    def check(self, *, here: bool = True) -> None:
+        """`UsageError` or `InputError` for what can be known before the work; `here`: whether this machine does it."""
         target_format(self.out / f"frame{self.suffix}")
         check_fidelity(self.fidelity, self.model)
-        check_device(self.device, self.fidelity, self.model)
+        check_device(self.device, self.fidelity, self.model, here=here)
         if self.model.external is not None and (self.count or 1) > 1:
             fix = "leave out --frames, or give an ideal scan for each frame"
             raise UsageError("an external model does not know frames: all would be the same", fix=fix)

@@ -24,8 +24,11 @@ def check_fidelity(fidelity: str, model: Model | None = None) -> None:
         raise UsageError(what, file=model.file, fix="leave the fidelity out")
 
 
-def check_device(device: str, fidelity: str = "exact", model: Model | None = None) -> None:
-    """Refuse a device that there is none of, a GPU that is not there, and what a GPU does not run."""
+def check_device(device: str, fidelity: str = "exact", model: Model | None = None, *, here: bool = True) -> None:
+    """Refuse a device that there is none of, a GPU that is not there, and what a GPU does not run.
+
+    `here`: whether this machine is to simulate; of others it is not known what they have.
+    """
     if device not in DEVICES:
         raise UsageError(f"there is no device {device!r}", fix=f"use one of {', '.join(DEVICES)}")
     if device == "cpu":
@@ -35,6 +38,7 @@ def check_device(device: str, fidelity: str = "exact", model: Model | None = Non
     if model is not None and model.external is not None:
         what = f"an external model runs as it is and knows no device {device!r}"
         raise UsageError(what, file=model.file, fix="leave the device out")
-    from lidarcheck.model.cuda import check_cuda
+    if here:
+        from lidarcheck.model.cuda import check_cuda
 
-    check_cuda()
+        check_cuda()

@@ -1,0 +1,68 @@
+"""The last judgements beam by beam: which small errors are put right, and whether the named effects carry over."""
+
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.crew import Crew
+from lidarcheck.effects import make
+from lidarcheck.explain.explanation import Gap, Interval
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.nuisances import Nuisance
+from lidarcheck.explain.overall import calibrated, carries_over
+
+FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
+OFF = Nuisance(materials={1: 2.5, 2: -2.5})
+OFFSET = make("range_offset", {"offset_m": 0.1})
+
+
+def gap(before: float, after: float, floor: float) -> Gap:
+    return Gap(*(Interval(value, value, value) for value in (before, after, floor)))
+
+
+@pytest.fixture(scope="module")
+def wrong_table() -> Scale:
+    """Frames of a sensor that sees two materials brighter and darker than the table has them."""
+    return Scale.of(frames(OFF.model(model()), 2, **FINE), model(), 5)
+
+
+def test_errors_of_the_table_are_put_right_where_that_comes_nearer(wrong_table: Scale) -> None:
+    there = calibrated(wrong_table, model(), OFF, Crew())
+    assert there.materials == OFF.model(model()).materials
+    assert there.effects == ()
+
+
+def test_the_pose_is_left_alone_where_only_the_table_comes_nearer(wrong_table: Scale) -> None:
+    both = Nuisance(yaw=2.5, pitch=2.5, materials=OFF.materials)
+    there = calibrated(wrong_table, model(), both, Crew())
+    assert there.materials == OFF.model(model()).materials
+    assert there.effects == ()
+
+
+@pytest.mark.parametrize("off", [Nuisance(), Nuisance(materials={1: -2.5, 2: 2.5})])
+def test_what_comes_no_nearer_is_not_written(wrong_table: Scale, off: Nuisance) -> None:
+    believed = model()
+    assert calibrated(wrong_table, believed, off, Crew()) is believed
+
+
+@pytest.fixture(scope="module")
+def shifted() -> Scale:
+    return Scale.of(frames(model(OFFSET), 2, **FINE), model(), 5)
+
+
+def test_the_right_effect_carries_over_and_another_does_not(shifted: Scale) -> None:
+    last, wrong = model(OFFSET), model(make("signal_gain", {"gain": 0.8}))
+    closed, open_ = gap(1.0, 0.1, 0.1), gap(1.0, 0.95, 0.1)
+    assert carries_over(shifted, model(), last, closed, Crew())
+    assert not carries_over(shifted, model(), wrong, open_, Crew())
+
+
+def test_frames_that_do_not_show_it_count_by_how_little_they_show(shifted: Scale) -> None:
+    """The gap of unseen frames may stay open where these have hardly any; where it is large, it must close."""
+    last = model(OFFSET)
+    assert carries_over(shifted, model(), last, gap(0.12, 0.12, 0.1), Crew())
+    assert not carries_over(shifted, model(), last, gap(9.0, 9.0, 0.1), Crew())
+
+
+def test_where_there_is_no_gap_nothing_can_fail_to_close() -> None:
+    scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
+    assert carries_over(scale, model(), model(OFFSET), gap(0.1, 0.1, 0.1), Crew())
