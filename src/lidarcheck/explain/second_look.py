@@ -37,9 +37,9 @@ _LEAST_CLOSED, _SURE = 0.15, 4.0
 _STILL = 0.5
 """Another look is taken where one more effect has left this part of what was left before."""
 _MOST = 2
-_ALIKE, _WEAKER = 0.5, 0.6
+_ALIKE, _WEAKER, _LEAST_JOINT = 0.5, 0.6, 0.5
 """Names that explained such a part of what an accepted one did are tried beside it, both from such a part of their
-strengths."""
+strengths. Such a name fits what the other one's form leaves over, too: it must explain more of it."""
 
 
 def second_look(
@@ -90,7 +90,7 @@ def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[T
     the other one could begin with: dark counts that crosstalk multiplies are so many more dark counts.
     """
     now, before = own.last, own.last.distance
-    needed = _LEAST_PART * (before - own.lab.floor_distance)
+    needed = _LEAST_JOINT * (before - own.lab.floor_distance)
     tasks = ((own.lab.held, now, *alike) for alike in _alike(search))
     found = []
     for joint in crew.map(_joined, tasks):
