@@ -16,7 +16,19 @@ from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["Bench", "Search", "Trial", "accepted", "backward", "find_effects", "forward", "start_fit"]
+__all__ = [
+    "Bench",
+    "Search",
+    "Told",
+    "Trial",
+    "accept",
+    "accepted",
+    "backward",
+    "find_effects",
+    "forward",
+    "onward",
+    "start_fit",
+]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
@@ -40,9 +52,9 @@ KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
 AT_RANDOM = ("random", "wander", "free phase")
-RANDOM_KIN_PART, _RANDOM_WORTH = 0.3, 2.0
+RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 """Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
-edges: they need this part beside their kin, and so many times the usual least part."""
+edges: they need this part beside their kin, and so many times the usual least part, though no more than half of all."""
 _PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
 _UNSEEN, _HARMLESS = 0.05, 0.02
@@ -59,6 +71,8 @@ _HOPELESS = 0.2
 """What alone explains less than this part of what is needed is not fitted together with the rest."""
 _WEAKER = 3
 """So often a start that no sensor can have is made half as strong."""
+_TO_THE_END = 6
+"""Steps of a fit after which it leads no further."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -78,7 +92,18 @@ class Bench:
     @property
     def worth(self) -> float:
         """The least gain that is worth a name, whatever chance says."""
-        return self.least_part * max(self.start - self.lab.floor_distance, 0.0)
+        return self.least_part * self._gap
+
+    def worth_of(self, variant: str) -> float:
+        """The same for a kind of start."""
+        if variant not in AT_RANDOM:
+            return self.worth
+        return min(_RANDOM_WORTH * self.least_part, _RANDOM_ENOUGH) * self._gap
+
+    @property
+    def _gap(self) -> float:
+        """How far the start is beyond the floor."""
+        return max(self.start - self.lab.floor_distance, 0.0)
 
 
 @dataclass(frozen=True)
@@ -166,17 +191,28 @@ def _all_nuisance(bench: Bench, off: Fit) -> bool:
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
-    found = Search(first, first)
-    for number in range(1, MOST_EFFECTS + 1):
-        trials = run_round(bench, found, screened, number, told)
+    return onward(bench, Search(first, first), screened, told)
+
+
+def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+    """The same from what is accepted already."""
+    little = max(0.5 * CHANCE, 0.5 * bench.worth)
+    while len(found.fit.probes) < MOST_EFFECTS:
+        if found.fit.probes and found.fit.distance - bench.lab.floor_distance < little:
+            break
+        trials = run_round(bench, found, screened, len(found.fit.probes) + 1, told)
         found.trials += trials
         passing = [trial for trial in trials if trial.passes]
         if not passing:
             break
-        found.fit = fit_nuisance(bench.lab, max(passing, key=lambda t: t.merit).fit)
-        if found.fit.distance - bench.lab.floor_distance < max(0.5 * CHANCE, 0.5 * bench.worth):
-            break
+        found = accept(bench, found, max(passing, key=lambda t: t.merit))
     return found
+
+
+def accept(bench: Bench, found: Search, trial: Trial) -> Search:
+    """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
+    another effect."""
+    return replace(found, fit=fit_nuisance(bench.lab, _finished(bench.lab, trial.fit)))
 
 
 def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
@@ -200,7 +236,7 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
         one = order[i][1]
         if not alone.possible:
             continue
-        worth = bench.worth * (_RANDOM_WORTH if one.probe.variant in AT_RANDOM else 1.0)
+        worth = bench.worth_of(one.probe.variant)
         needed = max(1.3 * bench.level * one.chance, worth, _beside_kin(one.probe, found))
         gain = now.distance - alone.distance
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change))
@@ -283,12 +319,17 @@ def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
     return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
 
 
+def _finished(lab: Lab, now: Fit) -> Fit:
+    """A fit that leads no further."""
+    return fit(lab, now.probes, now.x, rounds=_TO_THE_END, nuisance=now.nuisance, slopes=now.jacobian)
+
+
 def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     """Leave out again what the others and the nuisances explain as well; fit the rest together."""
     lab = bench.lab
     if not now.probes:
         return now
-    now = fit_nuisance(lab, fit(lab, now.probes, now.x, rounds=4, nuisance=now.nuisance, slopes=now.jacobian))
+    now = fit_nuisance(lab, _finished(lab, now))
     while now.probes:
         without = []
         for fewer in bench.crew.map(_without, [(lab.held, now, j) for j in range(len(now.probes))]):
@@ -307,7 +348,9 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
 
 
 def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
+    """The others fitted again: what is left out may have made up for what their fits had left open."""
     rest = [j for j in range(len(now.probes)) if j != left_out]
-    fewer = fit(lab, [now.probes[j] for j in rest], [now.x[j] for j in rest], rounds=0)
+    probes, x = [now.probes[j] for j in rest], [now.x[j] for j in rest]
+    fewer = fit(lab, probes, x, rounds=_TO_THE_END, nuisance=now.nuisance)
     small = fewer.distance < SMALL * lab.floor_distance
     return fit_nuisance(lab, fewer, rounds=4 if small else 1)

@@ -32,6 +32,8 @@ _LEFT = 3.0 * CHANCE
 _LEAST_PART = 0.33
 """Another effect must explain this part of what the others leave: of what an effect's form leaves over, which is no
 effect of its own, several explain a little."""
+_LIKELY = 0.08
+"""Before it is fitted, some start of it must explain this part: fits made three or four times as much of a start."""
 _LEAST_CLOSED, _SURE = 0.15, 4.0
 """Beam by beam it must close this part of the gap that the others leave, and so many standard deviations of chance."""
 _STILL = 0.5
@@ -80,7 +82,15 @@ def _trials(
     screened = screen(lab, starts, told, crew)
     level = chance_level(lab, screened)
     bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
-    return run_round(bench, Search(own.last, own.last), screened, number, _silent)
+    return run_round(bench, Search(own.last, own.last), _likely(own, screened), number, _silent)
+
+
+def _likely(own: Judged, screened: Sequence[Screened]) -> list[Screened]:
+    """Those of the effects that explain a part of what is left before any fit, worth the fits' time."""
+    lab, left = own.lab, own.last.distance - own.lab.floor_distance
+    residual = lab.measured - own.last.shown.mean(axis=0)
+    names = {one.probe.name for one in screened if one.gain(lab, residual)[0] > _LIKELY * left}
+    return [one for one in screened if one.probe.name in names]
 
 
 def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[Trial]:
@@ -91,7 +101,7 @@ def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[T
     """
     now, before = own.last, own.last.distance
     needed = _LEAST_JOINT * (before - own.lab.floor_distance)
-    tasks = ((own.lab.held, now, *alike) for alike in _alike(search))
+    tasks = ((own.lab.held, now, needed, *alike) for alike in _alike(search))
     found = []
     for joint in crew.map(_joined, tasks):
         if joint.possible:
@@ -103,7 +113,10 @@ def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[T
 def _alike(search: Search) -> list[tuple[Probe, FloatArray]]:
     """The other names that explained nearly as much as an accepted one of their round, where their fits ended."""
     names = search.fit.names()
-    accepted_gain = {t.round: t.gain for t in search.trials if t.name in names and t.passes}
+    accepted_gain: dict[int, float] = {}
+    for t in search.trials:
+        if t.name in names and t.passes:
+            accepted_gain[t.round] = max(t.gain, accepted_gain.get(t.round, 0.0))
     best: dict[str, Trial] = {}
     for t in sorted(search.trials, key=lambda t: t.gain):
         if t.name not in names and t.passes and t.gain > _ALIKE * accepted_gain.get(t.round, float("inf")):
@@ -112,10 +125,12 @@ def _alike(search: Search) -> list[tuple[Probe, FloatArray]]:
     return [(t.fit.probes[-1], t.fit.x[-1]) for t in [*best.values()][-_MOST:]]
 
 
-def _joined(lab: Lab, now: Fit, probe: Probe, x: FloatArray) -> Fit:
-    """Effects and one more fitted together, all from a part of their strengths."""
+def _joined(lab: Lab, now: Fit, needed: float, probe: Probe, x: FloatArray) -> Fit:
+    """Effects and one more fitted together, all from a part of their strengths; with the nuisances where these may make
+    up what a gain of `needed` lacks."""
     probes = [at.weaker(x, _WEAKER) for at, x in zip((*now.probes, probe), (*now.x, x), strict=True)]
-    return fit_nuisance(lab, fit(lab, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance))
+    joint = fit(lab, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance)
+    return fit_nuisance(lab, joint) if now.distance - joint.distance > 0.5 * needed else joint
 
 
 def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]) -> list[Probe]:

@@ -16,6 +16,7 @@ from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.detours import detours
 from lidarcheck.explain.explanation import (
     Explanation,
     Finding,
@@ -128,10 +129,10 @@ def _deaf(_step: Step) -> None:
     return None
 
 
-def _part(step: str, done: int, of: int) -> tuple[int, int]:
-    """How far the fit is: four rounds and the leaving out again, in hundredths."""
-    place = 4 if step.startswith("leave") else int(step.rsplit(" ", 1)[-1]) - 1
-    return 20 * place + round(20 * done / max(of, 1)), 100
+def _tell_fit(tell: Teller, step: str, done: int, of: int) -> None:
+    """How far the fit is: four rounds, the leaving out again and the detours, in hundredths."""
+    place = {"leave out again": 4, "detour": 5}.get(step) or int(step.rsplit(" ", 1)[-1]) - 1
+    tell("fit", 16 * place + round(16 * done / max(of, 1)), 100)
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,8 @@ class Run:
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
-        found = find_effects(bench, screened, lambda step, i, n: self.tell("fit", *_part(step, i, n)))
+        told = functools.partial(_tell_fit, self.tell)
+        found = detours(bench, find_effects(bench, screened, told), screened, told)
         self.tell("fit", 1, 1)
         now, level = found.fit, bench.level
         self.did("candidates", f"{len(found.trials)} fitted; chance gains up to {level:.1f} times its mean")

@@ -1,0 +1,63 @@
+"""Other ways through the search, where the one on which the best of each round is accepted leaves much open.
+
+Of several missing effects the first round may accept none, but one that does a little of what each of them does: stray
+echoes of another sensor for those of crosstalk and of drops. Beside it the right ones explain little, and are not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, backward, onward, select_distance
+from lidarcheck.explain.screen import Screened
+
+__all__ = ["detours"]
+
+_OPEN = 0.06
+"""Where less than this part is left open, on the frames of the fit and the selection together, nothing else is tried."""
+_MOST, _PROMISING = 2, 0.25
+"""So many of the first round's others are begun with, of those with such a part of the merit of the one accepted."""
+_NEARER, _SIMPLER = 0.6, 0.9
+"""Another way must leave no more than this part of what is open, for each effect that it needs more; or, with fewer
+effects, that part."""
+
+
+def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+    """The search that begins with another effect than the best of the first round, where that leads much nearer."""
+    left = _left(bench, found.fit)
+    first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
+    if first is None or left < max(_OPEN * _left(bench, found.first), 2.0 * CHANCE):
+        return found
+    rest = [one for one in screened if one.probe.name != first.name]
+    ways = _others(found, first)
+    nearest = found
+    for i, trial in enumerate(ways):
+        told("detour", i, len(ways))
+        began = [t for t in found.trials if t.round == 1]
+        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, _silent)
+        way.fit = backward(bench, way.fit, _silent)
+        there, more = _left(bench, way.fit), len(way.fit.probes) - len(nearest.fit.probes)
+        if there < (_SIMPLER if more < 0 else _NEARER ** max(more, 1)) * left:
+            nearest, left = way, there
+    return nearest
+
+
+def _others(found: Search, first: Trial) -> list[Trial]:
+    """The best trial of each other name of the first round, the best names first."""
+    best: dict[str, Trial] = {}
+    for trial in sorted(found.trials, key=lambda t: t.merit):
+        if trial.round == 1 and trial.passes and trial.name != first.name and trial.merit > _PROMISING * first.merit:
+            best.pop(trial.name, None)
+            best[trial.name] = trial
+    return [*best.values()][: -_MOST - 1 : -1]
+
+
+def _left(bench: Bench, now: Fit) -> float:
+    """What a fit leaves open on the frames of the fit and of the selection."""
+    there = select_distance(bench.select, now) - bench.select.floor_distance
+    return now.distance - bench.lab.floor_distance + there
+
+
+def _silent(_step: str, _done: int, _of: int) -> None:
+    return None
