@@ -1,7 +1,7 @@
 """Other ways through the search, where the one on which the best of each round is accepted leaves much open.
 
-Of several missing effects the first round may accept none, but one that does a little of what each of them does: stray
-echoes of another sensor for those of crosstalk and of drops. Beside it the right ones explain little, and are not found.
+Of several missing effects the first round may accept none, but one that does a little of what each of them does: echoes
+of another sensor for those of crosstalk and of drops. Beside it the right ones explain little, and are not found.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from lidarcheck.explain.screen import Screened
 __all__ = ["detours"]
 
 _OPEN = 0.06
-"""Where less than this part is left open, on the frames of the fit and the selection together, nothing else is tried."""
+"""Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried."""
 _MOST, _PROMISING = 2, 0.25
 """So many of the first round's others are begun with, of those with such a part of the merit of the one accepted."""
 _NEARER, _SIMPLER = 0.6, 0.9

@@ -24,6 +24,8 @@ Shows = Callable[..., FloatArray | None]
 _CLEAR = 3.0
 _LEAPS = (6.0, 3.0)
 """How many steps at once numbers are tried larger and smaller where slopes say nothing."""
+_FAR, _DOUBLED = 0.1, 3
+"""A step that led so much nearer may be too short, and is doubled up to so often."""
 _FLIPS = 0.7
 """So much a summary changes when single beams' echoes come out otherwise."""
 
@@ -200,9 +202,26 @@ def _stepped(
         trial = shows(at + step, lab.seeds)
         distance = np.inf if trial is None else lab.distance(trial)
         if trial is not None and distance < best:
+            if best - distance > _FAR * best:
+                step, trial, distance = _farther(lab, shows, at, (step, trial, distance))
             return step, trial, distance, damping * 0.3
         damping = damping * 10.0 + 0.3
     return np.zeros(len(at)), None, best, damping
+
+
+def _farther(
+    lab: Lab, shows: Shows, at: FloatArray, found: tuple[FloatArray, FloatArray, float]
+) -> tuple[FloatArray, FloatArray, float]:
+    """The step that led nearer, doubled while that leads nearer still: summaries are compressed far from the lab's
+    model, and slopes taken near it promise too much of a step."""
+    step, shown, best = found
+    for _ in range(_DOUBLED):
+        there = shows(at + 2.0 * step, lab.seeds)
+        distance = np.inf if there is None else lab.distance(there)
+        if there is None or distance >= best:
+            break
+        step, shown, best = 2.0 * step, there, distance
+    return step, shown, best
 
 
 def _clear(change: FloatArray) -> FloatArray:

@@ -320,8 +320,8 @@ def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
 
 
 def _finished(lab: Lab, now: Fit) -> Fit:
-    """A fit that leads no further."""
-    return fit(lab, now.probes, now.x, rounds=_TO_THE_END, nuisance=now.nuisance, slopes=now.jacobian)
+    """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
+    return fit(lab, now.probes, now.x, rounds=_TO_THE_END, nuisance=now.nuisance)
 
 
 def backward(bench: Bench, now: Fit, told: Told) -> Fit:

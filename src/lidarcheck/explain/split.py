@@ -41,7 +41,8 @@ def split_frames(frames: Sequence[Frame]) -> Split:
     """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances.
 
     Frames are swapped then where the fit would lack a material that others have: what it does not see, a sign's
-    blooming or a pane's reflections, it could not find. Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
+    blooming or a pane's reflections, it could not find. Of the case's frames only the ideal scans are looked at.
+    `UsageError` for fewer than three.
     """
     if len(frames) < FEWEST:
         raise UsageError(
