@@ -26,6 +26,8 @@ _LEAPS = (6.0, 3.0)
 """How many steps at once numbers are tried larger and smaller where slopes say nothing."""
 _FAR, _DOUBLED = 0.1, 3
 """A step that led so much nearer may be too short, and is doubled up to so often."""
+_SLOW = 0.15
+"""Where a round leads no more nearer than that, corrected slopes are taken anew."""
 _FLIPS = 0.7
 """So much a summary changes when single beams' echoes come out otherwise."""
 
@@ -183,9 +185,9 @@ def _descend(
             change = _clear(there.mean(axis=0) - shown.mean(axis=0) - jacobian @ step)
             jacobian = jacobian + np.outer(change, step) / max(float(step @ step), 1e-12)
             at, shown = at + step, there
-        if before - best < max(2.0, 0.004 * before):
-            if taken:
-                break
+        if before - best < max(2.0, 0.004 * before) and taken:
+            break
+        if before - best < _SLOW * before and not taken:
             jacobian, damping = None, 0.1
         taken = False
     return at, shown, jacobian
