@@ -10,6 +10,7 @@ from lidarcheck.explain.fit import fit
 from lidarcheck.explain.forward import Bench, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.rivals import Rival, contest, rivals
 
 OFFSET = make("range_offset", {"offset_m": 0.12})
@@ -42,6 +43,21 @@ def test_the_nearer_name_takes_the_place(bench: Bench) -> None:
         assert found.fit.names() == found.last.names() == ("range_offset",)
         assert found.equals["range_offset"] == ()
         assert found.last.effects()[0].settings()["offset_m"] == pytest.approx(0.12, abs=0.01)
+
+
+@pytest.mark.parametrize(("chance", "name"), [(0.01, "range_scale"), (0.3, "range_offset")])
+def test_what_a_random_rival_hits_upon_by_chance_takes_no_place(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, chance: float, name: str
+) -> None:
+    """Its gap varies from seed to seed by more than it is the smaller."""
+    right, other = (fitted(bench.lab, name) for name in ("range_offset", "range_scale"))
+    verdicts = {"range_offset": (0.1, 0.01), "range_scale": (0.05, chance)}
+    monkeypatch.setattr(
+        "lidarcheck.explain.rivals.judged",
+        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
+    )
+    scale = Scale.of(bench.select.frames, model(), 5)
+    assert contest(scale, model(), right, [Rival("range_scale", 0, other, 0.0)], 7).fit.names() == (name,)
 
 
 def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:

@@ -118,7 +118,8 @@ def contest(
     best, its = min(rest, key=lambda pair: pair[1].left)
     most = own.left + _MARGIN * own.chance
     equals = {now.names()[k]: _equals(others, k, gaps, most) for k in range(len(now.names()))}
-    if its.left >= own.left - _MARGIN * own.chance:
+    # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
+    if its.left >= own.left - _MARGIN * max(own.chance, its.chance):
         compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(now.names())}
         return Polished(now, own.lab, own.last, equals, compared, own.left)
     near = _equals([one for one in others if one is not best], best.place, gaps, its.left + _MARGIN * own.chance)
