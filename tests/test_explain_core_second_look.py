@@ -78,7 +78,8 @@ def test_of_two_effects_that_do_much_the_same_both_are_found_though_the_first_to
     assert found.passes
     rate, sides = (e.settings() for e in found.fit.effects())
     assert rate["rate_per_ns"] == pytest.approx(0.0007, rel=0.25)
-    assert sides["sides"] + sides["corners"] == pytest.approx(0.17, rel=0.3)
+    # More dark counts and less crosstalk do much the same: on so few beams, 90 of 7000 in distance are between them.
+    assert sides["sides"] + sides["corners"] == pytest.approx(0.17, rel=0.45)
     assert seen.excess(found.fit.model(bench.lab.model), found.fit.nuisance)[0] < 0.5 * own.left
 
 

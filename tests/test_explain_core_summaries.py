@@ -284,27 +284,6 @@ def test_the_split_depends_on_the_scenes_alone() -> None:
     assert other.numbers() == split.numbers()
 
 
-def with_materials(frame: Frame, *materials: int) -> Frame:
-    met = np.repeat(materials, 10)
-    beams = np.arange(1, len(met) + 1)
-    ideal = IdealScan(np.ones_like(beams), beams, np.full(len(met), 20.0 + frame.number), met, np.zeros(len(met)))
-    return dataclasses.replace(frame, ideal=ideal)
-
-
-@pytest.mark.parametrize("count", [3, 4, 6, 11])
-def test_the_fit_sees_every_material_that_there_is_room_for(count: int) -> None:
-    """A sign in one frame is in the fit, whichever frame that is, and the others are dealt as they were."""
-    plain = [with_materials(frame, 1) for frame in cheap_frames([20.0] * count)]
-    for number in range(count):
-        given = [with_materials(f, 1, 7) if f.number == number else f for f in plain]
-        before, now = split_frames(plain).numbers(), split_frames(given).numbers()
-        assert number in now["fit"]
-        assert {role: len(numbers) for role, numbers in now.items()} == {r: len(n) for r, n in before.items()}
-        assert sorted(itertools.chain(*now.values())) == list(range(count))
-        if number in before["fit"]:
-            assert now == before
-
-
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_too_few_frames_are_refused(count: int) -> None:
     with pytest.raises(UsageError, match=f"{count} frames? (is|are) too few") as error:

@@ -16,9 +16,6 @@ FEWEST = 3
 _ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
 """The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
 
-_FEW_BEAMS = 5
-"""Fewer show nothing of a material."""
-
 
 @dataclass(frozen=True)
 class Split:
@@ -40,9 +37,7 @@ class Split:
 def split_frames(frames: Sequence[Frame]) -> Split:
     """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances.
 
-    Frames are swapped then where the fit would lack a material that others have: what it does not see, a sign's
-    blooming or a pane's reflections, it could not find. Of the case's frames only the ideal scans are looked at.
-    `UsageError` for fewer than three.
+    Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
     """
     if len(frames) < FEWEST:
         raise UsageError(
@@ -54,33 +49,7 @@ def split_frames(frames: Sequence[Frame]) -> Split:
     dealt: dict[str, list[Frame]] = {name: [] for name in ("fit", "select", "verify")}
     for i, frame in enumerate(order):
         dealt[roles[i % len(roles)]].append(frame)
-    _show_all_materials(dealt)
     return Split(*(tuple(sorted(dealt[name], key=lambda f: f.number)) for name in ("fit", "select", "verify")))
-
-
-def _show_all_materials(dealt: dict[str, list[Frame]]) -> None:
-    """Swap frames into the fit while that shows it more materials."""
-    materials = {frame.number: _materials(frame) for frames in dealt.values() for frame in frames}
-    fit = dealt["fit"]
-
-    def shown(frames: Sequence[Frame]) -> set[int]:
-        return set().union(*(materials[frame.number] for frame in frames))
-
-    others = [(role, i) for role in ("select", "verify") for i in range(len(dealt[role]))]
-    while True:
-        now = shown(fit)
-        role, i = max(others, key=lambda at: len(materials[dealt[at[0]][at[1]].number] - now))
-        new = dealt[role][i]
-        out = max(range(len(fit)), key=lambda j: len(shown([*fit[:j], new, *fit[j + 1 :]])))
-        if len(shown([*fit[:out], new, *fit[out + 1 :]])) <= len(now):
-            return
-        fit[out], dealt[role][i] = new, fit[out]
-
-
-def _materials(frame: Frame) -> set[int]:
-    """The materials that more than a few beams meet."""
-    found, beams = np.unique(frame.ideal.material_id[frame.ideal.distance_m > 0.0], return_counts=True)
-    return {int(i) for i in found[beams >= _FEW_BEAMS]}
 
 
 def _distance(frame: Frame) -> float:
