@@ -40,8 +40,6 @@ def listed(directory):
 class Workflow:
     """What stands in for the workflow: takes notes of its call, tells progress, and answers what it is told to."""
 
-    PROGRESS = Progress({"split": 0.2, "fit": 0.8})
-
     def __init__(self):
         self.calls = []
         self.answer = explanation
@@ -67,6 +65,7 @@ def workflow(monkeypatch):
     for name, module in (("lidarcheck.explain.workflow", stand_in), ("lidarcheck.plots.explain_report", page)):
         monkeypatch.setitem(sys.modules, name, module)
         monkeypatch.setattr(name, module, raising=False)
+    monkeypatch.setattr("lidarcheck.explain.progress.PROGRESS", Progress({"split": 0.2, "fit": 0.8}))
     return stand_in
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from explain_core_kit import PANEL, WALL, model, street
 from lidarcheck.explain import lab as bench
-from lidarcheck.explain.edges import EXTRA, runs_past, with_beams_of
+from lidarcheck.explain.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.explain.lab import Frame, Lab
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan
@@ -104,3 +104,29 @@ def test_sights_are_mixed_beam_by_beam() -> None:
             mine = getattr(mixed, name)[mixed.extra_beam == i]
             np.testing.assert_array_equal(mine, getattr(source, name)[source.extra_beam == i])
     assert (np.diff(mixed.extra_beam) >= 0).all()
+
+
+def test_a_run_along_a_border_is_found_whatever_its_beams_see() -> None:
+    ideal = street(0, **WHERE)
+    lab = lab_of(ideal)
+    runs = [{(int(lab.beams.layer[i]), int(lab.beams.point[i])) for i in run} for run in runs_along(lab.beams)]
+    column = past_beams(met(LEFT_POINT))
+    # The corners are in the runs along the upper and the lower border.
+    assert max(len(column & run) for run in runs) >= len(column) - 2
+    assert not any((p, q) for run in runs for p, q in run if q == INNER_POINT and 255 < p < 270)
+
+
+@pytest.mark.parametrize(("point", "as_far"), [(LEFT_POINT, False), (INNER_POINT, True)])
+def test_along_edges_nothing_is_far_that_a_part_of_a_beam_decides(point: int, as_far: bool) -> None:
+    """A column at the panel's border that reads a metre less: any angle may do that there, none inside the panel."""
+    lab = lab_of(street(0, **WHERE))
+    shown = np.zeros((1, len(lab.measured)))
+    off = lab.measured_sights.feature.copy()
+    column = (lab.beams.point == point) & (lab.beams.material_id == PANEL) & (lab.beams.frame == 0)
+    off[column, 0] -= 1.0
+    lab.measured_sights = dataclasses.replace(lab.measured_sights, feature=off)
+    lab.measured = lab.summaries.of(lab.measured_sights)
+    plain = lab.distance(shown) - lab.floor_distance
+    along = lab.distance(shown, metric=lab.along_edges(lab.model, 800)) - lab.floor_distance
+    assert plain > 50.0
+    assert (along > 0.6 * plain) == as_far

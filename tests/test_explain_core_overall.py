@@ -6,7 +6,7 @@ from explain_core_kit import frames, model
 from lidarcheck.crew import Crew
 from lidarcheck.effects import make
 from lidarcheck.explain.explanation import Gap, Interval
-from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.gap import PARTS, Scale
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import calibrated, carries_over
 
@@ -66,3 +66,15 @@ def test_frames_that_do_not_show_it_count_by_how_little_they_show(shifted: Scale
 def test_where_there_is_no_gap_nothing_can_fail_to_close() -> None:
     scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
     assert carries_over(scale, model(), model(OFFSET), gap(0.1, 0.1, 0.1), Crew())
+
+
+@pytest.mark.parametrize(
+    ("names", "carries"), [(("vibration",), True), (("fog",), False), (("vibration", "fog"), False)]
+)
+def test_what_lies_past_edges_is_not_asked_of_effects_that_turn_beams(names: tuple[str, ...], carries: bool) -> None:
+    """Of a large gap in other echoes nothing closes, of the rest nearly all."""
+    scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
+    parts = {part: (9.0, 9.0, 0.0) if part == "other echoes" else (1.0, 0.1, 0.0) for part in PARTS}
+    mean = [sum(values) / len(PARTS) for values in zip(*parts.values(), strict=True)]
+    found = Gap(*(Interval(value, value, value) for value in mean), by_feature=parts)
+    assert carries_over(scale, model(), model(), found, Crew(), names) == carries

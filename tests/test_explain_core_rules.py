@@ -55,6 +55,15 @@ def test_where_the_select_frames_show_it_weakly_most_of_what_it_changes_there_mu
     assert not dataclasses.replace(weak, select_after=180.0).passes
 
 
+def test_losses_at_random_hold_where_a_frame_is_as_far_as_another_one_would_be() -> None:
+    lost = dataclasses.replace(trial("dropout", 1000.0, 800.0, 1000.0, 500.0), own=960.0)
+    assert lost.passes
+    assert not dataclasses.replace(lost, own=None).passes
+    assert not dataclasses.replace(lost, own=850.0).passes
+    assert not dataclasses.replace(lost, own=1200.0).passes, "such a model scatters more than the sensor"
+    assert not dataclasses.replace(lost, needed=600.0).passes
+
+
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
@@ -130,6 +139,6 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     with pytest.raises(UsageError):
         probe.effect(probe.start()).detector(sensor)
     lab = NarrowLab(sensor)
-    fit, after, _ = _tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
+    fit, after, *_ = _tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
     assert fit.possible == found
     assert np.isfinite(after) == found

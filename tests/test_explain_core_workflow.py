@@ -16,8 +16,9 @@ from lidarcheck.explain.explanation import Explanation
 from lidarcheck.explain.forward import Bench, select_distance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.progress import PROGRESS
 from lidarcheck.explain.unknown import describe
-from lidarcheck.explain.workflow import PROGRESS, explain
+from lidarcheck.explain.workflow import explain
 from lidarcheck.model import Model, load_model, simulate
 
 OFFSET_M = 0.12

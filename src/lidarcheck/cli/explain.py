@@ -171,7 +171,7 @@ def _check_new(scenario: Path) -> None:
 @contextlib.contextmanager
 def _watched(quiet: bool, as_json: bool) -> Iterator[tuple[Any, Any]]:
     """Who is told how far the work is, and who hears what it finds."""
-    from lidarcheck.explain.workflow import PROGRESS
+    from lidarcheck.explain.progress import PROGRESS
 
     if as_json:
         lines = JsonLines(PROGRESS.shares, quiet=quiet)

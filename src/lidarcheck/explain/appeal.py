@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, excesses
 from lidarcheck.explain.polish import Judged, judged
-from lidarcheck.explain.verdict import AT_EDGES, OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
+from lidarcheck.explain.verdict import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
 
 __all__ = ["appeal"]
 

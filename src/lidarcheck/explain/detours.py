@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, backward, onward, select_distance
+from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward, select_distance
+from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened
+from lidarcheck.explain.search import backward
+from lidarcheck.explain.verdict import closure
 
 __all__ = ["detours"]
 
-_OPEN = 0.06
-"""Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried."""
+_OPEN, _OPEN_CLOSED = 0.06, 0.15
+"""Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried; nor where
+less than the larger one is, if that may be what the effects' forms leave."""
 _MOST, _PROMISING = 2, 0.25
 """So many of the first round's others are begun with, of those with such a part of the merit of the one accepted."""
 _NEARER, _SIMPLER = 0.6, 0.9
@@ -27,7 +31,10 @@ def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Tol
     """The search that begins with another effect than the best of the first round, where that leads much nearer."""
     left = _left(bench, found.fit)
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
-    if first is None or left < max(_OPEN * _left(bench, found.first), 2.0 * CHANCE):
+    open_ = left / max(_left(bench, found.first), 1.0)
+    if first is None or left < 2.0 * CHANCE or open_ < _OPEN:
+        return found
+    if open_ < _OPEN_CLOSED and closure(bench, found.fit, found.trials).holds:
         return found
     rest = [one for one in screened if one.probe.name != first.name]
     ways = _others(found, first)
@@ -35,8 +42,8 @@ def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Tol
     for i, trial in enumerate(ways):
         told("detour", i, len(ways))
         began = [t for t in found.trials if t.round == 1]
-        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, _silent)
-        way.fit = backward(bench, way.fit, _silent)
+        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, silent)
+        way.fit = backward(bench, way.fit, silent)
         there, more = _left(bench, way.fit), len(way.fit.probes) - len(nearest.fit.probes)
         if there < (_SIMPLER if more < 0 else _NEARER ** max(more, 1)) * left:
             nearest, left = way, there
@@ -57,7 +64,3 @@ def _left(bench: Bench, now: Fit) -> float:
     """What a fit leaves open on the frames of the fit and of the selection."""
     there = select_distance(bench.select, now) - bench.select.floor_distance
     return now.distance - bench.lab.floor_distance + there
-
-
-def _silent(_step: str, _done: int, _of: int) -> None:
-    return None

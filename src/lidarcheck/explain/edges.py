@@ -7,7 +7,7 @@ for a whole column what it meets. Beams are not independent there, and such a co
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +15,18 @@ import numpy.typing as npt
 from lidarcheck.explain.beams import Beams, key_of
 from lidarcheck.explain.sights import Sights
 
-__all__ = ["EXTRA", "runs_past", "with_beams_of"]
+__all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "runs_along", "runs_past", "with_beams_of"]
 
 IndexArray = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
+AT_EDGES = ("beam_divergence", "boresight", "vibration")
+"""Effects by which beams look elsewhere: what they change most is at edges."""
+FOOTPRINTS = ("beam_divergence",)
+"""Of these, those by which beams see both sides of an edge."""
 EXTRA = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
 """The columns of `Sights` that have a row an echo of no surface."""
-_FEWEST = 3
+_FEWEST, _LONG = 3, 5
 _TOGETHER = 0.8
 """Of a run so large a part must see past the edge."""
 _SEEN = 0.9
@@ -40,18 +44,43 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
     """
     often = np.mean([_past(beams, one) for one in simulated], axis=0)
     past = np.where(_past(beams, measured), often < 1.0 - _SEEN, often > _SEEN)
-    borders = _borders(beams)
-    surface = np.where(beams.object_id >= 0, beams.object_id, beams.material_id)
+    surface = _surface(beams)
     found = []
+    for side, at, group in _lines(beams):
+        inside = _inside(beams, side, surface)
+        found += _together(at, group, past, inside)
+        if deep:
+            at = np.setdiff1d(inside[at], [-1, *at])
+            found += _together(at, group, past, inside)
+    return _disjoint(found, len(beams))
+
+
+def runs_along(beams: Beams) -> list[IndexArray]:
+    """The numbers of the beams of each longer run along the border of one object, whatever they see.
+
+    Along it, one part of a beam decides what all of them see: a footprint meets both sides of the edge, and how much of
+    either the ideal scan does not say.
+    """
+    found = []
+    for _, at, group in _lines(beams):
+        runs = np.unique(group[:, at], axis=1, return_inverse=True)[1].ravel()
+        order = np.argsort(runs, kind="stable")
+        found += np.split(at[order], np.cumsum(np.bincount(runs))[:-1]) if len(at) else []
+    return [run for run in _disjoint(found, len(beams)) if len(run) >= _LONG]
+
+
+def _surface(beams: Beams) -> IndexArray:
+    """The object that each beam meets, or what it is made of."""
+    return np.where(beams.object_id >= 0, beams.object_id, beams.material_id)
+
+
+def _lines(beams: Beams) -> Iterator[tuple[int, IndexArray, IndexArray]]:
+    """For each side the beams that have a border there, and of each beam the frame, the column or layer that the border
+    runs along, and the surface, shape (3, n)."""
+    borders, surface = _borders(beams), _surface(beams)
     for line, sides in ((beams.point, (2, 3)), (beams.layer, (0, 1))):
         for side in sides:
-            group, inside = np.stack([beams.frame, line, surface]), _inside(beams, side, surface)
-            at = np.flatnonzero(borders[:, side])
-            found += _together(at, group, past, inside)
-            if deep:
-                at = np.setdiff1d(inside[at], [-1, *at])
-                found += _together(at, group, past, inside)
-    return _disjoint(found, len(beams))
+            yield side, np.flatnonzero(borders[:, side]), np.stack([beams.frame, line, surface])
 
 
 def _together(at: IndexArray, group: IndexArray, past: Flags, inside: IndexArray) -> list[IndexArray]:

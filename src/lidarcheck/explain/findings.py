@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
+from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Candidate, Finding
 from lidarcheck.explain.fit import Fit, with_effects
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.rivals import Polished
-from lidarcheck.explain.verdict import AT_EDGES, OPEN_BY_BEAMS, Closure, confidence, intervals
+from lidarcheck.explain.verdict import OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.words import standouts
 
 __all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]

@@ -131,19 +131,38 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
     metric = Metric(lab.bare.diagonal[rows], lab.bare.factors[rows])
     # No longer steps: the limits would cut them. Once, since such small errors act in proportion.
     jacobian = (_jacobian(shows, x, shown, (1.0, -1.0)) * seen)[rows]
+
+    def tried(trial: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        there = shows(trial)
+        return trial, there, lab.distance(there, metric=lab.bare) + at(axes, trial, gain=gain).penalty
+
     for _ in range(rounds):
         curvature, slope = _slopes(metric, jacobian, (lab.measured - shown.mean(axis=0))[rows])
         for damping in (1.0, 3.0, 10.0):
             step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
-            trial = np.clip(x + step, -LIMIT, LIMIT)
-            there = shows(trial)
-            distance = lab.distance(there, metric=lab.bare) + at(axes, trial, gain=gain).penalty
-            if distance < best:
-                x, shown, best = trial, there, distance
+            found = tried(np.clip(x + step, -LIMIT, LIMIT))
+            if found[2] < best:
+                found = _farther_off(tried, x, found)
+                x, shown, best = found
                 break
         else:
             break
     return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
+
+
+def _farther_off(
+    tried: Callable[[FloatArray], tuple[FloatArray, FloatArray, float]],
+    x: FloatArray,
+    found: tuple[FloatArray, FloatArray, float],
+) -> tuple[FloatArray, FloatArray, float]:
+    """The step of the nuisances that led nearer, doubled while that leads nearer still: slopes by single flips, and
+    those far off, promise too much of it."""
+    for _ in range(_DOUBLED):
+        longer = tried(np.clip(2.0 * found[0] - x, -LIMIT, LIMIT))
+        if longer[2] >= found[2]:
+            break
+        found = longer
+    return found
 
 
 def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:

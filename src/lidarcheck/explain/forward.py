@@ -1,4 +1,4 @@
-"""The rounds of the search: accept the best candidate, fit again, leave out what is not needed."""
+"""The rounds of the search: fit the best candidates, accept one of them, fit all to the end."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.edges import FOOTPRINTS
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error
@@ -23,10 +24,12 @@ __all__ = [
     "Trial",
     "accept",
     "accepted",
-    "backward",
-    "find_effects",
+    "finished",
     "forward",
     "onward",
+    "own_distance",
+    "select_distance",
+    "select_shown",
     "start_fit",
 ]
 
@@ -52,26 +55,29 @@ KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
 AT_RANDOM = ("random", "wander", "free phase")
+_LOST_AT_RANDOM = ("dropout",)
 RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 """Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
 edges: they need this part beside their kin, and so many times the usual least part, though no more than half of all."""
-_PRICE, _PRICE_PART = 6.0, 0.003
+PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
 _UNSEEN, _HARMLESS = 0.05, 0.02
 """An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
 by that part."""
 _TO_THE_BETTER = 0.5
 """The true effect brings select frames as much nearer as it moves them, a wrong one as much farther away."""
+_AS_FAR, _TWICE = 0.1, 2.0
+"""What is lost at random holds on a select frame that is as far, to this part, as another measurement would be, if it
+explains so many times what is needed."""
 _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
-_DOUBTFUL = 10.0
 _HOPELESS = 0.2
 """What alone explains less than this part of what is needed is not fitted together with the rest."""
 _WEAKER = 3
 """So often a start that no sensor can have is made half as strong."""
-_TO_THE_END = 6
+TO_THE_END = 6
 """Steps of a fit after which it leads no further."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
@@ -110,7 +116,10 @@ class Bench:
 class Trial:
     """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames.
 
-    `select_change`: how far it moves what is shown of the select frames, as a distance.
+    `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
+    brings these nearer and how far it moves them where edges may be anywhere between two beams, of footprints.
+    `own`: how far another measurement of the select frames would be if the fit were the truth, of what is lost at
+    random.
     """
 
     name: str
@@ -121,6 +130,8 @@ class Trial:
     select_before: float
     select_after: float
     select_change: float = float("inf")
+    along_edges: tuple[float, float] | None = None
+    own: float | None = None
 
     @property
     def merit(self) -> float:
@@ -129,19 +140,27 @@ class Trial:
         own = next(probe for probe in self.fit.probes if probe.name == self.name)
         both = self.gain + self.select_before - self.select_after
         numbers = len(own.free) + _LISTED * len(own.settings.get("gains", ()))
-        return both - numbers * (_PRICE + _PRICE_PART * abs(both))
+        return both - numbers * (PRICE + _PRICE_PART * abs(both))
 
     @property
     def passes(self) -> bool:
         """Whether it explains more than chance, more than 5 %, holds on frames that it was not fitted to, and is more
         than a usual error."""
-        better = self.select_before - self.select_after
-        # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
-        unseen = self.select_change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
-        # They may show it weakly: then most of what it changes there must be to the better.
-        holds = better > 0.05 * self.gain or better > _TO_THE_BETTER * self.select_change or unseen
+        holds = self._holds(self.select_before - self.select_after, self.select_change)
+        if not holds and self.along_edges is not None:
+            holds = self._holds(*self.along_edges)
+        if not holds and self.own is not None:
+            # Half as many packets may be lost in one frame as in others, which brings it no nearer.
+            holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
         own = next(e for e in self.fit.effects() if e.name == self.name)
         return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
+
+    def _holds(self, better: float, change: float) -> bool:
+        """Whether select frames that come so much nearer, and are moved so far, bear the gain out."""
+        # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
+        unseen = change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
+        # They may show it weakly: then most of what it changes there must be to the better.
+        return better > 0.05 * self.gain or better > _TO_THE_BETTER * change or unseen
 
 
 @dataclass
@@ -164,29 +183,6 @@ def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:
     plain = Fit((), (), lab.distance(shown), shown)
     small = plain.distance < SMALL * lab.floor_distance
     return fit_nuisance(lab, plain, rounds=4) if (small if nuisances is None else nuisances) else plain
-
-
-def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
-    """The whole search: none where nuisances explain all; else forward, where nothing is accepted once more with the
-    nuisances first; then backward."""
-    if bench.start < _DOUBTFUL * bench.lab.floor_distance:
-        off = start_fit(bench.lab, nuisances=True)
-        if _all_nuisance(bench, off):
-            return Search(off, off)
-    found = forward(bench, start_fit(bench.lab), screened, told)
-    if not found.fit.probes and found.first.nuisance.penalty == 0.0:
-        trials = found.trials
-        found = forward(bench, start_fit(bench.lab, nuisances=True), screened, told)
-        found.trials = trials + found.trials
-    found.fit = backward(bench, found.fit, told)
-    return found
-
-
-def _all_nuisance(bench: Bench, off: Fit) -> bool:
-    """Whether the fitted nuisances leave no more than chance does, on all frames, and none of them is extreme."""
-    left = off.distance - bench.lab.floor_distance
-    there = select_distance(bench.select, off) - bench.select.floor_distance
-    return left < CHANCE and there < 1.4 * CHANCE and off.nuisance.usual
 
 
 def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
@@ -212,7 +208,7 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
 def accept(bench: Bench, found: Search, trial: Trial) -> Search:
     """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
     another effect."""
-    return replace(found, fit=fit_nuisance(bench.lab, _finished(bench.lab, trial.fit)))
+    return replace(found, fit=fit_nuisance(bench.lab, finished(bench.lab, trial.fit)))
 
 
 def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
@@ -232,14 +228,14 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     trials = []
     least = max(1.3 * bench.level, bench.worth)
     tried = bench.crew.map(_tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
-    for i, (alone, after, change) in enumerate(tried):
+    for i, (alone, after, change, edges, own) in enumerate(tried):
         one = order[i][1]
         if not alone.possible:
             continue
         worth = bench.worth_of(one.probe.variant)
         needed = max(1.3 * bench.level * one.chance, worth, _beside_kin(one.probe, found))
         gain = now.distance - alone.distance
-        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change))
+        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own))
         told(f"round {number}", i + 1, len(order))
     return trials
 
@@ -255,17 +251,28 @@ def are_kin(one: str, other: str) -> bool:
     return one != other and any(one in kin and other in kin for kin in KIN)
 
 
-def _tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe) -> tuple[Fit, float, float]:
-    """The fit with one more effect, how far it is on the select frames, and how far it moves them."""
+def _tried(
+    lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe
+) -> tuple[Fit, float, float, tuple[float, float] | None, float | None]:
+    """The fit with one more effect, how far it is on the select frames, how far it moves them, by how much it brings
+    them nearer and moves them wherever edges are, for a footprint, and how far they would be from themselves, for
+    losses."""
     found = fit_next(lab, now, probe, least)
     for _ in range(_WEAKER):
         if not found.possible:
             probe = probe.scaled(0.5)
             found = fit_next(lab, now, probe, least)
     if not found.possible:
-        return found, np.inf, 0.0
+        return found, np.inf, 0.0, None, None
     shown = select_shown(select, found)
-    return found, select.distance(shown), select.metric.square(shown.mean(axis=0) - before.mean(axis=0))
+    moved = shown.mean(axis=0) - before.mean(axis=0)
+    edges = None
+    if probe.name in FOOTPRINTS:
+        metric = select.along_edges(found.model(select.model), 800, found.nuisance)
+        nearer = select.distance(before, metric=metric) - select.distance(shown, metric=metric)
+        edges = nearer, metric.square(moved)
+    own = own_distance(select, found) if probe.name in _LOST_AT_RANDOM else None
+    return found, select.distance(shown), select.metric.square(moved), edges, own
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
@@ -304,6 +311,17 @@ def select_shown(select: Lab, at: Fit) -> FloatArray:
     return select.shows(at.model(select.model), nuisance=at.nuisance)
 
 
+def own_distance(select: Lab, now: Fit) -> float:
+    """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
+    elsewhere each time."""
+    if not now.probes:
+        return 0.0
+    model = now.model(select.model)
+    shown = select.shows(model, nuisance=now.nuisance)
+    others = [select.summaries.of(select.sights(model, 700 + k, now.nuisance)) for k in range(3)]
+    return float(np.mean([select.distance(shown, other) for other in others]))
+
+
 def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
     """The probe's own parameters first, then all together where it may gain `least`."""
     x = probe.start()
@@ -319,38 +337,6 @@ def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
     return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
 
 
-def _finished(lab: Lab, now: Fit) -> Fit:
+def finished(lab: Lab, now: Fit) -> Fit:
     """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
-    return fit(lab, now.probes, now.x, rounds=_TO_THE_END, nuisance=now.nuisance)
-
-
-def backward(bench: Bench, now: Fit, told: Told) -> Fit:
-    """Leave out again what the others and the nuisances explain as well; fit the rest together."""
-    lab = bench.lab
-    if not now.probes:
-        return now
-    now = fit_nuisance(lab, _finished(lab, now))
-    while now.probes:
-        without = []
-        for fewer in bench.crew.map(_without, [(lab.held, now, j) for j in range(len(now.probes))]):
-            without.append(fewer)
-            told("leave out again", len(without), len(now.probes))
-        losses = [one.distance - now.distance for one in without]
-        least = int(np.argmin(losses))
-        price = _PRICE * len(now.probes[least].free)
-        kin = [
-            loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
-        ]
-        if losses[least] > max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price:
-            break
-        now = without[least]
-    return now
-
-
-def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
-    """The others fitted again: what is left out may have made up for what their fits had left open."""
-    rest = [j for j in range(len(now.probes)) if j != left_out]
-    probes, x = [now.probes[j] for j in rest], [now.x[j] for j in rest]
-    fewer = fit(lab, probes, x, rounds=_TO_THE_END, nuisance=now.nuisance)
-    small = fewer.distance < SMALL * lab.floor_distance
-    return fit_nuisance(lab, fewer, rounds=4 if small else 1)
+    return fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance)

@@ -28,7 +28,7 @@ from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
 
-__all__ = ["Scale", "excesses", "gap_of"]
+__all__ = ["PARTS", "Scale", "excesses", "gap_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -87,16 +87,19 @@ class Scale:
         run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
         return [_sights(self.frames, posed, self.beams, run, self.seed, first + k) for k in range(count)]
 
-    def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
-        """The gap that a model leaves beyond its own noise, and that noise's standard deviation.
+    def excess(
+        self, model: Model, nuisance: Nuisance | None = None, parts: Sequence[str] = PARTS
+    ) -> tuple[float, float]:
+        """The gap that a model leaves beyond its own noise, and that noise's standard deviation; of some parts alone.
 
         A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
         scatters more than the sensor.
         """
         shown = self.simulated(model, 9300, _SEEDS, nuisance)
         others = self.simulated(model, 9400, _FLOORS, nuisance)
-        noise = np.array([self.distance(other, shown) for other in others])
-        beyond = np.abs(self.distance(self.measured, shown) - noise.mean(axis=0))
+        of = [PARTS.index(part) for part in parts]
+        noise = np.array([self.distance(other, shown) for other in others])[:, of]
+        beyond = np.abs(self.distance(self.measured, shown)[of] - noise.mean(axis=0))
         return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
@@ -187,9 +190,11 @@ Told = Callable[[int, int, float], object]
 """Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
-def excesses(scale: Scale, models: Sequence[Model], crew: Crew | None = None) -> list[tuple[float, float]]:
+def excesses(
+    scale: Scale, models: Sequence[Model], crew: Crew | None = None, parts: Sequence[str] = PARTS
+) -> list[tuple[float, float]]:
     """`Scale.excess` of each model."""
-    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model) for model in models))]
+    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model, None, parts) for model in models))]
 
 
 def gap_of(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lidarcheck.crew import Held
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.beams import Beams, beams_of
-from lidarcheck.explain.edges import EXTRA, runs_past, with_beams_of
+from lidarcheck.explain.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance, beside
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
@@ -25,6 +25,7 @@ from lidarcheck.scan import IdealScan, Scan
 __all__ = ["Frame", "Lab", "Metric"]
 
 FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
 
 EXPECTATION_SEEDS = 8
 FLOOR_SEEDS = 20
@@ -112,9 +113,20 @@ class Lab:
     def edges_beside(self, simulated: Sequence[Sights], *, deep: bool = False) -> FloatArray:
         """What each run of beams that sees past an edge, and not so in simulations, or the other way round, does to the
         measured summaries, as a usual error of the pose; shape (n_summaries, runs). `deep`: see `edges.runs_past`."""
+        return self._of_runs(runs_past(self.beams, self.measured_sights, simulated, deep=deep), simulated[0])
+
+    def along_edges(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Metric:
+        """The metric for which a model shows the same whatever part of a beam an edge is off by."""
+        shown = self.sights(model, seed, nuisance)
+        edges = self._of_runs(runs_along(self.beams), shown)
+        return Metric(self.metric.diagonal, np.concatenate([self.metric.factors, edges], axis=1))
+
+    def _of_runs(self, runs: Sequence[IndexArray], shown: Sights) -> FloatArray:
+        """What each run of beams does to the measured summaries, against what is shown, as a usual error of the pose;
+        shape (n_summaries, runs)."""
         columns = [np.zeros((len(self.measured), 0))]
-        for run in runs_past(self.beams, self.measured_sights, simulated, deep=deep):
-            without = with_beams_of(self.measured_sights, simulated[0], run)
+        for run in runs:
+            without = with_beams_of(self.measured_sights, shown, run)
             columns.append(EDGE_ERROR * (self.measured - self.summaries.of(without))[:, None])
         return np.concatenate(columns, axis=1)
 

@@ -15,6 +15,7 @@ from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_losses import loss_probes
 from lidarcheck.explain.located_patch import to_lines
 from lidarcheck.explain.located_ranges import range_probes
+from lidarcheck.explain.located_rhythms import rhythm_probes
 from lidarcheck.explain.nuisances import beside
 
 __all__ = ["Dimming", "dimming_of", "located_probes"]
@@ -41,7 +42,7 @@ def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
     if "blockage" in wanted:
         found += _patches(lab, dimming)
     if "vibration" in wanted:
-        found += _rhythms(lab)
+        found += rhythm_probes(lab)
     if "dropout" in wanted:
         found += loss_probes(lab)
     found += range_probes(lab, wanted)
@@ -222,53 +223,6 @@ def _best_rectangle(total: FloatArray, weight: FloatArray) -> tuple[int, int, in
         if score[left, right] > best and (bottom - top) * (right - left) < 0.7 * rows * columns:
             best, where = float(score[left, right]), (top, bottom, int(left), int(right))
     return where
-
-
-def _rhythms(lab: Lab) -> list[Probe]:
-    """The frequency at which range residuals swing along the slope of surfaces, in the phase of the sweep."""
-    from lidarcheck.rays import sweep_time_s
-
-    expected, measured = lab.summaries.expected, lab.measured_sights
-    valid = measured.detected & expected.known
-    residual = np.where(valid, measured.feature[:, 0] - expected.mean[:, 0], 0.0)
-    points, column = np.unique(lab.beams.point, return_inverse=True)
-    if len(points) < 12:
-        return []
-    time = sweep_time_s(points.astype(np.int32))
-    found = []
-    weight = lab.beams.slope_m_per_deg / np.maximum(expected.spread[:, :1], 0.02) ** 2
-    for axis in (0, 1):
-        top = np.bincount(column, np.where(valid, np.clip(residual, -1.0, 1.0) * weight[:, axis], 0.0))
-        bottom = np.bincount(column, np.where(valid, weight[:, axis] * lab.beams.slope_m_per_deg[:, axis], 0.0))
-        angle = top / np.maximum(bottom, 1e-9)
-        peak = _periodogram(time, np.clip(angle, -0.5, 0.5), bottom.astype(np.float64))
-        if peak is None:
-            continue
-        frequency, phase, size = peak
-        settings = {"pitch_deg": size, "yaw_deg": size, "frequency_hz": frequency, "phase_deg": phase,
-                    "random_deg": 0.0}  # fmt: skip
-        free = (*free_of("vibration"), Free("frequency_hz", 0.05, log=True), Free("phase_deg", 15.0))
-        found.append(Probe("vibration", settings, free))
-        # The same rhythm, begun anew in every frame.
-        found.append(Probe("vibration", settings, free[:-1], {"new_phase": 1}, "free phase"))
-    return found
-
-
-def _periodogram(time: FloatArray, angle: FloatArray, weight: FloatArray) -> tuple[float, float, float] | None:
-    """Frequency [Hz], phase [deg] and amplitude of the strongest sine; None where nothing has weight."""
-    if not np.any(weight > 0.0):
-        return None
-    root = np.sqrt(weight / weight.max())
-    length = max(float(time[-1] - time[0]), 1e-4)
-    best = (0.0, 0.0, 0.0, -1.0)
-    for frequency in np.geomspace(0.7 / length, 0.4 / float(np.median(np.diff(time))), 120):
-        swing = 2.0 * np.pi * frequency * time
-        basis = np.column_stack([np.sin(swing), np.cos(swing), np.ones_like(time)]) * root[:, None]
-        fit, *_ = np.linalg.lstsq(basis, angle * root, rcond=None)
-        drop = float(((basis[:, :2] @ fit[:2]) ** 2).sum())
-        if drop > best[3]:
-            best = (float(frequency), float(np.rad2deg(np.arctan2(fit[1], fit[0]))), float(np.hypot(*fit[:2])), drop)
-    return best[0], best[1], float(np.clip(best[2], 0.003, 0.5))
 
 
 def _movers(lab: Lab) -> list[Probe]:

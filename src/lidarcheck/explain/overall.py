@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from lidarcheck.crew import Crew
+from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Gap
-from lidarcheck.explain.gap import Scale, excesses
+from lidarcheck.explain.gap import PARTS, Scale, excesses
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.model.spec import Model
 
 __all__ = ["calibrated", "carries_over"]
 
-_LEAST_CLOSED, _SURE = 0.4, 3.0
+_LEAST_CLOSED, _LEAST_CLOSED_EDGES, _SURE = 0.4, 0.25, 3.0
 """Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard
-deviations."""
+deviations; less of it closes where all that shows is at edges, each of which is where the scan does not say."""
 
 
 def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
@@ -30,13 +32,24 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
     return ways[int(np.argmin(left))]
 
 
-def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew) -> bool:
+def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, names: Sequence[str] = ()) -> bool:
     """Whether a good part of the gap closes between two models, over the frames that no fit has seen and all others
-    alike.
+    alike; `names`: the effects that the last one has more.
 
-    Where there is no gap beyond chance, this cannot be asked.
+    Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
+    the ideal scan: of effects that are of nothing else, the other echoes are left out.
     """
-    (before, chance), (after, _) = excesses(seen, (first, last), crew)
-    whole = before + gap.before.value - gap.floor.value
-    left = after + gap.after.value - gap.floor.value
-    return whole <= _SURE * chance or left <= (1.0 - _LEAST_CLOSED) * whole
+    at_edges = bool(names) and all(name in AT_EDGES for name in names)
+    parts = [part for part in PARTS if part != "other echoes" or not at_edges]
+    (before, chance), (after, _) = excesses(seen, (first, last), crew, parts)
+    there = _beyond_the_floor(gap, parts)
+    whole, left = before + there[0], after + there[1]
+    return whole <= _SURE * chance or left <= (1.0 - (_LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED)) * whole
+
+
+def _beyond_the_floor(gap: Gap, parts: Sequence[str]) -> tuple[float, float]:
+    """The gap above its floor before and after, of some parts alone."""
+    if len(parts) == len(PARTS):
+        return gap.before.value - gap.floor.value, gap.after.value - gap.floor.value
+    before, after, floor = np.mean([gap.by_feature[part] for part in parts], axis=0).tolist()
+    return before - floor, after - floor

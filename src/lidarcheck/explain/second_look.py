@@ -20,7 +20,9 @@ from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Tria
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.polish import Judged, judged
+from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened, chance_level, screen
 
 __all__ = ["joint_trials", "second_look"]
@@ -34,8 +36,9 @@ _LEAST_PART = 0.33
 effect of its own, several explain a little."""
 _LIKELY = 0.08
 """Before it is fitted, some start of it must explain this part: fits made three or four times as much of a start."""
-_LEAST_CLOSED, _SURE = 0.15, 4.0
-"""Beam by beam it must close this part of the gap that the others leave, and so many standard deviations of chance."""
+_LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, _SURE = 0.15, 0.03, 0.5, 4.0
+"""Beam by beam it must close this part of the gap that the others leave, this one of the gap that there was or else
+most of what the others leave, and so many standard deviations of chance."""
 _STILL = 0.5
 """Another look is taken where one more effect has left this part of what was left before."""
 _MOST = 2
@@ -82,7 +85,7 @@ def _trials(
     screened = screen(lab, starts, told, crew)
     level = chance_level(lab, screened)
     bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
-    return run_round(bench, Search(own.last, own.last), _likely(own, screened), number, _silent)
+    return run_round(bench, Search(own.last, own.last), _likely(own, screened), number, silent)
 
 
 def _likely(own: Judged, screened: Sequence[Screened]) -> list[Screened]:
@@ -157,15 +160,14 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
     own = search.own
     if not tried or own is None:
         return None
-    models = ((seen.held, one.model(bench.lab.model), one.nuisance) for one in tried)
-    left = [excess for excess, _ in bench.crew.map(Scale.excess, models)]
-    if min(left) > min((1.0 - _LEAST_CLOSED) * own.left, own.left - _SURE * own.chance):
+    case = bench.lab.model
+    models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in tried)]
+    whole, *left = (excess for excess, _ in bench.crew.map(Scale.excess, models))
+    worth = min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * own.left)
+    least = max(_LEAST_CLOSED * own.left, worth, _SURE * own.chance)
+    if own.left - min(left) < least:
         return None
     found = tried[left.index(min(left))]
     # Told as one of the first bench, whose frames and summaries all that follows is in.
     now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
     return Search(search.first, now, [*search.trials, *trials])
-
-
-def _silent(_step: str, _done: int, _of: int) -> None:
-    return None

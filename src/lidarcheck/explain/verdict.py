@@ -11,14 +11,15 @@ import numpy.typing as npt
 from lidarcheck.effects.base import find
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, accepted, select_shown
+from lidarcheck.explain.forward import Bench, Trial, accepted, own_distance, select_shown
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 
-__all__ = ["AT_EDGES", "Closure", "closure", "confidence", "intervals", "not_testable"]
+__all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -26,7 +27,6 @@ OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.28
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More
 where a beam looks elsewhere, and most where all that shows is at edges: without the scene, these are known to half a
 beam only."""
-AT_EDGES = ("beam_divergence", "boresight", "vibration")
 OPEN_PER_LEAD, OPEN_MOST = 0.4, 0.22
 """The further a name leads over the next best one, the more may be left open: where two names explain nearly the same,
 a third that is in no catalogue may do so too."""
@@ -101,9 +101,12 @@ def _left(lab: Lab, now: Fit) -> float:
     a beam."""
     shown = select_shown(lab, now)
     model = now.model(lab.model)
-    edges = lab.edges_beside([lab.sights(model, 800 + k, now.nuisance) for k in range(_EDGE_SEEDS)], deep=True)
-    metric = Metric(lab.metric.diagonal, np.concatenate([lab.metric.factors, edges], axis=1))
-    return lab.distance(shown, metric=metric) - max(lab.floor_distance, _own_distance(lab, now))
+    if any(name in FOOTPRINTS for name in now.names()):
+        metric = lab.along_edges(model, 800, now.nuisance)
+    else:
+        edges = lab.edges_beside([lab.sights(model, 800 + k, now.nuisance) for k in range(_EDGE_SEEDS)], deep=True)
+        metric = Metric(lab.metric.diagonal, np.concatenate([lab.metric.factors, edges], axis=1))
+    return lab.distance(shown, metric=metric) - max(lab.floor_distance, own_distance(lab, now))
 
 
 def _open_part(name: str) -> float:
@@ -111,17 +114,6 @@ def _open_part(name: str) -> float:
     if name in AT_EDGES:
         return OPEN_PART_EDGES
     return OPEN_PART_AIM if find(name).stage == "aim" else OPEN_PART
-
-
-def _own_distance(select: Lab, now: Fit) -> float:
-    """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
-    elsewhere each time."""
-    if not now.probes:
-        return 0.0
-    model = now.model(select.model)
-    shown = select.shows(model, nuisance=now.nuisance)
-    others = [select.summaries.of(select.sights(model, 700 + k, now.nuisance)) for k in range(3)]
-    return float(np.mean([select.distance(shown, other) for other in others]))
 
 
 def confidence(

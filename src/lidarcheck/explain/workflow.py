@@ -22,19 +22,20 @@ from lidarcheck.explain.explanation import (
     Finding,
     Gap,
     Hearer,
-    Progress,
     Standout,
     Step,
     Teller,
 )
 from lidarcheck.explain.findings import candidates_table, findings_of, is_doubtful
-from lidarcheck.explain.forward import Bench, Search, find_effects, select_distance
+from lidarcheck.explain.forward import Bench, Search, select_distance
 from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.overall import calibrated, carries_over
+from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.search import find_effects
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.unknown import describe
@@ -46,23 +47,11 @@ if TYPE_CHECKING:
     from lidarcheck.explain.case import Case
     from lidarcheck.explain.notebook import Notebook
 
-__all__ = ["PROGRESS", "Answer", "Run", "explain"]
+__all__ = ["Answer", "Run", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
 _HEARD_PLACES = 5
 """So many of what stands out are told while the work goes on; the report has all."""
-
-PROGRESS = Progress(
-    {
-        "residuals and floor": 0.17,
-        "candidates": 0.19,
-        "fit": 0.29,
-        "second look": 0.14,
-        "equivalence and testability": 0.07,
-        "unknown": 0.04,
-        "verification": 0.10,
-    }
-)
 
 
 def explain(
@@ -84,7 +73,7 @@ def explain(
     """
     own = Processes(jobs, _wake)
     with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
-        return _explain(case, Run(case.model, seed, tuple(exclude), workers, tell or _silent, hear or _deaf, notebook))
+        return _explain(case, Run(case.model, seed, tuple(exclude), workers, tell or silent, hear or deaf, notebook))
 
 
 def _wake() -> None:
@@ -110,29 +99,13 @@ def _explain(case: Case, run: Run) -> Explanation:
     untestable = run.list_untestable(bench, screened)
     answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
-    if answer.verdict == "explained" and not carries_over(
-        seen, answer.stages[0][1], answer.stages[-1][1], gap, run.crew
-    ):
+    if answer.verdict == "explained" and not run.carries_over(seen, answer, gap):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     if answer.verdict == "unknown" and gap.after.value > gap.before.value:
         answer = run.drop_terms(answer)
         gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
-
-
-def _silent(_step: str, _done: int, _of: int) -> None:
-    return None
-
-
-def _deaf(_step: Step) -> None:
-    return None
-
-
-def _tell_fit(tell: Teller, step: str, done: int, of: int) -> None:
-    """How far the fit is: four rounds, the leaving out again and the detours, in hundredths."""
-    place = {"leave out again": 4, "detour": 5}.get(step) or int(step.rsplit(" ", 1)[-1]) - 1
-    tell("fit", 16 * place + round(16 * done / max(of, 1)), 100)
 
 
 @dataclass(frozen=True)
@@ -154,7 +127,7 @@ class Run:
     exclude: tuple[str, ...]
     crew: Crew
     tell: Teller
-    hear: Hearer = _deaf
+    hear: Hearer = deaf
     notebook: Notebook | None = None
     steps: list[Step] = field(default_factory=list)
 
@@ -202,7 +175,7 @@ class Run:
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
-        told = functools.partial(_tell_fit, self.tell)
+        told = functools.partial(tell_fit, self.tell)
         found = detours(bench, find_effects(bench, screened, told), screened, told)
         self.tell("fit", 1, 1)
         now, level = found.fit, bench.level
@@ -299,6 +272,11 @@ class Run:
             described = described.with_(effect)
         name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
         return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
+
+    def carries_over(self, seen: Scale, answer: Answer, gap: Gap) -> bool:
+        """Whether the names close the gap on the frames that no fit has seen, too."""
+        names = [finding.name for finding in answer.findings]
+        return carries_over(seen, answer.stages[0][1], answer.stages[-1][1], gap, self.crew, names)
 
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""

@@ -1,0 +1,105 @@
+"""The search for what is missing: nuisances, effects round by round, and leaving out again what is not needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.forward import (
+    CHANCE,
+    KIN_PART,
+    PRICE,
+    SMALL,
+    TO_THE_END,
+    Bench,
+    Search,
+    Told,
+    are_kin,
+    finished,
+    forward,
+    select_distance,
+    start_fit,
+)
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.screen import Screened
+
+__all__ = ["backward", "find_effects"]
+
+_DOUBTFUL = 10.0
+_STANDS_OUT = 6.0
+"""What one effect explains of a rest that is small enough for chance is none where it is so many times chance's: of
+four nulls, two with nuisances, it was up to 3.3."""
+
+
+def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
+    """The whole search: none where nuisances explain all; else forward and backward, and where nothing stays once more
+    with the nuisances first: a name that these explain as well may have hidden another."""
+    if bench.start < _DOUBTFUL * bench.lab.floor_distance:
+        off = start_fit(bench.lab, nuisances=True)
+        if _all_nuisance(bench, off, screened):
+            return Search(off, off)
+    found = _search_from(bench, start_fit(bench.lab), screened, told)
+    if not found.fit.probes and found.first.nuisance.penalty == 0.0:
+        trials, off = found.trials, start_fit(bench.lab, nuisances=True)
+        found = _search_from(_beyond(bench, off), off, screened, told)
+        found.trials = trials + found.trials
+    return found
+
+
+def _beyond(bench: Bench, off: Fit) -> Bench:
+    """The bench of what the nuisances leave, of which a name must explain as large a part, and half of what chance may
+    leave."""
+    left = max(off.distance - bench.lab.floor_distance, 1.0)
+    return replace(bench, start=off.distance, least_part=max(bench.least_part, 0.5 * CHANCE / left))
+
+
+def _search_from(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
+    """Forward from there, and backward."""
+    found = forward(bench, first, screened, told)
+    found.fit = backward(bench, found.fit, told)
+    return found
+
+
+def _all_nuisance(bench: Bench, off: Fit, screened: Sequence[Screened]) -> bool:
+    """Whether the fitted nuisances leave no more than chance does, on all frames, none of them is extreme, and no
+    effect would explain much of so little: one summary that stands out is lost among a thousand."""
+    left = off.distance - bench.lab.floor_distance
+    there = select_distance(bench.select, off) - bench.select.floor_distance
+    residual = bench.lab.measured - off.shown.mean(axis=0)
+    most = max((one.gain(bench.lab, residual)[0] / one.chance for one in screened), default=0.0)
+    return left < CHANCE and there < 1.4 * CHANCE and off.nuisance.usual and most < _STANDS_OUT * bench.level
+
+
+def backward(bench: Bench, now: Fit, told: Told) -> Fit:
+    """Leave out again what the others and the nuisances explain as well; fit the rest together."""
+    lab = bench.lab
+    if not now.probes:
+        return now
+    now = fit_nuisance(lab, finished(lab, now))
+    while now.probes:
+        without = []
+        for fewer in bench.crew.map(_without, [(lab.held, now, j) for j in range(len(now.probes))]):
+            without.append(fewer)
+            told("leave out again", len(without), len(now.probes))
+        losses = [one.distance - now.distance for one in without]
+        least = int(np.argmin(losses))
+        price = PRICE * len(now.probes[least].free)
+        kin = [
+            loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
+        ]
+        if losses[least] > max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price:
+            break
+        now = without[least]
+    return now
+
+
+def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
+    """The others fitted again: what is left out may have made up for what their fits had left open."""
+    rest = [j for j in range(len(now.probes)) if j != left_out]
+    probes, x = [now.probes[j] for j in rest], [now.x[j] for j in rest]
+    fewer = fit(lab, probes, x, rounds=TO_THE_END, nuisance=now.nuisance)
+    small = fewer.distance < SMALL * lab.floor_distance
+    return fit_nuisance(lab, fewer, rounds=4 if small else 1)
