@@ -27,9 +27,9 @@ from lidarcheck.model.blocks import Blocks, count, count_small
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulses import Pulses, add_rates
-from lidarcheck.model.streams import Stream, fill, skip
+from lidarcheck.model.streams import Stream, fill, fill_four, skip
 
-__all__ = ["add_outside", "is_plainly_quiet", "is_quiet"]
+__all__ = ["add_outside", "is_plainly_quiet", "is_quiet", "looks_quiet"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -41,21 +41,19 @@ _ALL_SMALL, _APART, _CROWDED = 0, 1, 2
 
 
 @inlined
-def _all_small(blocks: Blocks, draw: float, number: int, beside: int, threshold: int) -> bool:
-    """Whether `number` blocks in a row are all small, and what stands beside them can crowd with none of them."""
-    log_all_small = number * blocks.log_small[0]
+def _are_small(draw: float, log_chance: float) -> bool:
+    """Whether blocks are all small, the logarithm of which chance is given."""
     # exp(x) >= 1 + x: most beams are settled without a logarithm.
-    settled = draw >= -log_all_small or math.log(1.0 - draw) <= log_all_small
-    return settled and beside <= threshold - blocks.small
+    return draw >= -log_chance or math.log(1.0 - draw) <= log_chance
 
 
-@kernel
+@inlined
 def _search(
     blocks: Blocks,
     stream: Stream,
     draws: FloatArray,
     draw: float,
-    first: int,
+    first: Any,
     last: int,
     beside: int,
     threshold: int,
@@ -66,40 +64,40 @@ def _search(
     One draw leads to the next large block, a geometric number of small ones away; only what stands beside a large
     block is drawn. Returns what was found; `record`: unless all are small, `held` tells what is known of each block.
     """
-    if _all_small(blocks, draw, last - first, beside, threshold):
-        return _ALL_SMALL
-    log_small = blocks.log_small[0]
-    if record:
-        blocks.held[first:last] = _FREE
+    found, log_small, most_beside = _ALL_SMALL, blocks.log_small[0], threshold - blocks.small
     before, at = beside, first
-    while before <= threshold:
-        if at == last:
-            return _APART
-        far, small = before <= threshold - blocks.small, 0
+    if beside > most_beside or not _are_small(draw, (last - first) * log_small):
+        found = _APART if before <= threshold else _CROWDED
+        if record:
+            blocks.held[first:last] = _FREE
+    while found == _APART and at < last:
+        far, small = before <= most_beside, 0
         if far:
             small = last - at
-            if log_small < 0.0:
+            # exp(x) >= 1 + x: the rest of most beams is settled without a logarithm.
+            if draw < -small * log_small:
                 small = int(min(math.log(1.0 - draw) / log_small, float(small)))
             if record:
                 blocks.held[at : at + small] = _SMALL
             at += small
-            if at == last:
-                skip(stream, 3)
-                return _APART
-        fill(stream, draws, 3)
-        if small > 0:
-            before = count_small(blocks, draws[0])
+        if at == last:
+            skip(stream, 3)
+        else:
+            fill_four(stream, draws)
+            now = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
+            if small > 0:
+                # What a small block holds is looked up where it can matter.
+                before = count_small(blocks, draws[0]) if record or now > most_beside else blocks.small
+                if record:
+                    blocks.held[at - 1] = before
             if record:
-                blocks.held[at - 1] = before
-        now = count(blocks, blocks.above[blocks.small] * (1.0 - draws[1]) if far else 1.0 - draws[0])
-        if record:
-            blocks.held[at] = now
-        if before + now > threshold:
-            return _CROWDED
-        draw = draws[2] if far else draw
-        before = now
-        at += 1
-    return _CROWDED
+                blocks.held[at] = now
+            if before + now > threshold:
+                found = _CROWDED
+            draw = draws[2] if far else draw
+            before = now
+            at += 1
+    return found
 
 
 @kernel
@@ -109,7 +107,7 @@ def _complete(blocks: Blocks, stream: Stream, draws: FloatArray, first: int, las
         blocks.held[first:last] = _SMALL
     for j in range(first, last):
         if blocks.held[j] < 0:
-            fill(stream, draws, 1)
+            fill_four(stream, draws)
             small = blocks.held[j] == _SMALL
             blocks.held[j] = count_small(blocks, draws[0]) if small else count(blocks, 1.0 - draws[0])
 
@@ -129,7 +127,7 @@ def _place(
     cells = numbers.detectors * blocks.length
     taken = 0
     while taken < held:
-        fill(stream, draws, 1)
+        fill_four(stream, draws)
         cell = int(draws[0] * cells)
         fresh = True
         for j in range(taken):
@@ -168,8 +166,11 @@ def _thin(
             armed -= counts[index - step * age]
         bin_ = first + step * n
         rate = rates[bin_] if 0 <= bin_ < numbers.bins else per_bin
-        accepted = math.expm1(-rate) / math.expm1(-blocks.rate[0])
-        fill(stream, draws, candidates)
+        accepted = 1.0 if rate == blocks.rate[0] else math.expm1(-rate) / math.expm1(-blocks.rate[0])
+        if candidates <= 4:
+            fill_four(stream, draws)
+        else:
+            fill(stream, draws, candidates)
         kept = 0
         for j in range(candidates):
             place = draws[j] * (numbers.detectors - j)
@@ -206,6 +207,29 @@ def is_plainly_quiet(
     return beside <= numbers.threshold - blocks.small and draw_before >= before and draw_behind >= behind
 
 
+@inlined
+def looks_quiet(
+    numbers: Numbers,
+    blocks: Blocks,
+    stream: Stream,
+    draws: FloatArray,
+    draw_before: float,
+    draw_behind: float,
+    begin: int,
+    end: int,
+    dead_at_begin: int,
+    on_at_end: int,
+) -> bool:
+    """Whether no echo reaches beyond the window `begin` ... `end - 1`: `is_quiet` without writing anything down."""
+    back, last = _blocks_around(numbers, blocks, begin, end)
+    most = _ALL_SMALL
+    for behind in range(2):
+        draw, first, stop = (draw_behind, back, last) if behind else (draw_before, np.int64(0), back)
+        beside = on_at_end if behind and end < numbers.bins else dead_at_begin if not behind and begin > 0 else 0
+        most = max(most, _search(blocks, stream, draws, draw, first, stop, beside, numbers.threshold, False))
+    return most != _CROWDED
+
+
 @kernel
 def is_quiet(
     numbers: Numbers,
@@ -223,20 +247,17 @@ def is_quiet(
 
     `dead_at_begin` detectors avalanched in the `dead - 1` bins before it, `on_at_end` are ON in its last bin.
     """
-    first: Any = np.int64(0)
+    block = stream.counter[0]
+    if looks_quiet(numbers, blocks, stream, draws, draw_before, draw_behind, begin, end, dead_at_begin, on_at_end):
+        return True
+    # Few beams look twice, the second time writing down what they see.
+    stream.counter[0] = block
     back, last = _blocks_around(numbers, blocks, begin, end)
     beside_begin = dead_at_begin if begin > 0 else 0
     beside_end = on_at_end if end < numbers.bins else 0
-    block = stream.counter[0]
-    before = behind = _ALL_SMALL
-    # Few beams look twice, the second time writing down what they see.
-    for record in (False, True):
-        stream.counter[0] = block
-        before = _search(blocks, stream, draws, draw_before, first, back, beside_begin, numbers.threshold, record)
-        behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, record)
-        if before != _CROWDED and behind != _CROWDED:
-            return True
-    _complete(blocks, stream, draws, first, back, before)
+    before = _search(blocks, stream, draws, draw_before, np.int64(0), back, beside_begin, numbers.threshold, True)
+    behind = _search(blocks, stream, draws, draw_behind, back, last, beside_end, numbers.threshold, True)
+    _complete(blocks, stream, draws, 0, back, before)
     _complete(blocks, stream, draws, back, last, behind)
     return False
 

@@ -71,8 +71,9 @@ def simulate_on_cuda(
             numbers, key, stream.counter[2], keys, level, light, _on_device(some), mine, *rows, inverse,
             _on_device(host.blocks), group, there,
         )  # fmt: skip
-    for of_beams, its in zip(echoes, there, strict=True):
-        its.copy_to_host(of_beams)
+    columns: list[npt.NDArray[Any]] = list(echoes)
+    for column, its in zip(columns, there, strict=True):
+        column[...] = its.copy_to_host()
 
 
 def _cuda() -> Any:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 
-__all__ = ["Echoes", "find_echoes", "keep", "list_echoes", "new_echoes"]
+__all__ = ["Echoes", "find_echoes", "keep", "new_echoes"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -28,12 +28,13 @@ class Echoes(NamedTuple):
 
 def new_echoes(beams: int, room: int) -> Echoes:
     """Room for the echoes of that many beams, none held yet."""
+    # First echoes stand together: memory for second and third ones, which are rare, is hardly touched.
     return Echoes(
         held=np.zeros(beams, dtype=np.int32),
-        centre=np.empty((beams, room)),
-        width=np.empty((beams, room), dtype=np.int32),
-        area=np.empty((beams, room), dtype=np.int32),
-        peak=np.empty((beams, room), dtype=np.int32),
+        centre=np.empty((beams, room), order="F"),
+        width=np.empty((beams, room), dtype=np.int32, order="F"),
+        area=np.empty((beams, room), dtype=np.int32, order="F"),
+        peak=np.empty((beams, room), dtype=np.int32, order="F"),
     )
 
 
@@ -89,18 +90,3 @@ def find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: 
             width = area = peak = moment = 0
         on -= counts[leaving + j]
     return last
-
-
-@kernel
-def list_echoes(echoes: Echoes, row: IntArray, slot: IntArray, times: FloatArray, features: FloatArray) -> None:
-    """Write all echoes one below the other: beam, place among its echoes, centre; width, area and peak in columns."""
-    at = 0
-    for i in range(len(echoes.held)):
-        for j in range(echoes.held[i]):
-            row[at] = i
-            slot[at] = j
-            times[at] = echoes.centre[i, j]
-            features[0, at] = echoes.width[i, j]
-            features[1, at] = echoes.area[i, j]
-            features[2, at] = echoes.peak[i, j]
-            at += 1

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model import background as bg
-from lidarcheck.model.abreast import draw_entry, keep_echo, last_on, run_abreast, sum_abreast
+from lidarcheck.model.abreast import Abreast, draw_entry, keep_echo, last_on, run_abreast, sum_abreast
 from lidarcheck.model.echoes import Echoes, find_echoes
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
@@ -90,8 +90,19 @@ def _finish(
     end = begin + group.length[lane]
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
     several = not keep_echo(group, lane, echoes)
-    if several or not bg.is_plainly_quiet(numbers, scratch.blocks, before, behind, begin, end, dead, on):
+    quiet = bg.is_plainly_quiet(numbers, scratch.blocks, before, behind, begin, end, dead, on)
+    if not quiet:
+        _rewind_lane(group, stream, lane)
+        quiet = bg.looks_quiet(numbers, scratch.blocks, stream, scratch.draws, before, behind, begin, end, dead, on)
+    if several or not quiet:
         _look_closer(numbers, stream, level, pulses, lane, several, on, scratch, echoes)
+
+
+@inlined
+def _rewind_lane(group: Abreast, stream: Stream, lane: int) -> None:
+    """Go to the first draw of a lane's beam that the group has not used."""
+    rewind(stream, group.key[lane])
+    stream.counter[0] = group.block[lane]
 
 
 @kernel
@@ -115,8 +126,7 @@ def _look_closer(
         _copy(numbers, lane, scratch)
         find_echoes(numbers, counts, begin, end, i, echoes)
         counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
-    rewind(stream, group.key[lane])
-    stream.counter[0] = group.block[lane]
+    _rewind_lane(group, stream, lane)
     dead, draws = group.dead[lane], scratch.draws
     if not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
         _copy(numbers, lane, scratch)

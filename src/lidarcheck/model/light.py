@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -19,8 +17,6 @@ FloatArray = npt.NDArray[np.float64]
 
 _CHUNK = 32768
 """Rows that are worked on at a time: few enough for what lies between to stay in the cache."""
-_NEAREST_M = 1e-3
-"""The range equation has no limit at zero range; nothing can stand nearer than this to the sensor's window."""
 _MOST_MATERIALS = 65536
 
 
@@ -30,39 +26,40 @@ def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> F
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
     an extended target in a clear atmosphere, constants folded into K). `InputError` names a material without an entry.
     """
-    if not np.all(np.isfinite(ideal.distance_m) & np.isfinite(ideal.incidence_deg) & (ideal.distance_m >= 0.0)):
-        raise UsageError("the ideal scan holds a distance below 0, or one that is not finite", fix="0 means no surface")
-    strength, incidence_power, row_id = _materials(ideal, model)
-    signal = np.empty(len(ideal))
+    from lidarcheck.model.range_equation import NOT_FINITE, UNKNOWN, range_equation
+
+    strength, falloff, material = _responses(ideal, model)
+    signal, wrong = np.empty(len(ideal)), np.zeros(len(ideal) // _CHUNK + 1, dtype=np.int64)
 
     def fill(start: int) -> None:
         rows = slice(start, start + _CHUNK)
-        distance_m, of_row = ideal.distance_m[rows], row_id[rows]
-        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg[rows])), 0.0, 1.0)
-        lambertian = np.where(incidence_power[of_row] > 0.0, cosine, 1.0)
-        range_m = np.maximum(distance_m, _NEAREST_M)
-        lit = model.sensor.signal_at_1m * strength[of_row] * lambertian / range_m**2
-        signal[rows] = np.where(distance_m > 0.0, lit, 0.0)
+        with np.errstate(invalid="ignore"):
+            cosine = np.cos(np.deg2rad(ideal.incidence_deg[rows]))
+        columns = (ideal.distance_m[rows], cosine, material[rows])
+        wrong[start // _CHUNK] = range_equation(*columns, strength, falloff, signal[rows])
 
     share(fill, range(0, len(ideal), _CHUNK))
+    found = int(np.bitwise_or.reduce(wrong))
+    if found & NOT_FINITE:
+        raise UsageError("the ideal scan holds a distance below 0, or one that is not finite", fix="0 means no surface")
+    if found & UNKNOWN:
+        known = np.isin(ideal.material_id, list(model.materials))
+        raise _missing(ideal, int(np.flatnonzero((ideal.distance_m > 0.0) & ~known)[0]), model)
     return signal
 
 
-def _materials(ideal: IdealScan, model: Model) -> tuple[FloatArray, FloatArray, npt.NDArray[Any]]:
-    """Reflectance times gain, and the power of the cosine, of each material, and the place there of each row's."""
-    ids, row_id = _distinct(ideal.material_id)
-    strength, power = np.zeros(len(ids)), np.zeros(len(ids))
-    unknown = [i for i, material_id in enumerate(ids) if int(material_id) not in model.materials]
-    if unknown:
-        rows = np.flatnonzero((ideal.distance_m > 0.0) & np.isin(row_id, unknown))
-        if len(rows):
-            raise _missing(ideal, int(rows[0]), model)
-    for i, material_id in enumerate(ids):
-        material = model.materials.get(int(material_id))
-        if material is None:
-            continue  # nothing but misses bears it
-        strength[i], power[i] = _response(material)
-    return strength, power, row_id
+def _responses(ideal: IdealScan, model: Model) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int32]]:
+    """The tables of `material_tables`, and each row's place in them."""
+    tables = material_tables(model)
+    if tables is not None:
+        return *tables, ideal.material_id
+    ids, place = np.unique(ideal.material_id, return_inverse=True)
+    strength, falloff = np.full(len(ids) + 1, np.nan), np.zeros(len(ids) + 1)
+    for i, number in enumerate(ids):
+        if int(number) in model.materials:
+            gain, falloff[i] = _response(model.materials[int(number)])
+            strength[i] = model.sensor.signal_at_1m * gain
+    return strength, falloff, place.astype(np.int32)
 
 
 def _response(material: Material) -> tuple[float, float]:
@@ -70,17 +67,6 @@ def _response(material: Material) -> tuple[float, float]:
     if material.kind == "retro":
         return material.reflectance * material.retro_gain, 0.0
     return material.reflectance, 1.0
-
-
-def _distinct(values: npt.NDArray[np.int32]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """The distinct values and each row's place among them; small numbers without sorting."""
-    if len(values) and values.min() >= 0 and values.max() < 65536:
-        ids = np.flatnonzero(np.bincount(values))
-        place = np.zeros(ids[-1] + 1, dtype=np.int64)
-        place[ids] = np.arange(len(ids))
-        return ids, place[values]
-    ids, row_id = np.unique(values, return_inverse=True)
-    return ids, row_id
 
 
 def material_tables(model: Model) -> tuple[FloatArray, FloatArray] | None:

@@ -21,7 +21,18 @@ from numba.extending import intrinsic
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
 
-__all__ = ["Stream", "beam_keys", "fill", "fill_abreast", "new_stream", "purpose_key", "rewind", "skip", "uniforms"]
+__all__ = [
+    "Stream",
+    "beam_keys",
+    "fill",
+    "fill_abreast",
+    "fill_four",
+    "new_stream",
+    "purpose_key",
+    "rewind",
+    "skip",
+    "uniforms",
+]
 
 _M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
@@ -57,6 +68,22 @@ def _high_word_of(typing_context: Any, a: Any, b: Any) -> Any:
 _high_word: Any = intrinsic(_high_word_of)
 
 
+@inlined
+def _draws_of(k0: Any, k1: Any, block: Any, beam: Any, frame: Any, zero: Any) -> Any:
+    """The four draws of a block."""
+    x0, x1, x2, x3 = block, beam, frame, zero
+    for _ in range(_ROUNDS):
+        high0, low0 = _high_word(_M0, x0), _M0 * x0
+        high1, low1 = _high_word(_M1, x2), _M1 * x2
+        x0, x1, x2, x3 = high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
+        k0 += _W0
+        k1 += _W1
+    # A shifted word fits a signed integer, which converts to floating point faster than an unsigned one.
+    first, second = np.float64(np.int64(x0 >> _ELEVEN)) * _UNIT, np.float64(np.int64(x1 >> _ELEVEN)) * _UNIT
+    third, fourth = np.float64(np.int64(x2 >> _ELEVEN)) * _UNIT, np.float64(np.int64(x3 >> _ELEVEN)) * _UNIT
+    return first, second, third, fourth
+
+
 @kernel
 def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
     """Write the next `count` draws, rounded up to whole blocks of four, to the front of `draws`.
@@ -66,22 +93,19 @@ def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
     """
     key0, key1 = stream.key[0], stream.key[1]
     block, beam, frame, zero = stream.counter[0], stream.counter[1], stream.counter[2], stream.counter[3]
-    for first in range(0, count, 4):
-        x0, x1, x2, x3 = block, beam, frame, zero
-        k0, k1 = key0, key1
-        for _ in range(_ROUNDS):
-            high0, low0 = _high_word(_M0, x0), _M0 * x0
-            high1, low1 = _high_word(_M1, x2), _M1 * x2
-            x0, x1, x2, x3 = high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
-            k0 += _W0
-            k1 += _W1
+    for at in range(0, count, 4):
+        four = _draws_of(key0, key1, block, beam, frame, zero)
+        draws[at], draws[at + 1], draws[at + 2], draws[at + 3] = four
         block += _ONE
-        # A shifted word fits a signed integer, which converts to floating point faster than an unsigned one.
-        draws[first] = np.float64(np.int64(x0 >> _ELEVEN)) * _UNIT
-        draws[first + 1] = np.float64(np.int64(x1 >> _ELEVEN)) * _UNIT
-        draws[first + 2] = np.float64(np.int64(x2 >> _ELEVEN)) * _UNIT
-        draws[first + 3] = np.float64(np.int64(x3 >> _ELEVEN)) * _UNIT
     stream.counter[0] = block
+
+
+@inlined
+def fill_four(stream: Stream, draws: npt.NDArray[np.float64]) -> None:
+    """`fill` with a count of one to four, for where few draws decide whether there are more."""
+    key, counter = stream.key, stream.counter
+    draws[0], draws[1], draws[2], draws[3] = _draws_of(key[0], key[1], counter[0], counter[1], counter[2], counter[3])
+    counter[0] += _ONE
 
 
 @inlined

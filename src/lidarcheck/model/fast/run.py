@@ -16,11 +16,11 @@ from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import DEFAULT_GRID
 from lidarcheck.model.fast.library import Library, library_of
-from lidarcheck.model.fast.report import report_of, room_for
 from lidarcheck.model.fast.special import new_found, resolve
 from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, KIND, ONE, SPECIAL
 from lidarcheck.model.fast.write import write_echoes
 from lidarcheck.model.light import material_tables
+from lidarcheck.model.report import report_of, room_for
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.echoes import Echoes
 from lidarcheck.model.fast import words as w
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.jit import kernel
+from lidarcheck.model.report import Report, Rows, put
 
-__all__ = ["Report", "Rows", "write_echoes"]
+__all__ = ["write_echoes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,62 +18,6 @@ _LIGHT_SPEED_M_PER_NS = 0.299792458
 _ONE, _KIND, _SPECIAL = np.uint64(w.ONE), np.uint64(w.KIND), np.uint64(w.SPECIAL)
 _WIDTH_AT, _PEAK_AT, _AREA_AT, _CENTRE_AT = (np.uint64(at) for at in (w.WIDTH_AT, w.PEAK_AT, w.AREA_AT, w.CENTRE_AT))
 _WIDTH, _PEAK, _AREA = (np.uint64((1 << bits) - 1) for bits in (w.WIDTH_BITS, w.PEAK_BITS, w.AREA_BITS))
-
-
-class Rows(NamedTuple):
-    """The columns of a table of echoes, shape (n_echoes,) each."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    z_m: FloatArray
-    layer: npt.NDArray[np.int32]
-    point: npt.NDArray[np.int32]
-    echo_number: npt.NDArray[np.int32]
-    width_ns: FloatArray
-    area: FloatArray
-    peak: FloatArray
-
-
-class Report(NamedTuple):
-    """How echoes are reported: cosines and sines of layers and points; `resolution_m` 0: ranges are not rounded."""
-
-    cos_layer: FloatArray
-    sin_layer: FloatArray
-    cos_point: FloatArray
-    sin_point: FloatArray
-    bin_ns: float
-    offset_ns: float
-    resolution_m: float
-    saturation: int
-
-
-@inlined
-def _put(
-    rows: Rows,
-    report: Report,
-    at: Any,
-    layer: Any,
-    point: Any,
-    number: int,
-    range_m: float,
-    width: Any,
-    area: Any,
-    peak: Any,
-) -> None:
-    """Write an echo into a row, as the sensor reports it."""
-    range_m = max(range_m, 0.0)
-    if report.resolution_m > 0.0:
-        range_m = np.rint(range_m / report.resolution_m) * report.resolution_m
-    up, side = np.uint64(layer), np.uint64(point)
-    rows.x_m[at] = report.cos_point[side] * report.cos_layer[up] * range_m
-    rows.y_m[at] = report.sin_point[side] * report.cos_layer[up] * range_m
-    rows.z_m[at] = report.sin_layer[up] * range_m
-    rows.layer[at] = layer
-    rows.point[at] = point
-    rows.echo_number[at] = number
-    rows.width_ns[at] = width * report.bin_ns
-    rows.area[at] = area
-    rows.peak[at] = min(peak, report.saturation)
 
 
 @kernel
@@ -106,12 +49,12 @@ def write_echoes(
             away_m = np.float64(np.int64(word >> _CENTRE_AT)) * scale + zero
             width, peak = np.int64(word >> _WIDTH_AT & _WIDTH), np.int64(word >> _PEAK_AT & _PEAK)
             area = np.int64(word >> _AREA_AT & _AREA)
-            _put(rows, report, at, layer[i], point[i], 1, range_m[i] + away_m, width, area, peak)
+            put(rows, report, at, layer[i], point[i], layer[i], point[i], 1, range_m[i] + away_m, width, area, peak)
             at += np.uint64(1)
         elif kind == _SPECIAL:
             for j in range(echoes.held[special]):
                 time_ns = echoes.centre[special, j] * report.bin_ns - report.offset_ns
                 width, area, peak = echoes.width[special, j], echoes.area[special, j], echoes.peak[special, j]
-                _put(rows, report, at, layer[i], point[i], j + 1, half * time_ns, width, area, peak)
+                put(rows, report, at, layer[i], point[i], layer[i], point[i], j + 1, half * time_ns, width, area, peak)
                 at += np.uint64(1)
             special += 1
