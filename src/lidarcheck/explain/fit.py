@@ -14,6 +14,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import LIMIT, Nuisance, at, axes_of
+from lidarcheck.explain.threads import mapped
 from lidarcheck.model.spec import Model
 
 __all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
@@ -288,18 +289,23 @@ def _jacobian(
     One beam that flips makes small steps useless: where a step changes little, a longer one is taken, and what is no
     larger than such flips is taken for chance.
     """
-    found = np.zeros((shown.shape[1], len(at)))
-    for j in range(len(at)):
-        for length in lengths:
-            there = at.copy()
-            there[j] += length
-            other = shows(there, 1)
-            if other is None:
-                continue
-            change = other[0] - shown[0]
-            found[:, j] = _clear(change) / length
-            if np.abs(change).max(initial=0.0) > _CLEAR:
-                break
+    columns = mapped(lambda j: _column(shows, at, shown, j, lengths), range(len(at)))
+    return np.array(columns).T.reshape(shown.shape[1], len(at)).copy()
+
+
+def _column(shows: Shows, at: FloatArray, shown: FloatArray, j: int, lengths: Sequence[float]) -> FloatArray:
+    """Change of the summaries per step of the j-th number, shape (n_summaries,)."""
+    found = np.zeros(shown.shape[1])
+    for length in lengths:
+        there = at.copy()
+        there[j] += length
+        other = shows(there, 1)
+        if other is None:
+            continue
+        change = other[0] - shown[0]
+        found = _clear(change) / length
+        if np.abs(change).max(initial=0.0) > _CLEAR:
+            break
     return found
 
 

@@ -16,6 +16,7 @@ from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
+from lidarcheck.explain.threads import mapped
 
 __all__ = [
     "Bench",
@@ -318,7 +319,7 @@ def own_distance(select: Lab, now: Fit) -> float:
         return 0.0
     model = now.model(select.model)
     shown = select.shows(model, nuisance=now.nuisance)
-    others = [select.summaries.of(select.sights(model, 700 + k, now.nuisance)) for k in range(3)]
+    others = mapped(lambda k: select.summaries.of(select.sights(model, 700 + k, now.nuisance)), range(3))
     return float(np.mean([select.distance(shown, other) for other in others]))
 
 

@@ -24,6 +24,7 @@ from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import FEATURES, Sights, sights_of
 from lidarcheck.explain.summaries import Expected, expectation
 from lidarcheck.explain.tallies import areas_between
+from lidarcheck.explain.threads import mapped
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
@@ -60,7 +61,7 @@ class Scale:
         """The scale of some frames, in the spreads of a model."""
         beams = beams_of([f.ideal for f in frames], model)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
-        runs = [_sights(frames, surfaces, beams, model, seed, 9000 + k) for k in range(_BASE_SEEDS)]
+        runs = mapped(lambda k: _sights(frames, surfaces, beams, model, seed, 9000 + k), range(_BASE_SEEDS))
         expected = expectation(beams, runs)
         log_area = np.where(expected.known, expected.mean[:, 1], np.nan)
         found = [*divisions(beams, log_area, {}), *fine_divisions(beams)]
@@ -85,7 +86,8 @@ class Scale:
         """What a model shows, with seeds of its own."""
         nuisance = nuisance or Nuisance()
         run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
-        return [_sights(self.frames, posed, self.beams, run, self.seed, first + k) for k in range(count)]
+        seeds = range(first, first + count)
+        return mapped(lambda k: _sights(self.frames, posed, self.beams, run, self.seed, k), seeds)
 
     def excess(
         self, model: Model, nuisance: Nuisance | None = None, parts: Sequence[str] = PARTS

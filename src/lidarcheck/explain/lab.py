@@ -17,6 +17,7 @@ from lidarcheck.explain.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.explain.nuisances import GAIN_ERROR, HEIGHT_ERROR_M, POSE_ERROR_DEG, REFLECTANCE_ERROR, Nuisance, beside
 from lidarcheck.explain.sights import Sights, sights_of
 from lidarcheck.explain.summaries import Summaries, compressed
+from lidarcheck.explain.threads import mapped
 from lidarcheck.model.again import Unread, simulate_unread
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
@@ -92,8 +93,8 @@ class Lab:
         self._posed: dict[tuple[float, float], list[Surfaces]] = {}
         self.beams: Beams = beams_of([f.ideal for f in frames], model)
         names = {i: m.name for i, m in model.materials.items()}
-        base = [self.sights(model, 1000 + k) for k in range(EXPECTATION_SEEDS)]
-        drawn = [self.sights(model, 2000 + k) for k in range(FLOOR_SEEDS)]
+        base = mapped(lambda k: self.sights(model, 1000 + k), range(EXPECTATION_SEEDS))
+        drawn = mapped(lambda k: self.sights(model, 2000 + k), range(FLOOR_SEEDS))
         fresh = _shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
         self.summaries = Summaries(self.beams, base, fresh, names)
         self.measured_sights = sights_of(self.beams, [f.measured for f in frames])
@@ -152,11 +153,12 @@ class Lab:
         before = tuple(effect for effect in model.effects if effect.stage != "readout")
         table = tuple((i, m.reflectance) for i, m in model.materials.items())
         key = (before, model.sensor, table, seed, nuisance.yaw, nuisance.pitch)
-        if key not in self._unread:
-            if len(self._unread) >= _KEPT:
-                self._unread.pop(next(iter(self._unread)))
-            self._unread[key] = self._simulated(model, seed, nuisance, self._plain.get(seed))
-        return self._unread[key]
+        found = self._unread.get(key)
+        if found is None:
+            found = self._simulated(model, seed, nuisance, self._plain.get(seed))
+            # Replaced, not changed: other threads may look at it.
+            self._unread = {**dict(list(self._unread.items())[1 - _KEPT :]), key: found}
+        return found
 
     def _simulated(
         self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[Unread] | None = None
@@ -178,8 +180,9 @@ class Lab:
     def _posed_of(self, model: Model, nuisance: Nuisance) -> tuple[Model, list[Surfaces]]:
         """The model and the surfaces with the pose's error; the latter kept for the next model."""
         pose = (nuisance.yaw, nuisance.pitch)
-        if pose in self._posed and all(effect.stage != "aim" for effect in model.effects):
-            return model, self._posed[pose]
+        kept = self._posed.get(pose)
+        if kept is not None and all(effect.stage != "aim" for effect in model.effects):
+            return model, kept
         posed, surfaces = nuisance.posed(model, self._surfaces)
         if posed is model:
             self._posed = {**dict(list(self._posed.items())[-3:]), pose: surfaces}
@@ -195,10 +198,10 @@ class Lab:
         What chance does to the case's own model with a seed is taken off, since it does nearly the same to a model
         that differs a little. Of a model that strikes at random two seeds tell little: without `seeds` it gets more.
         """
-        rows = np.array([self._shown(model, k, nuisance) for k in range(seeds or self.seeds)])
-        if seeds is None and self.varies(rows):
-            rows = np.array([*rows, *(self._shown(model, k, nuisance) for k in range(len(rows), _SEEDS_OF_RANDOM))])
-        return rows
+        rows = mapped(lambda k: self._shown(model, k, nuisance), range(seeds or self.seeds))
+        if seeds is None and self.varies(np.array(rows)):
+            rows += mapped(lambda k: self._shown(model, k, nuisance), range(len(rows), _SEEDS_OF_RANDOM))
+        return np.array(rows)
 
     def _shown(self, model: Model, seed: int, nuisance: Nuisance | None) -> FloatArray:
         return self.summaries.of(self.sights(model, seed, nuisance)) - self._chance(seed)
@@ -295,7 +298,7 @@ def _shift(lab: Lab, effect: Effect) -> FloatArray:
     """Change of the summaries, not compressed, by an effect on top of the model's; paired seeds."""
     model = beside(lab.model, effect)
     return np.asarray(
-        np.mean([lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k) for k in range(2)], axis=0)
+        np.mean(mapped(lambda k: lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k), range(2)), axis=0)
     )
 
 

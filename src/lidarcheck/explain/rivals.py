@@ -17,6 +17,7 @@ from lidarcheck.explain.forward import Bench, Trial, accepted, select_distance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged, judged, polished
+from lidarcheck.explain.threads import done_by
 from lidarcheck.model.spec import Model
 
 __all__ = ["Polished", "Rival", "contest", "rivals"]
@@ -63,7 +64,7 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     best = now.distance + select_distance(bench.select, now)
     tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in near)
     found = []
-    for (place, trial), (swapped, distance) in zip(near, bench.crew.map(_swapped, tasks), strict=True):
+    for (place, trial), (swapped, distance) in zip(near, done_by(bench.crew, _swapped, tasks), strict=True):
         farther = distance - best
         if farther < max(_NEAR, _NEAR_PART * trial.merit):
             found.append(Rival(trial.name, place, swapped, farther))
@@ -111,7 +112,7 @@ def contest(
         lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
         return Polished(now, lab, last, {})
     fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
-    found = [*(crew or Crew()).map(judged, ((scale.held, model, one, seed) for one in fits))]
+    found = [*done_by(crew or Crew(), judged, ((scale.held, model, one, seed) for one in fits))]
     own = known or found.pop(0)
     rest = list(zip(others[:_MOST], found, strict=True))
     gaps = {one.name: its.left for one, its in rest}

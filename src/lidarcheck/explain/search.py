@@ -25,6 +25,7 @@ from lidarcheck.explain.forward import (
 )
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened
+from lidarcheck.explain.threads import done_by
 
 __all__ = ["backward", "find_effects"]
 
@@ -81,7 +82,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
     now = fit_nuisance(lab, finished(lab, now))
     while now.probes:
         without = []
-        for fewer in bench.crew.map(_without, [(lab.held, now, j) for j in range(len(now.probes))]):
+        for fewer in done_by(bench.crew, _without, [(lab.held, now, j) for j in range(len(now.probes))]):
             without.append(fewer)
             told("leave out again", len(without), len(now.probes))
         losses = [one.distance - now.distance for one in without]

@@ -20,6 +20,7 @@ from lidarcheck.explain.sights import FEATURES, Sights
 from lidarcheck.explain.strays import Strays
 from lidarcheck.explain.summary import Summary
 from lidarcheck.explain.tallies import add_up, write_residuals, write_scatter
+from lidarcheck.explain.threads import mapped
 
 __all__ = ["Expected", "Summaries", "Summary", "compressed", "expectation"]
 
@@ -89,7 +90,7 @@ class Summaries:
             *_named(_EXTRAS, self._coarse),
             *self._strays.names,
         ]
-        values = np.array([self._sum(sights) for sights in fresh])
+        values = np.array(mapped(self._sum, fresh))
         self._centre = values.mean(axis=0)
         counted = np.array([name.feature in (*_EXTRAS, "other echoes") for name in self.names])
         # Counts of rare echoes are Poisson; one more than expected is no surprise where none was seen.

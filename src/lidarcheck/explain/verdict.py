@@ -18,6 +18,7 @@ from lidarcheck.explain.forward import Bench, Trial, accepted, own_distance, sel
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
+from lidarcheck.explain.threads import mapped
 
 __all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
 
@@ -104,7 +105,8 @@ def _left(lab: Lab, now: Fit) -> float:
     if any(name in FOOTPRINTS for name in now.names()):
         metric = lab.along_edges(model, 800, now.nuisance)
     else:
-        edges = lab.edges_beside([lab.sights(model, 800 + k, now.nuisance) for k in range(_EDGE_SEEDS)], deep=True)
+        shown_there = mapped(lambda k: lab.sights(model, 800 + k, now.nuisance), range(_EDGE_SEEDS))
+        edges = lab.edges_beside(shown_there, deep=True)
         metric = Metric(lab.metric.diagonal, np.concatenate([lab.metric.factors, edges], axis=1))
     return lab.distance(shown, metric=metric) - max(lab.floor_distance, own_distance(lab, now))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.appeal import appeal
@@ -38,6 +39,7 @@ from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.search import find_effects
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
+from lidarcheck.explain.threads import in_threads
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable
 from lidarcheck.explain.words import depends_on, standouts
@@ -72,8 +74,13 @@ def explain(
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
     own = Processes(jobs, _wake)
-    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
+    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers, _threads(workers):
         return _explain(case, Run(case.model, seed, tuple(exclude), workers, tell or silent, hear or deaf, notebook))
+
+
+def _threads(crew: Crew) -> contextlib.AbstractContextManager[None]:
+    """As many threads as there are cores here for the crew, for what stands between its tasks."""
+    return in_threads(min(crew.jobs, usable_cores()))
 
 
 def _wake() -> None:
