@@ -8,10 +8,11 @@ from lidarcheck.effects import Effect, make
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours
 from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import Bench, Search, Trial, accept, select_distance, start_fit
+from lidarcheck.explain.forward import Bench, Search, Trial, accept, start_fit
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened, screen
 from lidarcheck.explain.search import backward
+from lidarcheck.explain.trials import select_distance
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.4}), make("timing_jitter", {"sigma_ns": 0.5})
 LONG = make("pulse_shape", {"stretch": 1.8})

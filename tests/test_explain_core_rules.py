@@ -9,8 +9,9 @@ from lidarcheck.effects import find
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, _beside_kin, _tried, are_kin
+from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, _beside_kin, are_kin
 from lidarcheck.explain.located_ranges import _walks
+from lidarcheck.explain.trials import tried
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
@@ -139,6 +140,6 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     with pytest.raises(UsageError):
         probe.effect(probe.start()).detector(sensor)
     lab = NarrowLab(sensor)
-    fit, after, *_ = _tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
+    fit, after, *_ = tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
     assert fit.possible == found
     assert np.isfinite(after) == found

@@ -13,10 +13,11 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain.adopt import write_model
 from lidarcheck.explain.case import Case
 from lidarcheck.explain.explanation import Explanation
-from lidarcheck.explain.forward import Bench, select_distance
+from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.progress import PROGRESS
+from lidarcheck.explain.trials import select_distance
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.workflow import explain
 from lidarcheck.model import Model, load_model, simulate

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward, select_distance
+from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.search import backward
+from lidarcheck.explain.trials import select_distance
 from lidarcheck.explain.verdict import closure
 
 __all__ = ["detours"]

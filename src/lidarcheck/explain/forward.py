@@ -10,13 +10,12 @@ import numpy.typing as npt
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
-from lidarcheck.explain.edges import FOOTPRINTS
-from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.fit import Fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
-from lidarcheck.explain.threads import mapped
+from lidarcheck.explain.trials import finished, select_shown, to_the_end, tried
 
 __all__ = [
     "Bench",
@@ -25,12 +24,8 @@ __all__ = [
     "Trial",
     "accept",
     "accepted",
-    "finished",
     "forward",
     "onward",
-    "own_distance",
-    "select_distance",
-    "select_shown",
     "start_fit",
 ]
 
@@ -56,7 +51,6 @@ KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
 AT_RANDOM = ("random", "wander", "free phase")
-_LOST_AT_RANDOM = ("dropout",)
 RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 """Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
 edges: they need this part beside their kin, and so many times the usual least part, though no more than half of all."""
@@ -72,14 +66,10 @@ _AS_FAR, _TWICE = 0.1, 2.0
 explains so many times what is needed."""
 _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
+_NEAR_THE_BEST, _CLOSE = 0.93, 3
+"""So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
-_HOPELESS = 0.2
-"""What alone explains less than this part of what is needed is not fitted together with the rest."""
-_WEAKER = 3
-"""So often a start that no sensor can have is made half as strong."""
-TO_THE_END = 6
-"""Steps of a fit after which it leads no further."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -120,7 +110,7 @@ class Trial:
     `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
     brings these nearer and how far it moves them where edges may be anywhere between two beams, of footprints.
     `own`: how far another measurement of the select frames would be if the fit were the truth, of what is lost at
-    random.
+    random. `ended`: whether the fit leads no further, nuisances included.
     """
 
     name: str
@@ -133,6 +123,7 @@ class Trial:
     select_change: float = float("inf")
     along_edges: tuple[float, float] | None = None
     own: float | None = None
+    ended: bool = False
 
     @property
     def merit(self) -> float:
@@ -198,6 +189,7 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
         if found.fit.probes and found.fit.distance - bench.lab.floor_distance < little:
             break
         trials = run_round(bench, found, screened, len(found.fit.probes) + 1, told)
+        trials = neck_and_neck(bench, found, trials)
         found.trials += trials
         passing = [trial for trial in trials if trial.passes]
         if not passing:
@@ -206,10 +198,30 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
     return found
 
 
+def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of a round, those of names that come near the best fitted to the end, nuisances and all: of two that
+    explain the same, one that turns the view would be the better for what the pose's error alone has made."""
+    best = {t.name: t for t in sorted(trials, key=lambda t: t.merit) if t.passes}
+    most = max((t.merit for t in best.values()), default=0.0)
+    close = sorted((t for t in best.values() if t.merit > _NEAR_THE_BEST * most), key=lambda t: -t.merit)[:_CLOSE]
+    if len(close) < 2:
+        return [*trials]
+    shown = select_shown(bench.select, found.fit)
+    tasks = ((bench.lab.held, bench.select.held, shown, t.fit) for t in close)
+    ended = {}
+    for t, (end, after, change, edges, own) in zip(close, bench.crew.map(to_the_end, tasks), strict=True):
+        gain = found.fit.distance - end.distance
+        ended[id(t)] = replace(
+            t, fit=end, gain=gain, select_after=after, select_change=change, along_edges=edges, own=own, ended=True
+        )
+    return [ended.get(id(t), t) for t in trials]
+
+
 def accept(bench: Bench, found: Search, trial: Trial) -> Search:
     """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
     another effect."""
-    return replace(found, fit=fit_nuisance(bench.lab, finished(bench.lab, trial.fit)))
+    end = trial.fit if trial.ended else fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
+    return replace(found, fit=end)
 
 
 def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
@@ -228,8 +240,8 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     probes = [one.probe.scaled(scale) for scale, one in order]
     trials = []
     least = max(1.3 * bench.level, bench.worth)
-    tried = bench.crew.map(_tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
-    for i, (alone, after, change, edges, own) in enumerate(tried):
+    found_so_far = bench.crew.map(tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
+    for i, (alone, after, change, edges, own) in enumerate(found_so_far):
         one = order[i][1]
         if not alone.possible:
             continue
@@ -250,30 +262,6 @@ def _beside_kin(probe: Probe, found: Search) -> float:
 def are_kin(one: str, other: str) -> bool:
     """Whether two effects change the same features in the same way."""
     return one != other and any(one in kin and other in kin for kin in KIN)
-
-
-def _tried(
-    lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe
-) -> tuple[Fit, float, float, tuple[float, float] | None, float | None]:
-    """The fit with one more effect, how far it is on the select frames, how far it moves them, by how much it brings
-    them nearer and moves them wherever edges are, for a footprint, and how far they would be from themselves, for
-    losses."""
-    found = fit_next(lab, now, probe, least)
-    for _ in range(_WEAKER):
-        if not found.possible:
-            probe = probe.scaled(0.5)
-            found = fit_next(lab, now, probe, least)
-    if not found.possible:
-        return found, np.inf, 0.0, None, None
-    shown = select_shown(select, found)
-    moved = shown.mean(axis=0) - before.mean(axis=0)
-    edges = None
-    if probe.name in FOOTPRINTS:
-        metric = select.along_edges(found.model(select.model), 800, found.nuisance)
-        nearer = select.distance(before, metric=metric) - select.distance(shown, metric=metric)
-        edges = nearer, metric.square(moved)
-    own = own_distance(select, found) if probe.name in _LOST_AT_RANDOM else None
-    return found, select.distance(shown), select.metric.square(moved), edges, own
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
@@ -298,46 +286,3 @@ def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tup
     names = [name for name in names if worth[name] > NEARLY * worth[names[0]]]
     order = sorted((found for found in best.values() if found[2].probe.name in names), key=lambda found: -found[0])
     return [(scale if gain > 0.0 else 1.0, one) for gain, scale, one in order]
-
-
-def select_distance(select: Lab, at: Fit) -> float:
-    """Distance on the select frames of the same effects and nuisances."""
-    return select.distance(select_shown(select, at))
-
-
-def select_shown(select: Lab, at: Fit) -> FloatArray:
-    """What the same effects and nuisances show of the select frames, (seeds, n_summaries)."""
-    if not at.probes and at.nuisance.penalty == 0.0:
-        return np.zeros((1, len(select.measured)))
-    return select.shows(at.model(select.model), nuisance=at.nuisance)
-
-
-def own_distance(select: Lab, now: Fit) -> float:
-    """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
-    elsewhere each time."""
-    if not now.probes:
-        return 0.0
-    model = now.model(select.model)
-    shown = select.shows(model, nuisance=now.nuisance)
-    others = mapped(lambda k: select.summaries.of(select.sights(model, 700 + k, now.nuisance)), range(3))
-    return float(np.mean([select.distance(shown, other) for other in others]))
-
-
-def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
-    """The probe's own parameters first, then all together where it may gain `least`."""
-    x = probe.start()
-    if not now.probes:
-        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
-    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model), leaps=True)
-    probes, start = (*now.probes, probe), (*now.x, alone.x[0])
-    if not alone.possible or now.distance - alone.distance < _HOPELESS * least:
-        return replace(alone, probes=probes, x=start, jacobian=None)
-    slopes = None
-    if now.jacobian is not None and alone.jacobian is not None:
-        slopes = np.column_stack([now.jacobian, alone.jacobian])
-    return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
-
-
-def finished(lab: Lab, now: Fit) -> Fit:
-    """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
-    return fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance)

@@ -13,11 +13,12 @@ import numpy as np
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench, Trial, accepted, select_distance
+from lidarcheck.explain.forward import Bench, Trial, accepted
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged, judged, polished
 from lidarcheck.explain.threads import done_by
+from lidarcheck.explain.trials import select_distance
 from lidarcheck.model.spec import Model
 
 __all__ = ["Polished", "Rival", "contest", "rivals"]

@@ -13,19 +13,17 @@ from lidarcheck.explain.forward import (
     KIN_PART,
     PRICE,
     SMALL,
-    TO_THE_END,
     Bench,
     Search,
     Told,
     are_kin,
-    finished,
     forward,
-    select_distance,
     start_fit,
 )
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import done_by
+from lidarcheck.explain.trials import TO_THE_END, finished, select_distance
 
 __all__ = ["backward", "find_effects"]
 

@@ -14,11 +14,12 @@ from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, accepted, own_distance, select_shown
+from lidarcheck.explain.forward import Bench, Trial, accepted
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import mapped
+from lidarcheck.explain.trials import own_distance, select_shown
 
 __all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
 

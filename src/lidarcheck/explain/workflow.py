@@ -28,7 +28,7 @@ from lidarcheck.explain.explanation import (
     Teller,
 )
 from lidarcheck.explain.findings import candidates_table, findings_of, is_doubtful
-from lidarcheck.explain.forward import Bench, Search, select_distance
+from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
@@ -40,6 +40,7 @@ from lidarcheck.explain.search import find_effects
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.threads import in_threads
+from lidarcheck.explain.trials import select_distance
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable
 from lidarcheck.explain.words import depends_on, standouts

@@ -1,0 +1,103 @@
+"""One more effect on top of what was accepted: its fit, and what it does to the select frames. Tasks of a crew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.edges import FOOTPRINTS
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.threads import mapped
+
+__all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
+
+FloatArray = npt.NDArray[np.float64]
+Tried = tuple[Fit, float, float, tuple[float, float] | None, float | None]
+
+TO_THE_END = 6
+"""Steps of a fit after which it leads no further."""
+_HOPELESS = 0.2
+"""What alone explains less than this part of what is needed is not fitted together with the rest."""
+_WEAKER = 3
+"""So often a start that no sensor can have is made half as strong."""
+_LOST_AT_RANDOM = ("dropout",)
+"""Effects that take echoes from beams that nobody can foretell."""
+
+
+def tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe) -> Tried:
+    """The fit with one more effect, and what it does to the select frames."""
+    found = fit_next(lab, now, probe, least)
+    for _ in range(_WEAKER):
+        if not found.possible:
+            probe = probe.scaled(0.5)
+            found = fit_next(lab, now, probe, least)
+    return _there(select, before, found)
+
+
+def _there(select: Lab, before: FloatArray, found: Fit) -> Tried:
+    """The fit, how far it is on the select frames, how far it moves them, by how much it brings them nearer and moves
+    them wherever edges are, for a footprint, and how far they would be from themselves, for losses."""
+    if not found.possible:
+        return found, np.inf, 0.0, None, None
+    name = found.probes[-1].name
+    shown = select_shown(select, found)
+    moved = shown.mean(axis=0) - before.mean(axis=0)
+    edges = None
+    if name in FOOTPRINTS:
+        metric = select.along_edges(found.model(select.model), 800, found.nuisance)
+        nearer = select.distance(before, metric=metric) - select.distance(shown, metric=metric)
+        edges = nearer, metric.square(moved)
+    own = own_distance(select, found) if name in _LOST_AT_RANDOM else None
+    return found, select.distance(shown), select.metric.square(moved), edges, own
+
+
+def to_the_end(lab: Lab, select: Lab, before: FloatArray, now: Fit) -> Tried:
+    """What `tried` tells of a fit, when it leads no further."""
+    return _there(select, before, fit_nuisance(lab, finished(lab, now)))
+
+
+def select_distance(select: Lab, at: Fit) -> float:
+    """Distance on the select frames of the same effects and nuisances."""
+    return select.distance(select_shown(select, at))
+
+
+def select_shown(select: Lab, at: Fit) -> FloatArray:
+    """What the same effects and nuisances show of the select frames, (seeds, n_summaries)."""
+    if not at.probes and at.nuisance.penalty == 0.0:
+        return np.zeros((1, len(select.measured)))
+    return select.shows(at.model(select.model), nuisance=at.nuisance)
+
+
+def own_distance(select: Lab, now: Fit) -> float:
+    """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
+    elsewhere each time."""
+    if not now.probes:
+        return 0.0
+    model = now.model(select.model)
+    shown = select.shows(model, nuisance=now.nuisance)
+    others = mapped(lambda k: select.summaries.of(select.sights(model, 700 + k, now.nuisance)), range(3))
+    return float(np.mean([select.distance(shown, other) for other in others]))
+
+
+def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
+    """The probe's own parameters first, then all together where it may gain `least`."""
+    x = probe.start()
+    if not now.probes:
+        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
+    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model), leaps=True)
+    probes, start = (*now.probes, probe), (*now.x, alone.x[0])
+    if not alone.possible or now.distance - alone.distance < _HOPELESS * least:
+        return replace(alone, probes=probes, x=start, jacobian=None)
+    slopes = None
+    if now.jacobian is not None and alone.jacobian is not None:
+        slopes = np.column_stack([now.jacobian, alone.jacobian])
+    return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
+
+
+def finished(lab: Lab, now: Fit) -> Fit:
+    """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
+    return fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance)

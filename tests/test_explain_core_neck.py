@@ -1,0 +1,73 @@
+"""Names that come near the best of a round are compared when their fits have ended."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lidarcheck.crew import Crew
+from lidarcheck.explain import forward
+from lidarcheck.explain.candidates import fixed_probes
+from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.forward import Search, Trial, accept, neck_and_neck
+
+NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
+BENCH: Any = SimpleNamespace(
+    lab=SimpleNamespace(held="fit"), select=SimpleNamespace(held="select"), crew=Crew(), level=1.0
+)
+
+
+def trial(name: str, gain: float, variant: str = "") -> Trial:
+    probe = replace(fixed_probes([name])[0], variant=variant)
+    fit = Fit((probe,), (probe.start(),), 10_000.0 - gain, np.zeros((1, 3)))
+    return Trial(name, 1, fit, gain, 1.0, gain, 0.0, gain)
+
+
+@pytest.fixture
+def ended(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """What is fitted to the end, (name, variant); a scale then explains more than a motion does."""
+    asked: list[tuple[str, str]] = []
+
+    def to_the_end(lab: str, select: str, before: object, now: Fit) -> Any:
+        assert (lab, select) == ("fit", "select")
+        probe = now.probes[-1]
+        asked.append((probe.name, probe.variant))
+        left = 100.0 if probe.name == "range_scale" else now.distance
+        return replace(now, distance=left), left, 9000.0, None, None
+
+    monkeypatch.setattr(forward, "to_the_end", to_the_end)
+    monkeypatch.setattr(forward, "select_shown", lambda select, at: np.zeros((1, 3)))
+    return asked
+
+
+def test_the_best_is_the_best_at_the_end(ended: list[tuple[str, str]]) -> None:
+    trials = [trial("motion", 9000.0), trial("range_scale", 8900.0), trial("range_offset", 7000.0)]
+    found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
+    assert ended == [("motion", ""), ("range_scale", "")]
+    assert [one.name for one in found] == ["motion", "range_scale", "range_offset"]
+    assert [one.ended for one in found] == [True, True, False]
+    assert found[1].gain == 9900.0
+    assert max(found, key=lambda one: one.merit).name == "range_scale"
+    assert found[2] is trials[2]
+
+
+def test_of_each_name_the_best_kind_is_fitted_on(ended: list[tuple[str, str]]) -> None:
+    trials = [trial("range_scale", 8800.0, "light"), trial("range_scale", 8900.0), trial("motion", 9000.0)]
+    neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
+    assert sorted(ended) == [("motion", ""), ("range_scale", "")]
+
+
+@pytest.mark.parametrize("gains", [[9000.0], [9000.0, 8000.0], []])
+def test_where_nothing_comes_near_nothing_is_fitted_on(ended: list[tuple[str, str]], gains: list[float]) -> None:
+    trials = [trial(name, gain) for name, gain in zip(("motion", "range_scale"), gains, strict=False)]
+    assert neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials) == trials
+    assert not ended
+
+
+def test_a_fit_that_has_ended_is_accepted_as_it_is() -> None:
+    one = replace(trial("motion", 9000.0), ended=True)
+    assert accept(BENCH, Search(NOTHING, NOTHING), one).fit is one.fit
