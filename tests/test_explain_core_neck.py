@@ -49,10 +49,20 @@ def test_the_best_is_the_best_at_the_end(ended: list[tuple[str, str]]) -> None:
     found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
     assert ended == [("motion", ""), ("range_scale", "")]
     assert [one.name for one in found] == ["motion", "range_scale", "range_offset"]
-    assert [one.ended for one in found] == [True, True, False]
+    assert [one.end is one.fit for one in found] == [True, True, False]
     assert found[1].gain == 9900.0
     assert max(found, key=lambda one: one.merit).name == "range_scale"
     assert found[2] is trials[2]
+
+
+def test_one_that_is_hardly_ahead_at_the_end_does_not_overtake(
+    ended: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forward, "_OVERTAKES", 1.2)
+    trials = [trial("motion", 9000.0), trial("range_scale", 8900.0)]
+    found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
+    assert [one.merit for one in found] == [one.merit for one in trials]
+    assert [one.end and one.end.distance for one in found] == [1000.0, 100.0]  # for `accept`
 
 
 def test_of_each_name_the_best_kind_is_fitted_on(ended: list[tuple[str, str]]) -> None:
@@ -69,5 +79,6 @@ def test_where_nothing_comes_near_nothing_is_fitted_on(ended: list[tuple[str, st
 
 
 def test_a_fit_that_has_ended_is_accepted_as_it_is() -> None:
-    one = replace(trial("motion", 9000.0), ended=True)
-    assert accept(BENCH, Search(NOTHING, NOTHING), one).fit is one.fit
+    one = trial("motion", 9000.0)
+    end = replace(one.fit, distance=500.0)
+    assert accept(BENCH, Search(NOTHING, NOTHING), replace(one, end=end)).fit is end

@@ -68,6 +68,8 @@ _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
 """So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
+_OVERTAKES = 1.02
+"""There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
 CHANCE = 250.0
 """What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
 SMALL = 4.0
@@ -110,7 +112,7 @@ class Trial:
     `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
     brings these nearer and how far it moves them where edges may be anywhere between two beams, of footprints.
     `own`: how far another measurement of the select frames would be if the fit were the truth, of what is lost at
-    random. `ended`: whether the fit leads no further, nuisances included.
+    random. `end`: the fit that leads no further, nuisances included, where it is known.
     """
 
     name: str
@@ -123,7 +125,7 @@ class Trial:
     select_change: float = float("inf")
     along_edges: tuple[float, float] | None = None
     own: float | None = None
-    ended: bool = False
+    end: Fit | None = None
 
     @property
     def merit(self) -> float:
@@ -199,8 +201,11 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
 
 
 def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[Trial]:
-    """The trials of a round, those of names that come near the best fitted to the end, nuisances and all: of two that
-    explain the same, one that turns the view would be the better for what the pose's error alone has made."""
+    """The trials of a round; those of names that come near the best are fitted to the end, nuisances and all, and stand
+    there as they are then if one of them overtakes it.
+
+    Of two that explain the same, one that turns the view would be the better for what the pose's error alone has made.
+    """
     best = {t.name: t for t in sorted(trials, key=lambda t: t.merit) if t.passes}
     most = max((t.merit for t in best.values()), default=0.0)
     close = sorted((t for t in best.values() if t.merit > _NEAR_THE_BEST * most), key=lambda t: -t.merit)[:_CLOSE]
@@ -208,19 +213,22 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
         return [*trials]
     shown = select_shown(bench.select, found.fit)
     tasks = ((bench.lab.held, bench.select.held, shown, t.fit) for t in close)
-    ended = {}
+    ended = []
     for t, (end, after, change, edges, own) in zip(close, bench.crew.map(to_the_end, tasks), strict=True):
         gain = found.fit.distance - end.distance
-        ended[id(t)] = replace(
-            t, fit=end, gain=gain, select_after=after, select_change=change, along_edges=edges, own=own, ended=True
-        )
-    return [ended.get(id(t), t) for t in trials]
+        there = replace(t, fit=end, end=end, gain=gain, select_after=after, select_change=change)
+        ended.append(replace(there, along_edges=edges, own=own))
+    first, *others = ended
+    overtaken = any(t.passes and t.merit > _OVERTAKES * first.merit for t in others)
+    now = ended if overtaken else [replace(t, end=its.end) for t, its in zip(close, ended, strict=True)]
+    by_trial = {id(t): its for t, its in zip(close, now, strict=True)}
+    return [by_trial.get(id(t), t) for t in trials]
 
 
 def accept(bench: Bench, found: Search, trial: Trial) -> Search:
     """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
     another effect."""
-    end = trial.fit if trial.ended else fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
+    end = trial.end or fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
     return replace(found, fit=end)
 
 
