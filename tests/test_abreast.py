@@ -14,7 +14,7 @@ from lidarcheck.model.numbers import numbers_of
 from lidarcheck.model.pulses import pulses_of
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Material, Sensor
+from lidarcheck.sensor import Material, Sensor, beam_directions
 
 RNG = np.random.default_rng(20)
 FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[Decimal], Decimal], np.ndarray]] = {
@@ -129,3 +129,22 @@ def test_chunks_of_the_table_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> N
     assert all(
         np.array_equal(one, other) for one, other in zip(whole, columns(simulate(ideal, model, seed=3)), strict=True)
     )
+
+
+def test_beams_that_the_sensor_has_not_are_listed_along_their_directions() -> None:
+    n = 400
+    layer, point = np.repeat([-7, 3, 519, 640], 100), np.tile(np.arange(900, 1000), 4)
+    model = Model(Sensor.of("SMART"), {1: Material("wall", 0.3)})
+    scan = simulate(IdealScan(layer, point, np.full(n, 30.0), np.ones(n), np.zeros(n)), model, seed=3)
+    assert set(scan.layer) == {-7, 3, 519, 640}
+    expected = beam_directions(scan.layer, scan.point) * scan.range_m[:, None]
+    assert np.allclose(np.column_stack([scan.x_m, scan.y_m, scan.z_m]), expected, atol=1e-9)
+    own = (layer >= 0) & (layer < 520) & (point < 960)
+    alone = simulate(
+        IdealScan(layer[own], point[own], np.full(own.sum(), 30.0), np.ones(own.sum()), np.zeros(own.sum())),
+        model,
+        seed=3,
+    )
+    among = scan.take((scan.layer >= 0) & (scan.layer < 520) & (scan.point < 960))
+    assert np.array_equal(alone.x_m, among.x_m)
+    assert np.array_equal(alone.z_m, among.z_m)
