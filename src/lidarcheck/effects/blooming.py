@@ -104,15 +104,14 @@ def bloom(light: Light, around: Surroundings, along: Direction, y: Profile, brig
     if not len(sources.line):
         return light
     cluster = _clusters(sources.line, sources.range_m)
-    offset = along.step * (np.arange(along.places)[:, None] - np.arange(along.places))
-    operator = y(offset.astype(np.float64))
-    np.fill_diagonal(operator, 0.0)
-    if not operator.any():
+    part = y(along.step * np.arange(1.0 - along.places, along.places))
+    part[along.places - 1] = 0.0  # a beam does not bloom onto itself
+    if not part.any():
         return light
     beams = np.full((along.lines, along.places), -1, dtype=np.int64)
     line, place, inside = _grid(light.layer, light.point, along)
     beams[line[inside], place[inside]] = np.flatnonzero(inside)
-    added = _scatter(sources, cluster, operator, beams, NEGLIGIBLE / around.sensor.detectors)
+    added = _scatter(sources, cluster, part, beams, NEGLIGIBLE / around.sensor.detectors)
     return light.with_pulses(*added)
 
 
@@ -167,9 +166,12 @@ def _clusters(line: IndexArray, range_m: FloatArray) -> IndexArray:
 
 
 def _scatter(
-    sources: _Sources, cluster: IndexArray, operator: FloatArray, beams: IndexArray, least: float
+    sources: _Sources, cluster: IndexArray, part: FloatArray, beams: IndexArray, least: float
 ) -> tuple[IndexArray, FloatArray, FloatArray, npt.NDArray[np.int32]]:
-    """Beam, range, S and row of each pulse that the clusters add, those of S < `least` left out."""
+    """Beam, range, S and row of each pulse that the clusters add, those of S < `least` left out.
+
+    `part` (2 places - 1,): of a source's S, what a beam gets that lies 1 - places ... places - 1 further on.
+    """
     first = np.flatnonzero(np.diff(cluster, prepend=-1))
     line, near_m = sources.line[first], sources.range_m[first]
     row = sources.row[np.lexsort((-sources.signal, cluster))[first]]
@@ -183,7 +185,7 @@ def _scatter(
     parts = []
     for chunk, (start, stop) in enumerate(itertools.pairwise(bounds)):
         members, ones = order[chunk * _CHUNK : (chunk + 1) * _CHUNK], by_turn[start:stop]
-        signal, excess = _spread(sources, near_m[cluster[ones]], ones, turn[cluster[ones]] - chunk * _CHUNK, operator)
+        signal, excess = _spread(sources, near_m[cluster[ones]], ones, turn[cluster[ones]] - chunk * _CHUNK, part)
         which, place = np.nonzero((signal[: len(members)] >= least) & (beams[line[members]] >= 0))
         of, s = members[which], signal[which, place]
         parts.append((beams[line[of], place], near_m[of] + excess[which, place] / s, s, row[of]))
@@ -192,7 +194,7 @@ def _scatter(
 
 
 def _spread(
-    sources: _Sources, near_m: FloatArray, ones: IndexArray, slot: IndexArray, operator: FloatArray
+    sources: _Sources, near_m: FloatArray, ones: IndexArray, slot: IndexArray, part: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """For each cluster of a chunk the sums, at every place, of y S and of y S (R - the cluster's nearest R)."""
     used, column = np.unique(sources.place[ones], return_inverse=True)
@@ -203,5 +205,6 @@ def _spread(
         np.bincount(at, weights=weights, minlength=shape[0] * shape[1]).reshape(shape)
         for weights in (signal, signal * (sources.range_m[ones] - near_m))
     ]
-    across = np.ascontiguousarray(operator[:, used].T)
+    places = (len(part) + 1) // 2
+    across = part[places - 1 - used[:, None] + np.arange(places)]
     return grids[0] @ across, grids[1] @ across

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.beam_grid import BeamGrid, cells_of
 from lidarcheck.effects.moving_surfaces import MovingSurface, hidden_behind
 from lidarcheck.effects.own_rays import rays_of
@@ -16,7 +17,7 @@ from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import beam_directions
 
-__all__ = ["LocalSurfaces"]
+__all__ = ["LocalSurfaces", "normals_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -216,6 +217,17 @@ class LocalSurfaces:
             incidence_deg=np.where(met, self.incidence_deg(row, rays.direction), 0.0),
             normal=self.m[row] * np.where(met, inverse, 0.0)[:, None],
         )
+
+
+def normals_of(around: Surroundings) -> FloatArray:
+    """The unit normals, towards the sensor, of the rows of the ideal scan; 0 where a row meets nothing; (n, 3)."""
+    known = around.caster
+    if not isinstance(known, LocalSurfaces) or known.ideal is not around.ideal:
+        known = LocalSurfaces.of(around.ideal)
+    m = known.m
+    length = np.sqrt(np.square(m).sum(axis=1))
+    inverse = np.divide(-1.0, length, out=np.zeros(len(length)), where=length > 0.0)
+    return np.asarray(m * inverse[:, None])
 
 
 def _are_axes(ideal: IdealScan, rays: Rays) -> bool:

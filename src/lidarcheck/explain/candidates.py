@@ -275,6 +275,10 @@ _STRIPES = (
 )  # fmt: skip
 _TREMBLE = (Free("random_deg", _LOG, log=True),)
 _WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
+_ASIDE = (
+    Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True), Free("direct", 0.1),
+    Free("sun_azimuth_deg", 15.0), Free("sun_elevation_deg", 10.0),
+)  # fmt: skip
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
@@ -286,6 +290,10 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
         "far overlap",
         {"mor_m": 150.0, "backscatter": 0.046, "overlap_start_m": 5.0, "overlap_full_m": 15.0},
         _FREE["fog"],
+    ),
+    *(
+        ("ambient_light", "from aside", {"rate_per_ns": 0.002, "direct": 0.5, "sun_azimuth_deg": azimuth}, _ASIDE)
+        for azimuth in (60.0, 180.0, -60.0)
     ),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
 )

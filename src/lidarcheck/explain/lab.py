@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from lidarcheck.model.again import Unread, simulate_unread
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["Frame", "Lab", "Metric"]
 
@@ -32,7 +34,8 @@ EXPECTATION_SEEDS = 8
 FLOOR_SEEDS = 20
 FLOOR_DRAWS = 120
 CHECK_DRAWS = 48
-_KEPT = 6
+_KEPT = 12
+_ALL = 1000
 _SEEDS_OF_RANDOM = 4
 _VARIES = 0.04
 """Mean logarithm of the variance, beyond that of the case's own model, from which on a model strikes at random."""
@@ -79,6 +82,32 @@ class Metric:
         return float(r @ self.times(r))
 
 
+class _Simulated(NamedTuple):
+    """What was simulated: the effects before the detectors and those of them, the sensor, the reflectances, the seed,
+    the error of the pose."""
+
+    light: tuple[Effect, ...]
+    detector: tuple[Effect, ...]
+    sensor: Sensor
+    reflectances: tuple[tuple[int, float], ...]
+    seed: int
+    pose: tuple[float, float]
+
+    @classmethod
+    def of(cls, model: Model, seed: int, nuisance: Nuisance) -> _Simulated:
+        """That of a model."""
+        light = tuple(effect for effect in model.effects if effect.stage in ("aim", "light"))
+        detector = tuple(effect for effect in model.effects if effect.stage == "detector")
+        table = tuple((i, m.reflectance) for i, m in model.materials.items())
+        return cls(light, detector, model.sensor, table, seed, (nuisance.yaw, nuisance.pitch))
+
+    def differences(self, other: _Simulated) -> int:
+        """In how many effects and reflectances another one differs; `_ALL` where every beam does."""
+        if (self.detector, self.sensor, self.seed, self.pose) != (other.detector, other.sensor, other.seed, other.pose):
+            return _ALL
+        return len({*self.light} ^ {*other.light}) + len({*self.reflectances} ^ {*other.reflectances})
+
+
 class Lab:
     """Some frames with a model: simulates other models on them and measures how far they are from the measurement."""
 
@@ -87,7 +116,7 @@ class Lab:
         self.model = model
         self.seed = seed
         self.seeds = seeds
-        self._unread: dict[object, list[Unread]] = {}
+        self._unread: dict[_Simulated, list[Unread]] = {}
         self._plain: dict[int, list[Unread]] = {}
         self._surfaces = [Surfaces(f.ideal) for f in self.frames]
         self._posed: dict[tuple[float, float], list[Surfaces]] = {}
@@ -149,16 +178,27 @@ class Lab:
         return [one.read_out(run) for one in echoes]
 
     def _echoes(self, model: Model, seed: int, nuisance: Nuisance) -> list[Unread]:
-        """The echoes before the readout, kept for the next model that differs by its readout alone."""
-        before = tuple(effect for effect in model.effects if effect.stage != "readout")
-        table = tuple((i, m.reflectance) for i, m in model.materials.items())
-        key = (before, model.sensor, table, seed, nuisance.yaw, nuisance.pitch)
+        """The echoes before the readout, kept for the next model that differs by its readout alone, or by little."""
+        key = _Simulated.of(model, seed, nuisance)
         found = self._unread.get(key)
         if found is None:
-            found = self._simulated(model, seed, nuisance, self._plain.get(seed))
-            # Replaced, not changed: other threads may look at it.
-            self._unread = {**dict(list(self._unread.items())[1 - _KEPT :]), key: found}
+            near, like = self._nearest(key)
+            found = self._simulated(model, seed, nuisance, like)
+            # Replaced, not changed: other threads may look at it. What was of use is kept longer.
+            kept = {k: v for k, v in self._unread.items() if k != near}
+            kept |= {near: like} if near is not None and like is not None else {}
+            self._unread = {**dict([*kept.items()][1 - _KEPT :]), key: found}
         return found
+
+    def _nearest(self, key: _Simulated) -> tuple[_Simulated | None, list[Unread] | None]:
+        """Of what is kept, what has most of its beams in common with a model: the latest, or the case's own model."""
+        plain = self._plain.get(key.seed)
+        least = key.differences(_Simulated.of(self.model, key.seed, Nuisance())) if plain is not None else _ALL
+        kept = self._unread
+        near = min(reversed(kept), key=key.differences, default=None)
+        if near is None or key.differences(near) >= least:
+            return None, plain
+        return near, kept[near]
 
     def _simulated(
         self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[Unread] | None = None
