@@ -65,5 +65,5 @@ class AmbientLight(LightEffect):
         azimuth, elevation = np.deg2rad([self.sun_azimuth_deg, self.sun_elevation_deg])
         level = np.cos(elevation)
         sun = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-        cosine = np.maximum(normals_of(around) @ sun, 0.0)
+        cosine = np.maximum(normals_of(around.ideal, around) @ sun, 0.0)
         return np.asarray(np.round(1.0 - self.direct + self.direct * cosine, _DIGITS))

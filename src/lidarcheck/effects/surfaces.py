@@ -17,7 +17,7 @@ from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import beam_directions
 
-__all__ = ["LocalSurfaces", "normals_of"]
+__all__ = ["LocalSurfaces", "normals_of", "surfaces_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -219,12 +219,15 @@ class LocalSurfaces:
         )
 
 
-def normals_of(around: Surroundings) -> FloatArray:
-    """The unit normals, towards the sensor, of the rows of the ideal scan; 0 where a row meets nothing; (n, 3)."""
+def surfaces_of(ideal: IdealScan, around: Surroundings) -> LocalSurfaces:
+    """The surfaces that an ideal scan shows by itself, found already where they are what effects are asked about."""
     known = around.caster
-    if not isinstance(known, LocalSurfaces) or known.ideal is not around.ideal:
-        known = LocalSurfaces.of(around.ideal)
-    m = known.m
+    return known if isinstance(known, LocalSurfaces) and known.ideal is ideal else LocalSurfaces.of(ideal)
+
+
+def normals_of(ideal: IdealScan, around: Surroundings) -> FloatArray:
+    """The unit normals, towards the sensor, of the rows of an ideal scan; 0 where a row meets nothing; (n, 3)."""
+    m = surfaces_of(ideal, around).m
     length = np.sqrt(np.square(m).sum(axis=1))
     inverse = np.divide(-1.0, length, out=np.zeros(len(length)), where=length > 0.0)
     return np.asarray(m * inverse[:, None])

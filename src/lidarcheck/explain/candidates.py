@@ -44,7 +44,8 @@ class Free:
 class Probe:
     """One start of the search for an effect: its settings there, and the parameters that are free.
 
-    `variant`: starts of one effect that differ in kind are fitted each, else the best one only.
+    `variant`: starts of one effect that differ in kind are fitted each, else the best one only. `ways`: settings of
+    which one is tried after the other where the effect's plain kind ends, and the fit goes on from the best.
     """
 
     name: str
@@ -52,6 +53,13 @@ class Probe:
     free: tuple[Free, ...]
     fixed: Mapping[str, Any] = field(default_factory=dict)
     variant: str = ""
+    ways: tuple[Mapping[str, Any], ...] = ()
+
+    def plain(self) -> Probe:
+        """The same start of the effect's plain kind."""
+        ways = {name for way in self.ways for name in way}
+        settings = {name: value for name, value in self.settings.items() if name not in ways}
+        return Probe(self.name, settings, _FREE[self.name], self.fixed)
 
     def effect(self, x: FloatArray | None = None) -> Effect:
         """The effect at the start, or at a point of the fit's scale."""
@@ -275,7 +283,7 @@ _STRIPES = (
 )  # fmt: skip
 _TREMBLE = (Free("random_deg", _LOG, log=True),)
 _WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
-_ASIDE = (
+_SUN = (
     Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True), Free("direct", 0.1),
     Free("sun_azimuth_deg", 15.0), Free("sun_elevation_deg", 10.0),
 )  # fmt: skip
@@ -291,13 +299,17 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
         {"mor_m": 150.0, "backscatter": 0.046, "overlap_start_m": 5.0, "overlap_full_m": 15.0},
         _FREE["fog"],
     ),
-    *(
-        ("ambient_light", "from aside", {"rate_per_ns": 0.002, "direct": 0.5, "sun_azimuth_deg": azimuth}, _ASIDE)
-        for azimuth in (60.0, 180.0, -60.0)
-    ),
+    ("ambient_light", "from the sun", {"rate_per_ns": 0.002, "direct": 0.6}, _SUN),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
 )
 """Starts of another kind: an effect's name, the kind's, the settings, what is free."""
+_WAYS: dict[tuple[str, str], tuple[dict[str, float], ...]] = {
+    ("ambient_light", "from the sun"): tuple(
+        {"direct": 0.6, "sun_azimuth_deg": azimuth, "sun_elevation_deg": 40.0}
+        for azimuth in (0.0, 60.0, 120.0, 180.0, -120.0, -60.0)
+    )
+}
+"""Where the sun stands cannot be told before it is known how bright it is."""
 _FIXED: dict[str, dict[str, float]] = {"beam_divergence": {"rays": 3}}
 
 
@@ -313,5 +325,5 @@ def fixed_probes(names: Sequence[str]) -> list[Probe]:
     ]
     for name, variant, settings, free in _VARIANTS:
         if name in names:
-            found.append(Probe(name, settings, free, _FIXED.get(name, {}), variant))
+            found.append(Probe(name, settings, free, _FIXED.get(name, {}), variant, _WAYS.get((name, variant), ())))
     return found

@@ -12,6 +12,7 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located_patch import from_side_to_side
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.screen import Screened
@@ -251,7 +252,7 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     found_so_far = bench.crew.map(tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
     for i, (alone, after, change, edges, own) in enumerate(found_so_far):
         one = order[i][1]
-        if not alone.possible:
+        if not alone.possible or from_side_to_side(lab, alone.effects()[-1]):
             continue
         worth = bench.worth_of(one.probe.variant)
         needed = max(1.3 * bench.level * one.chance, worth, _beside_kin(one.probe, found))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.base import Effect
 from lidarcheck.explain.dimming import Dimming
 from lidarcheck.explain.lab import Lab
 
-__all__ = ["to_lines"]
+__all__ = ["from_side_to_side", "to_lines"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -18,6 +19,19 @@ Box = tuple[int, int, int, int]
 _ROUNDS = 4
 _PARTS = 10
 """A border is looked for within such a part of the view to either side."""
+
+
+_WHOLE = 0.9
+"""A patch over this part of the points, and more, lies over the layers and not on the window."""
+
+
+def from_side_to_side(lab: Lab, effect: Effect) -> bool:
+    """Whether a blockage is a band over all points that were fired: dirt is local, layers go from side to side."""
+    if effect.name != "blockage":
+        return False
+    values, points = effect.settings(), np.unique(lab.beams.point)
+    inside = (points >= int(values["first_point"])) & (points <= int(values["last_point"]))
+    return bool(inside.mean() >= _WHOLE)
 
 
 def to_lines(lab: Lab, dimming: Dimming, start: Box) -> Box:

@@ -24,6 +24,9 @@ _HOPELESS = 0.2
 """What alone explains less than this part of what is needed is not fitted together with the rest."""
 _WEAKER = 3
 """So often a start that no sensor can have is made half as strong."""
+_PLAIN_ROUNDS, _PART_OF_WAYS = 3, 1.7
+"""Steps of the plain kind before a probe's ways are tried, and by what the strength found there is multiplied: what one
+direction lights, it lights in part."""
 _LOST_AT_RANDOM = ("dropout",)
 """Effects that take echoes from beams that nobody can foretell."""
 
@@ -85,6 +88,8 @@ def own_distance(select: Lab, now: Fit) -> float:
 
 def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
     """The probe's own parameters first, then all together where it may gain `least`."""
+    if probe.ways:
+        probe = _best_way(lab, now, probe)
     x = probe.start()
     if not now.probes:
         return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
@@ -96,6 +101,18 @@ def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
     if now.jacobian is not None and alone.jacobian is not None:
         slopes = np.column_stack([now.jacobian, alone.jacobian])
     return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
+
+
+def _best_way(lab: Lab, now: Fit, probe: Probe) -> Probe:
+    """The probe from the best of its ways on, or from where it stands if no sensor can have any of them."""
+    plain, model = probe.plain(), now.model(lab.model)
+    there = fit(lab, [plain], [plain.start()], rounds=_PLAIN_ROUNDS, nuisance=now.nuisance, model=model)
+    if not there.possible:
+        return probe
+    settings = plain.weaker(there.x[0], _PART_OF_WAYS).settings
+    ways = [replace(probe, settings={**settings, **way}) for way in probe.ways]
+    fits = [fit(lab, [way], [way.start()], rounds=0, nuisance=now.nuisance, model=model) for way in ways]
+    return min(zip(fits, ways, strict=True), key=lambda both: both[0].distance)[1]
 
 
 def finished(lab: Lab, now: Fit) -> Fit:
