@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from .chain import Effect, Frame
 from .forms import AT_RECEIVER, AT_SURFACE, AT_WINDOW, Draw, form
+from .rays import normals
 from .sensor import LAYERS, Light
 
 F = NDArray[np.float64]
@@ -54,6 +55,32 @@ def _ambient_even(draw: Draw) -> Effect:
 @form("ambient_light", "sun_aside")
 def _ambient_aside(draw: Draw) -> Effect:
     return _ambient(draw, True)
+
+
+@form("ambient_light", "low_sun")
+def _ambient_low_sun(draw: Draw) -> Effect:
+    """A sun that stands somewhere, and a sky that is seen the more the more a surface looks up."""
+    rate = draw.level(0.001, 0.003, 0.007) * (1.0 if draw.variant == "SLIM" else 2.0)
+    azimuth, elevation = np.deg2rad([draw.between(-180.0, 180.0), draw.between(15.0, 60.0)])
+    level = np.cos(elevation)
+    sun = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    sky, from_sky = draw.between(0.05, 0.15), draw.between(0.15, 0.4)
+
+    def light(light: Light, frame: Frame) -> None:
+        assert frame.hits is not None
+        assert frame.heading is not None
+        met = frame.hits.rectangle >= 0
+        rows = np.flatnonzero(met)
+        normal = normals(frame.scene, frame.hits.rectangle[rows])
+        # A rectangle has two sides: the one that is looked at counts.
+        facing = -np.sign(np.sum(normal * frame.heading[rows], axis=1, keepdims=True)) * normal
+        lit = np.ones(len(met))
+        lit[rows] = from_sky * 0.5 * (1.0 + facing[:, 2]) + (1.0 - from_sky) * np.maximum(facing @ sun, 0.0)
+        seen = np.where(met, frame.reflectance(frame.hits.material), sky)
+        light.background = light.background + rate * seen * lit
+
+    parameters = {"rate_per_ns": rate, "sky": sky, "azimuth_deg": float(np.rad2deg(azimuth)), "from_sky": from_sky}
+    return Effect("ambient_light", "low_sun", parameters, light=light, place=AT_RECEIVER)
 
 
 @form("dark_counts", "constant")
