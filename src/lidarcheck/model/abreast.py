@@ -28,11 +28,10 @@ __all__ = [
     "RESERVE",
     "Abreast",
     "draw_entry",
-    "keep_echo",
+    "find_abreast",
     "last_on",
     "new_abreast",
     "run_abreast",
-    "sum_abreast",
 ]
 
 FloatArray = npt.NDArray[np.float64]
@@ -49,7 +48,7 @@ MOST_DETECTORS = 800
 _LANES: Any = np.uint64(LANES)
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 _ARMED, _TERM, _ODDS, _GROWTH, _LEFT, _COUNT = (np.uint64(k * LANES) for k in range(6))
-_ON, _LENGTH, _BEFORE, _RUNS, _WIDTH, _AREA, _MOMENT, _PEAK = (np.uint64(k * LANES) for k in range(8))
+_ON, _LENGTH, _BEFORE, _WIDTH, _AREA, _MOMENT, _PEAK = (np.uint64(k * LANES) for k in range(7))
 """Rows of `state`: those of the chain, and those of the search for echoes behind it."""
 
 
@@ -232,13 +231,18 @@ def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray
 
 
 @kernel
-def sum_abreast(numbers: Numbers, group: Abreast, bins: int) -> None:
-    """Sum up what lies above the threshold in the first `bins` bins of the lanes' windows, for `keep_echo`."""
+def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes: Echoes) -> None:
+    """Find the echoes in the first `bins` bins of the first `held` lanes' windows: what `find_echoes` does for each.
+
+    A lane's echo is written down when the next one begins, or at last: most lanes have one.
+    """
     counts, state, length = group.counts, group.state, group.length
     window = np.uint64(numbers.dead) * _LANES
     leaving = np.uint64(numbers.dead - numbers.on + 1) * _LANES
     threshold = float(numbers.threshold)
     state[:] = 0.0
+    for lane in range(held):
+        echoes.held[np.uint64(group.beam[lane])] = 0
     for lane in range(_LANES):
         state[_LENGTH + lane] = length[lane]
     for k in range(leaving, window, _LANES):
@@ -252,19 +256,28 @@ def sum_abreast(numbers: Numbers, group: Abreast, bins: int) -> None:
             state[_ON + lane] = on
             high += 1 if on > threshold or state[_BEFORE + lane] > 0.0 else 0
         if high > 0:
-            _add_bin(group, time, threshold)
+            _add_bin(group, time, threshold, echoes)
         for lane in range(_LANES):
             state[_ON + lane] -= counts[leaving + bin_ + lane]
+    for lane in range(_LANES):
+        _keep_pending(group, lane, echoes)
 
 
 @inlined
-def _add_bin(group: Abreast, bin_: float, threshold: float) -> None:
+def _add_bin(group: Abreast, bin_: float, threshold: float, echoes: Echoes) -> None:
     """Add what a bin has above the threshold to the sums of each lane, within its own window."""
     state = group.state
+    again = 0
+    for lane in range(_LANES):
+        begins = state[_ON + lane] > threshold and state[_BEFORE + lane] <= 0.0
+        again += 1 if begins and state[_WIDTH + lane] > 0.0 else 0
+    if again > 0:
+        for lane in range(_LANES):
+            if state[_ON + lane] > threshold and state[_BEFORE + lane] <= 0.0:
+                _keep_pending(group, lane, echoes)
     for lane in range(_LANES):
         on = state[_ON + lane]
         above = on if on > threshold and bin_ < state[_LENGTH + lane] else 0.0
-        state[_RUNS + lane] += 1.0 if above > 0.0 and state[_BEFORE + lane] <= 0.0 else 0.0
         state[_BEFORE + lane] = above
         state[_WIDTH + lane] += 1.0 if above > 0.0 else 0.0
         state[_AREA + lane] += above
@@ -282,15 +295,13 @@ def last_on(numbers: Numbers, group: Abreast, lane: int) -> int:
     return int(on)
 
 
-@inlined
-def keep_echo(group: Abreast, lane: int, echoes: Echoes) -> bool:
-    """Write down a lane's echo; False where there are several, which takes a closer look."""
-    state, row = group.state, np.uint64(lane)
-    beam: Any = np.uint64(group.beam[lane])
-    echoes.held[beam] = 0
-    if state[_RUNS + row] > 1.0:
-        return False
-    if state[_RUNS + row] > 0.0:
-        width, area, peak = int(state[_WIDTH + row]), int(state[_AREA + row]), int(state[_PEAK + row])
-        keep(echoes, beam, group.begin[lane] + 0.5 + state[_MOMENT + row] / state[_AREA + row], width, area, peak)
-    return True
+@kernel
+def _keep_pending(group: Abreast, lane: Any, echoes: Echoes) -> None:
+    """Write down the echo that a lane has ended, if there is one."""
+    state = group.state
+    if state[_WIDTH + lane] > 0.0:
+        beam: Any = np.uint64(group.beam[lane])
+        width, area, peak = int(state[_WIDTH + lane]), int(state[_AREA + lane]), int(state[_PEAK + lane])
+        keep(echoes, beam, group.begin[lane] + 0.5 + state[_MOMENT + lane] / state[_AREA + lane], width, area, peak)
+        for row in (_WIDTH, _AREA, _MOMENT, _PEAK):
+            state[row + lane] = 0.0

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model import background as bg
-from lidarcheck.model.abreast import Abreast, draw_entry, keep_echo, last_on, run_abreast, sum_abreast
-from lidarcheck.model.echoes import Echoes, find_echoes
+from lidarcheck.model.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
+from lidarcheck.model.echoes import Echoes
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.numbers import Numbers
@@ -52,7 +52,7 @@ def simulate_group(
         for k in range(group.length[lane] if lane < held else 0, bins):
             group.rates[k * LANES + lane] = 0.0
     run_abreast(numbers, group, bins, scratch.inverse)
-    sum_abreast(numbers, group, bins)
+    find_abreast(numbers, group, bins, held, echoes)
     for lane in range(held):
         _finish(numbers, stream, level, pulses, lane, scratch, echoes)
     group.counts[: numbers.dead * LANES] = 0.0
@@ -84,18 +84,17 @@ def _finish(
     scratch: Scratch,
     echoes: Echoes,
 ) -> None:
-    """Write down a lane's echoes."""
+    """Look for a lane's echoes that reach beyond its window."""
     group = scratch.group
     begin, dead, on = group.begin[lane], group.dead[lane], last_on(numbers, group, lane)
     end = begin + group.length[lane]
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
-    several = not keep_echo(group, lane, echoes)
     quiet = bg.is_plainly_quiet(numbers, scratch.blocks, before, behind, begin, end, dead, on)
     if not quiet:
         _rewind_lane(group, stream, lane)
         quiet = bg.looks_quiet(numbers, scratch.blocks, stream, scratch.draws, before, behind, begin, end, dead, on)
-    if several or not quiet:
-        _look_closer(numbers, stream, level, pulses, lane, several, on, scratch, echoes)
+    if not quiet:
+        _look_closer(numbers, stream, level, pulses, lane, on, scratch, echoes)
 
 
 @inlined
@@ -112,20 +111,15 @@ def _look_closer(
     level: Level,
     pulses: Pulses,
     lane: int,
-    several: bool,
     on: int,
     scratch: Scratch,
     echoes: Echoes,
 ) -> None:
-    """Find the echoes of a lane that may have `several`, or some beyond its window; `on`: detectors ON at its end."""
-    group, counts = scratch.group, scratch.counts
+    """Find the echoes of a lane that may have some beyond its window; `on`: detectors ON at its end."""
+    group = scratch.group
     i: Any = np.uint64(group.beam[lane])
     begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
     before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
-    if several:
-        _copy(numbers, lane, scratch)
-        find_echoes(numbers, counts, begin, end, i, echoes)
-        counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
     _rewind_lane(group, stream, lane)
     dead, draws = group.dead[lane], scratch.draws
     if not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
