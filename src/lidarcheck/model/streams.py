@@ -28,10 +28,12 @@ __all__ = [
     "fill_abreast",
     "fill_four",
     "new_stream",
+    "philox",
     "purpose_key",
     "rewind",
     "skip",
     "uniforms",
+    "unit",
 ]
 
 _M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
@@ -69,19 +71,24 @@ _high_word: Any = intrinsic(_high_word_of)
 
 
 @inlined
-def _draws_of(k0: Any, k1: Any, block: Any, beam: Any, frame: Any, zero: Any) -> Any:
-    """The four draws of a block."""
-    x0, x1, x2, x3 = block, beam, frame, zero
+def philox(key0: Any, key1: Any, block: Any, beam: Any, frame: Any, branch: Any) -> Any:
+    """Four words: a block of a beam's draws. `branch`: the counter's last word, 0 but for what avalanches set off."""
+    x0, x1, x2, x3 = np.uint64(block), beam, frame, np.uint64(branch)
+    k0, k1 = key0, key1
     for _ in range(_ROUNDS):
         high0, low0 = _high_word(_M0, x0), _M0 * x0
         high1, low1 = _high_word(_M1, x2), _M1 * x2
         x0, x1, x2, x3 = high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
         k0 += _W0
         k1 += _W1
+    return x0, x1, x2, x3
+
+
+@inlined
+def unit(word: Any) -> Any:
+    """The uniform number in [0, 1) that a word makes."""
     # A shifted word fits a signed integer, which converts to floating point faster than an unsigned one.
-    first, second = np.float64(np.int64(x0 >> _ELEVEN)) * _UNIT, np.float64(np.int64(x1 >> _ELEVEN)) * _UNIT
-    third, fourth = np.float64(np.int64(x2 >> _ELEVEN)) * _UNIT, np.float64(np.int64(x3 >> _ELEVEN)) * _UNIT
-    return first, second, third, fourth
+    return np.float64(np.int64(word >> _ELEVEN)) * _UNIT
 
 
 @kernel
@@ -92,10 +99,10 @@ def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
     the draws themselves.
     """
     key0, key1 = stream.key[0], stream.key[1]
-    block, beam, frame, zero = stream.counter[0], stream.counter[1], stream.counter[2], stream.counter[3]
+    block, beam, frame, branch = stream.counter[0], stream.counter[1], stream.counter[2], stream.counter[3]
     for at in range(0, count, 4):
-        four = _draws_of(key0, key1, block, beam, frame, zero)
-        draws[at], draws[at + 1], draws[at + 2], draws[at + 3] = four
+        first, second, third, fourth = philox(key0, key1, block, beam, frame, branch)
+        draws[at], draws[at + 1], draws[at + 2], draws[at + 3] = unit(first), unit(second), unit(third), unit(fourth)
         block += _ONE
     stream.counter[0] = block
 
@@ -104,7 +111,8 @@ def fill(stream: Stream, draws: npt.NDArray[np.float64], count: int) -> None:
 def fill_four(stream: Stream, draws: npt.NDArray[np.float64]) -> None:
     """`fill` with a count of one to four, for where few draws decide whether there are more."""
     key, counter = stream.key, stream.counter
-    draws[0], draws[1], draws[2], draws[3] = _draws_of(key[0], key[1], counter[0], counter[1], counter[2], counter[3])
+    first, second, third, fourth = philox(key[0], key[1], counter[0], counter[1], counter[2], counter[3])
+    draws[0], draws[1], draws[2], draws[3] = unit(first), unit(second), unit(third), unit(fourth)
     counter[0] += _ONE
 
 

@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.jit import inlined, kernel
-from lidarcheck.model.streams import _M0, _M1, _ROUNDS, _W0, _W1, _high_word
+from lidarcheck.model.streams import philox, unit
 
 __all__ = [
     "ALARM",
@@ -28,9 +28,7 @@ __all__ = [
     "beam_key",
     "draw_beams",
     "in_order",
-    "philox",
     "signals",
-    "unit",
 ]
 
 FloatArray = npt.NDArray[np.float64]
@@ -54,8 +52,6 @@ _EXACT, _TABLE, _ALARM = np.uint64(EXACT), np.uint64(TABLE), np.uint64(ALARM)
 _CODE_AT, _LIBRARY_AT, _PLACE_AT = np.uint64(w.CODE_AT), np.uint64(w.LIBRARY_AT), np.uint64(w.PLACE_AT)
 _CODE = np.uint64((1 << w.CODE_BITS) - 1)
 _MANTISSA_BITS, _MANTISSA, _BIAS = 52, np.uint64((1 << 52) - 1), 1023
-_ELEVEN = np.uint64(11)
-_UNIT = 2.0**-53
 
 
 class Tables(NamedTuple):
@@ -90,26 +86,6 @@ def _bits_of(typing_context: Any, value: Any) -> Any:
 
 
 _bits: Any = intrinsic(_bits_of)
-
-
-@inlined
-def philox(key0: Any, key1: Any, block: Any, beam: Any, frame: Any) -> Any:
-    """Four words: a block of a beam's draws, as `streams.fill` makes them."""
-    x0, x1, x2, x3 = np.uint64(block), beam, frame, np.uint64(0)
-    k0, k1 = key0, key1
-    for _ in range(_ROUNDS):
-        high0, low0 = _high_word(_M0, x0), _M0 * x0
-        high1, low1 = _high_word(_M1, x2), _M1 * x2
-        x0, x1, x2, x3 = high1 ^ x1 ^ k0, low1, high0 ^ x3 ^ k1, low0
-        k0 += _W0
-        k1 += _W1
-    return x0, x1, x2, x3
-
-
-@inlined
-def unit(word: Any) -> Any:
-    """The uniform number in [0, 1) that a word makes."""
-    return np.float64(np.int64(word >> _ELEVEN)) * _UNIT
 
 
 @inlined
@@ -207,7 +183,7 @@ def _find_place(
     wanted: npt.NDArray[np.bool_],
 ) -> Any:
     """Where a beam's sample stands, and why the beam is special before that sample is known."""
-    x0, x1, x2, x3 = philox(key[0], key[1], 0, beam, key[2])
+    x0, x1, x2, x3 = philox(key[0], key[1], 0, beam, key[2], 0)
     elsewhere, place, code = tables.bins, _NOTHING, _ZERO
     if signal > 0.0:
         block, node, rest = _step_of(tables, signal)

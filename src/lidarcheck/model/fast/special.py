@@ -11,9 +11,10 @@ import numpy.typing as npt
 from lidarcheck.model.echoes import Echoes, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
-from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key, philox, unit
+from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key
 from lidarcheck.model.fast.library import Samples
 from lidarcheck.model.jit import kernel
+from lidarcheck.model.streams import philox, unit
 
 __all__ = ["new_found", "resolve"]
 
@@ -79,12 +80,12 @@ def _alarms(
     """Add the clumps of a beam that is known to have some, anywhere but in `length` bins from `begin` on."""
     elsewhere = tables.bins - length
     mean = alarms.rate * elsewhere
-    _, _, _, word = philox(key[0], key[1], 0, beam, key[2])
+    _, _, _, word = philox(key[0], key[1], 0, beam, key[2], 0)
     # The draw that was below P(any) is even below it: the number of clumps follows by inversion.
     left = unit(word)
     term = mean * math.exp(-mean)
     for clump in range(1, _MOST_CLUMPS + 1):
-        pick, place, _, _ = philox(key[0], key[1], clump, beam, key[2])
+        pick, place, _, _ = philox(key[0], key[1], clump, beam, key[2], 0)
         number = np.int64(unit(pick) * (len(alarms.first) - 1))
         bin_ = np.int64(unit(place) * elsewhere)
         bin_ += length if bin_ >= begin else 0
