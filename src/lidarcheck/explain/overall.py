@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,15 +11,21 @@ import numpy as np
 from lidarcheck.crew import Crew
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Gap
+from lidarcheck.explain.forward import are_kin
 from lidarcheck.explain.gap import PARTS, Scale, excesses
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.model.spec import Model
 
-__all__ = ["calibrated", "carries_over"]
+__all__ = ["calibrated", "carries_over", "widening"]
 
-_LEAST_CLOSED, _LEAST_CLOSED_EDGES, _SURE = 0.4, 0.25, 3.0
+_LEAST_CLOSED, _LEAST_CLOSED_EDGES, _LEAST_CLOSED_KIN, _SURE = 0.4, 0.25, 0.85, 3.0
 """Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard
-deviations; less of it closes where all that shows is at edges, each of which is where the scan does not say."""
+deviations; less of it closes where all that shows is at edges, each of which is where the scan does not say. Effects
+that change the same features in the same way must close more: together they come near to many a third one."""
+
+
+_WIDER = 0.03
+"""An effect that widens the gap by this part of what was open without it does not help there."""
 
 
 def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
@@ -30,6 +37,16 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
         return model
     left = [excess for excess, _ in excesses(seen, ways, crew)]
     return ways[int(np.argmin(left))]
+
+
+def widening(gap: Gap, names: Sequence[str]) -> list[str]:
+    """Those of the names whose effects leave a wider gap than there was without them, beyond a little chance."""
+    values = [gap.before.value, *(one.value for _, one in gap.waterfall)]
+    found = []
+    for (name, _), before, after in zip(gap.waterfall, values[:-1], values[1:], strict=True):
+        if name in names and after - before > _WIDER * max(before - gap.floor.value, 0.0):
+            found.append(name)
+    return found
 
 
 def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, names: Sequence[str] = ()) -> bool:
@@ -44,7 +61,9 @@ def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, n
     (before, chance), (after, _) = excesses(seen, (first, last), crew, parts)
     there = _beyond_the_floor(gap, parts)
     whole, left = before + there[0], after + there[1]
-    return whole <= _SURE * chance or left <= (1.0 - (_LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED)) * whole
+    kin = any(are_kin(one, other) for one, other in itertools.combinations(names, 2))
+    least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if kin else _LEAST_CLOSED
+    return whole <= _SURE * chance or left <= (1.0 - least) * whole
 
 
 def _beyond_the_floor(gap: Gap, parts: Sequence[str]) -> tuple[float, float]:

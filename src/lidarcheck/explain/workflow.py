@@ -32,7 +32,7 @@ from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, excesses, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.overall import calibrated, carries_over
+from lidarcheck.explain.overall import calibrated, carries_over, widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
@@ -98,15 +98,15 @@ def _explain(case: Case, run: Run) -> Explanation:
     bench = run.measure_residuals_and_floor(split)
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
-    search = run.fit_and_select(bench, screened)
+    first = run.fit_and_select(bench, screened)
     seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
-    search = run.look_again(bench, seen, search, screened)
-    search, closed = run.close(bench, seen, search)
-    others = run.find_rivals(bench, search, closed)
-    last = run.polish(seen, search, closed, others)
+    search = run.look_again(bench, seen, first, screened)
+    search, answer = run.judge(bench, seen, search)
     untestable = run.list_untestable(bench, screened)
-    answer = run.decide(bench, seen, search, closed, last)
     gap = run.verify(split, answer)
+    if run.is_better_without(first, answer, gap):
+        search, answer = run.judge(bench, seen, first)
+        gap = run.verify(split, answer)
     if answer.verdict == "explained" and not run.carries_over(seen, answer, gap):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
@@ -201,6 +201,21 @@ class Run:
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
         return found
+
+    def judge(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer]:
+        """Whether what was found closes the gap, what could stand in its place, and what is said of it."""
+        search, closed = self.close(bench, seen, search)
+        others = self.find_rivals(bench, search, closed)
+        last = self.polish(seen, search, closed, others)
+        return search, self.decide(bench, seen, search, closed, last)
+
+    def is_better_without(self, first: Search, answer: Answer, gap: Gap) -> bool:
+        """Whether names that a second look has added widen the gap on the frames that no fit has seen."""
+        added = {finding.name for finding in answer.findings} - {*first.fit.names(), "unknown"}
+        wider = widening(gap, sorted(added)) if first.fit.probes else []
+        if wider:
+            self.did("withdrawn", f"{', '.join(wider)}: on frames that no fit has seen, the gap is wider with it")
+        return bool(wider)
 
     def close(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Closure]:
         """Whether little is left open, by the summaries of the select frames or beam by beam."""
