@@ -1,4 +1,4 @@
-"""Where the sun stands is looked for once it is known how bright it is; and what is no dirt on the window."""
+"""Where the sun stands is looked for once it is known how bright it is."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,6 @@ from lidarcheck.effects import make
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.located_patch import from_side_to_side
 from lidarcheck.explain.trials import finished, fit_next
 
 SUN = {"rate_per_ns": 0.008, "direct": 0.8, "sun_azimuth_deg": -120.0, "sun_elevation_deg": 25.0}
@@ -57,12 +56,3 @@ def test_a_plain_start_has_none_of_what_the_ways_set() -> None:
     [one] = starts("from the sun")
     assert set(one.plain().settings) == {"rate_per_ns"}
     assert {free.name for free in one.plain().free} == {"rate_per_ns", "sky"}
-
-
-@pytest.mark.parametrize(
-    ("first", "last", "whole"), [(0, 959, True), (320, 640, True), (320, 500, False), (450, 470, False)]
-)
-def test_a_band_over_all_points_is_no_dirt(sunny: Lab, first: int, last: int, whole: bool) -> None:
-    place = {"first_layer": 240, "last_layer": 250, "first_point": first, "last_point": last}
-    assert from_side_to_side(sunny, make("blockage", place)) is whole
-    assert not from_side_to_side(sunny, make("signal_gain", {}))

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.base import make
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import FOOTPRINTS
-from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance, with_effects
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.threads import mapped
 
@@ -27,6 +28,9 @@ _WEAKER = 3
 _PLAIN_ROUNDS, _PART_OF_WAYS = 3, 1.7
 """Steps of the plain kind before a probe's ways are tried, and by what the strength found there is multiplied: what one
 direction lights, it lights in part."""
+_NAMED_BY, _NAMED_PART = {"rain": {"drop_density": 0.0}}, 0.01
+"""What an effect is without that which its name says, and the least part of its gain that it must lose then: drops that
+nobody sees, and the light that they take, are fog as well."""
 _LOST_AT_RANDOM = ("dropout",)
 """Effects that take echoes from beams that nobody can foretell."""
 
@@ -38,7 +42,21 @@ def tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, pro
         if not found.possible:
             probe = probe.scaled(0.5)
             found = fit_next(lab, now, probe, least)
+    if found.possible and not _is_what_it_says(lab, now, found):
+        found = replace(found, distance=np.inf)
     return _there(select, before, found)
+
+
+def _is_what_it_says(lab: Lab, now: Fit, found: Fit) -> bool:
+    """Whether the last effect of a fit explains something by what its name says: no rain without drops."""
+    effect = found.effects()[-1]
+    nothing = _NAMED_BY.get(effect.name)
+    if nothing is None:
+        return True
+    others = with_effects(lab.model, found.probes[:-1], found.x[:-1])
+    without = lab.shows(others.with_(make(effect.name, {**effect.settings(), **nothing})), nuisance=found.nuisance)
+    gain = max(now.distance - found.distance, 0.0)
+    return lab.distance(without) - found.distance > _NAMED_PART * gain
 
 
 def _there(select: Lab, before: FloatArray, found: Fit) -> Tried:

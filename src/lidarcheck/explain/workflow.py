@@ -15,6 +15,7 @@ import numpy.typing as npt
 from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
+from lidarcheck.explain.answer import CALIBRATION, Answer
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours
@@ -113,17 +114,10 @@ def _explain(case: Case, run: Run) -> Explanation:
     if answer.verdict == "unknown" and gap.after.value > gap.before.value:
         answer = run.drop_terms(answer)
         gap = run.verify(split, answer)
+    if widening(gap, [CALIBRATION]):
+        answer = run.drop_calibration(answer)
+        gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The verdict with its findings, and the models from the case's own to the explained one, effect by effect."""
-
-    verdict: str
-    findings: tuple[Finding, ...]
-    stages: tuple[tuple[str, Model], ...]
-    words: str
 
 
 @dataclass(frozen=True)
@@ -281,7 +275,7 @@ class Run:
             stages.append((finding.name, model))
         there = calibrated(seen, model, last.last.nuisance, self.crew)
         if there is not model:
-            stages.append(("gain, reflectances and pose", there))
+            stages.append((CALIBRATION, there))
         return Answer("explained", tuple(findings), tuple(stages), "")
 
     def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
@@ -313,10 +307,12 @@ class Run:
     def drop_terms(self, answer: Answer) -> Answer:
         """The same without its empirical terms, which widen the gap where no fit has seen it."""
         self.did("withdrawn", f"{answer.stages[-1][0]}: on frames that no fit has seen, the gap is larger with it")
-        finding = dataclasses.replace(answer.findings[0], effects=())
-        return dataclasses.replace(
-            answer, findings=(finding,), stages=(("", self.model), ("empirical: no term helps", self.model))
-        )
+        return answer.without_terms()
+
+    def drop_calibration(self, answer: Answer) -> Answer:
+        """The same without what was put right of small errors, which widens the gap there."""
+        self.did("withdrawn", f"{CALIBRATION}: on frames that no fit has seen, the gap is larger with these put right")
+        return answer.without_calibration()
 
     def verify(self, split: Split, answer: Answer) -> Gap:
         """The gap before, after each effect, and its floor, on frames that nothing above has seen."""
