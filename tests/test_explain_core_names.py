@@ -1,17 +1,25 @@
 """An effect must be what its name says: dirt is local, rain has drops; and small errors put right must help."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
+from lidarcheck.crew import Crew
 from lidarcheck.effects import Effect, make
+from lidarcheck.explain import workflow
 from lidarcheck.explain.answer import CALIBRATION, Answer
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.explanation import Finding
+from lidarcheck.explain.explanation import Finding, Gap, Interval
 from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.forward import Search
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
+from lidarcheck.explain.progress import silent
 from lidarcheck.explain.trials import tried
+from lidarcheck.explain.workflow import Run
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 HAZE = make("fog", {"mor_m": 120.0, "backscatter": 0.0})
@@ -55,3 +63,40 @@ def test_what_an_answer_is_without() -> None:
     terms = Answer("unknown", (finding,), (("", own), ("empirical: loss", named)), "").without_terms()
     assert [model_ for _, model_ in terms.stages] == [own, own]
     assert terms.findings[0].effects == ()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "simpler", "left"),
+    [
+        (0.3, 0.4, "explained", ["walk_error"]),
+        (0.3, 0.4, "unknown", ["walk_error", "vibration"]),
+        (0.3, 0.2, "explained", ["walk_error", "vibration"]),
+        (1.1, 0.2, "explained", ["walk_error", "vibration"]),
+    ],
+    ids=["it widens the gap", "without it all is unknown", "it helps", "the most important one is left"],
+)
+def test_a_name_that_widens_the_gap_is_left_out(
+    first: float, second: float, simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["walk_error", "vibration"]
+    probes = tuple(next(one for one in fixed_probes([name]) if not one.variant) for name in names)
+    both = Fit(probes, tuple(one.start() for one in probes), 1.0, np.zeros((1, 3)))
+    alone = replace(both, probes=probes[:1], x=both.x[:1])
+    found = [Finding(name, {}, 0.9, (), "", "", ()) for name in names]
+    asked = []
+
+    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+        asked.append(search.fit.names())
+        return search, Answer(simpler, tuple(found[: len(search.fit.names())]), (), "")
+
+    monkeypatch.setattr(Run, "judge", judged)
+    monkeypatch.setattr(workflow, "without", lambda lab, fit, at: alone if at == 1 else pytest.fail("the wrong one"))
+    steps = tuple((name, Interval(v, v, v)) for name, v in zip(names, (first, second), strict=True))
+    gap = Gap(*(Interval(v, v, v) for v in (1.0, second, 0.1)), waterfall=steps)
+    run, search = Run(model(), 0, (), Crew(), silent), Search(both, both)
+    answer = Answer("explained", tuple(found), (), "")
+    bench = SimpleNamespace(lab=None)
+    search, answer = run.leave_out(bench, None, search, answer, gap)  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == left == list(search.fit.names())
+    assert asked == ([("walk_error",)] if second > first else [])
+    assert [step.name for step in run.steps] == ["withdrawn"] * (len(left) == 1)

@@ -1,20 +1,14 @@
 """The last judgements beam by beam: which small errors are put right, and whether the named effects carry over."""
 
-import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.crew import Crew
 from lidarcheck.effects import make
-from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.explanation import Finding, Gap, Interval
-from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Search
+from lidarcheck.explain.explanation import Gap, Interval
 from lidarcheck.explain.gap import PARTS, Scale
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import calibrated, carries_over, widening
-from lidarcheck.explain.progress import silent
-from lidarcheck.explain.workflow import Answer, Run
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
 OFF = Nuisance(materials={1: 2.5, 2: -2.5})
@@ -103,18 +97,3 @@ def test_a_name_with_which_the_gap_is_wider_is_told(after: float, wider: list[st
     found = Gap(*(Interval(value, value, value) for value in (1.0, 0.5, 0.1)), waterfall=waterfall)
     assert widening(found, ["vibration"]) == wider
     assert widening(found, ["walk_error"]) == []
-
-
-@pytest.mark.parametrize(("found", "asked_again"), [("walk_error", True), ("fog", False)])
-def test_names_of_a_second_look_that_widen_the_gap_are_left_out_again(found: str, asked_again: bool) -> None:
-    """`vibration` widens the gap; it is left out where the first search did without it."""
-    probes = [next(one for one in fixed_probes([name]) if not one.variant) for name in (found, "vibration")]
-    kept = probes[:1] if asked_again else probes
-    nothing = np.zeros((1, 3))
-    fit = Fit(tuple(kept), tuple(one.start() for one in kept), 1.0, nothing)
-    findings = tuple(Finding(name, {}, 0.9, (), "", "", ()) for name in (found, "vibration"))
-    steps = tuple((name, Interval(v, v, v)) for name, v in ((found, 0.3), ("vibration", 0.4)))
-    gap_ = Gap(*(Interval(v, v, v) for v in (1.0, 0.4, 0.1)), waterfall=steps)
-    run = Run(model(), 0, (), Crew(), silent)
-    assert run.is_better_without(Search(fit, fit), Answer("explained", findings, (), ""), gap_) is asked_again
-    assert [step.name for step in run.steps] == ["withdrawn"] * asked_again

@@ -25,7 +25,7 @@ from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.trials import TO_THE_END, finished, select_distance
 
-__all__ = ["backward", "find_effects"]
+__all__ = ["backward", "find_effects", "without"]
 
 _DOUBTFUL = 10.0
 _STANDS_OUT = 6.0
@@ -79,11 +79,11 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
         return now
     now = fit_nuisance(lab, finished(lab, now))
     while now.probes:
-        without = []
-        for fewer in done_by(bench.crew, _without, [(lab.held, now, j) for j in range(len(now.probes))]):
-            without.append(fewer)
-            told("leave out again", len(without), len(now.probes))
-        losses = [one.distance - now.distance for one in without]
+        fewer: list[Fit] = []
+        for one in done_by(bench.crew, without, [(lab.held, now, j) for j in range(len(now.probes))]):
+            fewer.append(one)
+            told("leave out again", len(fewer), len(now.probes))
+        losses = [one.distance - now.distance for one in fewer]
         least = int(np.argmin(losses))
         price = PRICE * len(now.probes[least].free)
         kin = [
@@ -91,11 +91,11 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
         ]
         if losses[least] > max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price:
             break
-        now = without[least]
+        now = fewer[least]
     return now
 
 
-def _without(lab: Lab, now: Fit, left_out: int) -> Fit:
+def without(lab: Lab, now: Fit, left_out: int) -> Fit:
     """The others fitted again: what is left out may have made up for what their fits had left open."""
     rest = [j for j in range(len(now.probes)) if j != left_out]
     probes, x = [now.probes[j] for j in rest], [now.x[j] for j in rest]

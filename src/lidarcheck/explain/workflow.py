@@ -37,7 +37,7 @@ from lidarcheck.explain.overall import calibrated, carries_over, widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
-from lidarcheck.explain.search import find_effects
+from lidarcheck.explain.search import find_effects, without
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.threads import in_threads
@@ -99,23 +99,23 @@ def _explain(case: Case, run: Run) -> Explanation:
     bench = run.measure_residuals_and_floor(split)
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
-    first = run.fit_and_select(bench, screened)
+    search = run.fit_and_select(bench, screened)
     seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
-    search = run.look_again(bench, seen, first, screened)
+    search = run.look_again(bench, seen, search, screened)
     search, answer = run.judge(bench, seen, search)
     untestable = run.list_untestable(bench, screened)
     gap = run.verify(split, answer)
-    if run.is_better_without(first, answer, gap):
-        search, answer = run.judge(bench, seen, first)
-        gap = run.verify(split, answer)
+    fewer, simpler = run.leave_out(bench, seen, search, answer, gap)
+    if simpler is not answer:
+        search, answer, gap = fewer, simpler, run.verify(split, simpler)
     if answer.verdict == "explained" and not run.carries_over(seen, answer, gap):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     if answer.verdict == "unknown" and gap.after.value > gap.before.value:
-        answer = run.drop_terms(answer)
+        answer = run.drop(answer, answer.without_terms())
         gap = run.verify(split, answer)
     if widening(gap, [CALIBRATION]):
-        answer = run.drop_calibration(answer)
+        answer = run.drop(answer, answer.without_calibration())
         gap = run.verify(split, answer)
     return run.report(case, split, bench, where, search, answer, untestable, gap)
 
@@ -203,13 +203,19 @@ class Run:
         last = self.polish(seen, search, closed, others)
         return search, self.decide(bench, seen, search, closed, last)
 
-    def is_better_without(self, first: Search, answer: Answer, gap: Gap) -> bool:
-        """Whether names that a second look has added widen the gap on the frames that no fit has seen."""
-        added = {finding.name for finding in answer.findings} - {*first.fit.names(), "unknown"}
-        wider = widening(gap, sorted(added)) if first.fit.probes else []
-        if wider:
-            self.did("withdrawn", f"{', '.join(wider)}: on frames that no fit has seen, the gap is wider with it")
-        return bool(wider)
+    def leave_out(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> tuple[Search, Answer]:
+        """The same without a name, not the most important, with which the gap is wider on the frames that no fit has
+        seen, if the others explain the case as well."""
+        wider = widening(gap, [one.name for one in answer.findings[1:]])
+        at = next((i for i, name in enumerate(search.fit.names()) if name in wider), None)
+        if at is None:
+            return search, answer
+        name, fewer = search.fit.names()[at], without(bench.lab, search.fit, at)
+        found, simpler = self.judge(bench, seen, Search(search.first, fewer, search.trials))
+        if simpler.verdict != "explained":
+            return search, answer
+        self.did("withdrawn", f"{name}: on frames that no fit has seen, the gap is wider with it")
+        return found, simpler
 
     def close(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Closure]:
         """Whether little is left open, by the summaries of the select frames or beam by beam."""
@@ -304,15 +310,10 @@ class Run:
         self.did("unknown", found.words)
         return found
 
-    def drop_terms(self, answer: Answer) -> Answer:
-        """The same without its empirical terms, which widen the gap where no fit has seen it."""
+    def drop(self, answer: Answer, fewer: Answer) -> Answer:
+        """The answer without its last stage, empirical terms or small errors put right, which widens the gap there."""
         self.did("withdrawn", f"{answer.stages[-1][0]}: on frames that no fit has seen, the gap is larger with it")
-        return answer.without_terms()
-
-    def drop_calibration(self, answer: Answer) -> Answer:
-        """The same without what was put right of small errors, which widens the gap there."""
-        self.did("withdrawn", f"{CALIBRATION}: on frames that no fit has seen, the gap is larger with these put right")
-        return answer.without_calibration()
+        return fewer
 
     def verify(self, split: Split, answer: Answer) -> Gap:
         """The gap before, after each effect, and its floor, on frames that nothing above has seen."""
