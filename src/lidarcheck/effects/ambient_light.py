@@ -45,9 +45,15 @@ class AmbientLight(LightEffect):
         "1/ns", low=0.0, high=10.0, typical=0.0005, meaning="avalanches per armed SPAD and ns from a white surface"
     )
     sky: float = parameter("", low=0.0, high=10.0, typical=0.1, meaning="reflectance that open sky looks like")
-    direct: float = parameter("", low=0.0, high=1.0, typical=0.0, meaning="part of the light that comes from the sun")
-    sun_azimuth_deg: float = parameter("deg", low=-360.0, high=360.0, typical=120.0, meaning="where the sun is, from X")
-    sun_elevation_deg: float = parameter("deg", low=0.0, high=90.0, typical=45.0, meaning="how high the sun stands")
+    direct: float = parameter(
+        "", low=0.0, high=1.0, typical=0.0, meaning="part of the light that comes from the sun", option=True
+    )
+    sun_azimuth_deg: float = parameter(
+        "deg", low=-360.0, high=360.0, typical=120.0, meaning="where the sun is, from X to the left", option=True
+    )
+    sun_elevation_deg: float = parameter(
+        "deg", low=0.0, high=90.0, typical=45.0, meaning="how high the sun stands", option=True
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add what each beam's surfaces send on from the sun."""
