@@ -213,6 +213,7 @@ class Run:
         name, fewer = search.fit.names()[at], without(bench.lab, search.fit, at)
         found, simpler = self.judge(bench, seen, Search(search.first, fewer, search.trials))
         if simpler.verdict != "explained":
+            self.did("kept", f"{name}: on unseen frames the gap is wider with it, but too much is open without")
             return search, answer
         self.did("withdrawn", f"{name}: on frames that no fit has seen, the gap is wider with it")
         return found, simpler
