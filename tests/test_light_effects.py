@@ -260,12 +260,39 @@ def test_runs_hit_whole_columns_and_keep_the_mean() -> None:
     assert not np.array_equal(hit, np.bincount(foreign(other, share=0.1, columns=0.2)[1] % 960, minlength=960) > 0)
 
 
-@pytest.mark.parametrize("columns", [1.0, 0.3])
-def test_foreign_pulses_of_a_beam_do_not_depend_on_other_beams(columns: float) -> None:
+def test_pulses_of_a_column_lie_together_and_columns_anywhere() -> None:
+    beams = 96_000
+    setting = {"share": 0.5, "columns": 0.5, "nearest_m": 20.0, "farthest_m": 220.0}
+    _, beam, range_m, _ = foreign(Around(wall(beams)), **setting, column_span_m=8.0)
+    column = beam % 960
+    first, last = np.full(960, np.inf), np.full(960, -np.inf)
+    np.minimum.at(first, column, range_m)
+    np.maximum.at(last, column, range_m)
+    hit = np.isfinite(first)
+    # Some hundred pulses a column: their range is nearly the whole span.
+    assert np.all(last[hit] - first[hit] <= 8.0)
+    assert np.mean(last[hit] - first[hit]) > 7.5
+    assert stats.kstest(first[hit], stats.uniform(20.0, 192.0).cdf).pvalue > 1e-3
+    within = (range_m - first[column]) / (last - first)[column]
+    assert stats.kstest(within[(within > 0.0) & (within < 1.0)], stats.uniform(0, 1).cdf).pvalue > 1e-3
+    # Neither which columns nor how many pulses.
+    assert np.array_equal(beam, foreign(Around(wall(beams)), **setting)[1])
+
+
+def test_a_span_as_wide_as_the_ranges_is_none() -> None:
+    setting = {"share": 0.3, "columns": 0.5, "farthest_m": 150.0}
+    _, _, plain_m, _ = foreign(Around(wall(9600)), **setting)
+    assert np.array_equal(foreign(Around(wall(9600)), **setting, column_span_m=150.0)[2], plain_m)
+    assert not np.array_equal(foreign(Around(wall(9600)), **setting, column_span_m=149.0)[2], plain_m)
+
+
+@pytest.mark.parametrize(("columns", "column_span_m"), [(1.0, 1000.0), (0.3, 1000.0), (1.0, 10.0)])
+def test_foreign_pulses_of_a_beam_do_not_depend_on_other_beams(columns: float, column_span_m: float) -> None:
     ideal = wall(9600)
     picked = np.arange(0, 9600, 7)[::-1]
-    _, beam, range_m, signal = foreign(Around(ideal), share=0.5, columns=columns)
-    _, part_beam, part_range_m, part_signal = foreign(Around(ideal.take(picked)), share=0.5, columns=columns)
+    setting = {"share": 0.5, "columns": columns, "column_span_m": column_span_m}
+    _, beam, range_m, signal = foreign(Around(ideal), **setting)
+    _, part_beam, part_range_m, part_signal = foreign(Around(ideal.take(picked)), **setting)
     kept = beam % 7 == 0
     assert np.array_equal(beam[kept], 7 * part_beam)
     assert np.array_equal(range_m[kept], part_range_m)

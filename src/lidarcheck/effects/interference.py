@@ -25,8 +25,9 @@ class Interference(LightEffect):
     lie uniformly between `nearest_m` and `farthest_m`, whatever stands there, with S of median `signal` and a
     log-normal spread of `spread_decades`. Its pulses come in runs while the two sensors look at each other: a share
     `columns` of the point columns is hit, each then with share / columns pulses per beam, the mean over the frame
-    staying the same. Kim, Eom and Park, "Occurrence and characteristics of mutual interference between LIDAR
-    scanners", Proc. SPIE 9504, 2015.
+    staying the same. Where both fire at nearly the same rate, the pulses of a column lie together: within
+    `column_span_m`, from a range on that is uniform again and the column's own. Kim, Eom and Park, "Occurrence and
+    characteristics of mutual interference between LIDAR scanners", Proc. SPIE 9504, 2015.
 
     Valid for foreign pulses as short as the sensor's own, which they share the shape of. Identity at share 0.
     """
@@ -43,6 +44,9 @@ class Interference(LightEffect):
     nearest_m: float = parameter("m", low=0.0, high=1000.0, typical=0.0, meaning="from this range on")
     farthest_m: float = parameter("m", low=0.0, high=1000.0, typical=300.0, meaning="up to this range")
     columns: float = parameter("", low=0.01, high=1.0, typical=1.0, meaning="share of the point columns that are hit")
+    column_span_m: float = parameter(
+        "m", low=0.1, high=1000.0, typical=1000.0, meaning="range over which the pulses of a column lie", option=True
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -61,15 +65,28 @@ class Interference(LightEffect):
         most = int(count.max())
         uniform = around.uniforms(light.layer[struck], light.point[struck], 1 + 2 * most)[:, 1:]
         used = np.arange(most) < count[:, None]
-        range_m = self.nearest_m + (self.farthest_m - self.nearest_m) * uniform[:, ::2][used]
+        beam = np.repeat(struck, count)
+        range_m = self._ranges(uniform[:, ::2][used], light.point[beam], around)
         signal = self.signal * 10.0 ** (self.spread_decades * normals(uniform[:, 1::2][used]))
-        return light.with_pulses(np.repeat(struck, count), range_m, signal)
+        return light.with_pulses(beam, range_m, signal)
 
     def _hit(self, light: Light, around: Surroundings) -> npt.NDArray[np.bool_]:
         """Whether each beam's point column is hit, shape (n_beams,)."""
         if self.columns == 1.0:
             return np.ones(len(light), dtype=bool)
-        # A layer beyond the sensor's own: what all beams of a column share is drawn apart from what each beam draws.
-        columns = np.arange(max(POINTS, int(light.point.max(initial=0)) + 1))
-        column = around.uniforms(np.full(len(columns), LAYERS), columns)[:, 0]
+        column = self._of_columns(light.point, around)[:, 0]
         return np.asarray((column < self.columns)[light.point])
+
+    def _ranges(self, uniform: FloatArray, point: npt.NDArray[np.integer], around: Surroundings) -> FloatArray:
+        """Where each pulse of a beam in column `point` seems to come from, shape (n_pulses,)."""
+        whole = self.farthest_m - self.nearest_m
+        if self.column_span_m >= whole:
+            return self.nearest_m + whole * uniform
+        start = (whole - self.column_span_m) * self._of_columns(point, around)[:, 1][point]
+        return np.asarray(self.nearest_m + start + self.column_span_m * uniform)
+
+    def _of_columns(self, point: npt.NDArray[np.integer], around: Surroundings) -> FloatArray:
+        """What all beams of a column share: whether it is hit, and from where, shape (n_columns, 2)."""
+        # A layer beyond the sensor's own, drawn apart from what each beam draws.
+        columns = np.arange(max(POINTS, int(point.max(initial=0)) + 1))
+        return around.uniforms(np.full(len(columns), LAYERS), columns, 2)

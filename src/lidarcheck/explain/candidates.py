@@ -281,6 +281,10 @@ _STRIPES = (
     Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("farthest_m", _LOG, log=True),
     Free("columns", 0.4, log=True),
 )  # fmt: skip
+_LINES = (
+    Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("columns", 0.4, log=True),
+    Free("column_span_m", 0.4, log=True),
+)  # fmt: skip
 _TREMBLE = (Free("random_deg", _LOG, log=True),)
 _WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
 _SUN = (
@@ -301,6 +305,12 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ),
     ("ambient_light", "from the sun", {"rate_per_ns": 0.002, "direct": 0.6}, _SUN),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
+    (
+        "interference",
+        "lines",
+        {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1, "column_span_m": 10.0},
+        _LINES,
+    ),
 )
 """Starts of another kind: an effect's name, the kind's, the settings, what is free."""
 _WAYS: dict[tuple[str, str], tuple[dict[str, float], ...]] = {
