@@ -55,6 +55,12 @@ def _distance(fit: Fit) -> float:
     return fit.distance
 
 
+def fit_of(*names: str) -> Fit:
+    """A fit of such effects where they begin."""
+    probes = tuple(next(one for one in fixed_probes([name]) if not one.variant) for name in names)
+    return Fit(probes, tuple(one.start() for one in probes), 1.0, np.zeros((1, 3)))
+
+
 def test_what_an_answer_is_without() -> None:
     own, named, tuned = model(), model(HAZE), model(DRIZZLE)
     finding = Finding("fog", {}, 0.9, (), "", "", (HAZE,))
@@ -79,9 +85,8 @@ def test_a_name_that_widens_the_gap_is_left_out(
     first: float, second: float, simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ["walk_error", "vibration"]
-    probes = tuple(next(one for one in fixed_probes([name]) if not one.variant) for name in names)
-    both = Fit(probes, tuple(one.start() for one in probes), 1.0, np.zeros((1, 3)))
-    alone = replace(both, probes=probes[:1], x=both.x[:1])
+    both = fit_of(*names)
+    alone = replace(both, probes=both.probes[:1], x=both.x[:1])
     found = [Finding(name, {}, 0.9, (), "", "", ()) for name in names]
     asked = []
 
@@ -101,3 +106,51 @@ def test_a_name_that_widens_the_gap_is_left_out(
     assert asked == ([("walk_error",)] if second > first else [])
     said = {1: ["withdrawn"], 2: ["kept"] if asked else []}
     assert [step.name for step in run.steps] == said[len(left)]
+
+
+@pytest.mark.parametrize(
+    ("needed", "simpler", "left"),
+    [
+        (("signal_gain",), "explained", ["signal_gain"]),
+        (("signal_gain",), "unknown", ["signal_gain", "fog"]),
+        (("signal_gain", "fog"), "explained", ["signal_gain", "fog"]),
+    ],
+    ids=["one is needless", "without it all is unknown", "both are needed"],
+)
+def test_a_rival_may_make_another_name_needless(
+    needed: tuple[str, ...], simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Crosstalk and a pattern of layers were found where the gain is too high; with the gain no pattern is needed."""
+    swapped = fit_of("signal_gain", "fog")
+
+    def polished(self: Run, seen: object, search: Search, closed: object, others: object) -> None:
+        if "crosstalk" in search.fit.names():
+            search.fit = swapped
+
+    def said(self: Run, bench: object, seen: object, search: Search, closed: object, last: object) -> Answer:
+        names = search.fit.names()
+        return Answer("explained" if len(names) == 2 else simpler, tuple(_named(one) for one in names), (), "")
+
+    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Run, "polish", polished)
+    monkeypatch.setattr(Run, "decide", said)
+    monkeypatch.setattr(workflow, "backward", lambda bench, fit, told: fit_of(*needed))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    search, answer = run.judge(None, None, Search(first, first))  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == left == list(search.fit.names())
+    assert [step.name for step in run.steps] == (["left out again"] if len(left) == 1 else [])
+
+
+def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Run, "polish", lambda self, seen, search, closed, others: None)
+    monkeypatch.setattr(Run, "decide", lambda self, bench, seen, search, *_: Answer("explained", (), (), ""))
+    monkeypatch.setattr(workflow, "backward", lambda *_: pytest.fail("not asked"))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    assert run.judge(None, None, Search(first, first))[1].verdict == "explained"  # type: ignore[arg-type]
+
+
+def _named(name: str) -> Finding:
+    return Finding(name, {}, 0.9, (), "", "", ())

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from lidarcheck.explain.explanation import Finding
+from lidarcheck.explain.findings import findings_of
+from lidarcheck.explain.forward import Bench, Search
+from lidarcheck.explain.gap import Scale, excesses
+from lidarcheck.explain.overall import calibrated
+from lidarcheck.explain.rivals import Polished
+from lidarcheck.explain.unknown import describe
+from lidarcheck.explain.verdict import Closure
+from lidarcheck.explain.words import depends_on
 from lidarcheck.model.spec import Model
 
-__all__ = ["CALIBRATION", "Answer"]
+__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms"]
 
 CALIBRATION = "gain, reflectances and pose"
 """The last stage of an explained model: small errors put right."""
@@ -31,3 +40,33 @@ class Answer:
     def without_calibration(self) -> Answer:
         """The same with the small errors left as they are."""
         return replace(self, stages=tuple(stage for stage in self.stages if stage[0] != CALIBRATION))
+
+
+def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
+    """The accepted effects with all that is said of them, and the small errors put right where that helps."""
+    case = bench.lab.model
+    [(before, _)] = excesses(seen, [case], bench.crew) if last.compared else [(0.0, 0.0)]
+    findings = findings_of(bench, search, closed, last, before)
+    stages, model = [("", case)], case
+    for finding in findings:
+        for effect in finding.effects:
+            model = model.with_(effect)
+        stages.append((finding.name, model))
+    there = calibrated(seen, model, last.last.nuisance, bench.crew)
+    if there is not model:
+        stages.append((CALIBRATION, there))
+    return Answer("explained", tuple(findings), tuple(stages), "")
+
+
+def by_terms(
+    bench: Bench, seen: Scale, search: Search, left: float, seed: int, told: Callable[[str, int, int], object]
+) -> Answer:
+    """What the residual depends on, and empirical terms; `left`: the part that no name explains."""
+    found = describe(bench, seen, seed, told)
+    depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
+    finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), depends, "", found.effects)
+    described = bench.lab.model
+    for effect in found.effects:
+        described = described.with_(effect)
+    name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
+    return Answer("unknown", (finding,), (("", bench.lab.model), (name, described)), depends)

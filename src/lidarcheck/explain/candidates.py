@@ -297,6 +297,7 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.05, "memory_columns": 5.0}, _WANDER),
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.08, "memory_columns": 25.0}, _WANDER),
     ("dead_time", "varying", {"shift_ns": 2.0, "spread_ns": 3.0}, _FREE["dead_time"]),
+    ("dead_time", "varying", {"shift_ns": 1.0, "spread_ns": 1.0}, _FREE["dead_time"]),
     (
         "fog",
         "far overlap",

@@ -15,36 +15,34 @@ import numpy.typing as npt
 from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
-from lidarcheck.explain.answer import CALIBRATION, Answer
+from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours
 from lidarcheck.explain.explanation import (
     Explanation,
-    Finding,
     Gap,
     Hearer,
     Standout,
     Step,
     Teller,
 )
-from lidarcheck.explain.findings import candidates_table, findings_of, is_doubtful
+from lidarcheck.explain.findings import candidates_table, is_doubtful
 from lidarcheck.explain.forward import Bench, Search
-from lidarcheck.explain.gap import Scale, excesses, gap_of
+from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.overall import calibrated, carries_over, widening
+from lidarcheck.explain.overall import carries_over, widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
-from lidarcheck.explain.search import find_effects, without
+from lidarcheck.explain.search import backward, find_effects, without
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.threads import in_threads
 from lidarcheck.explain.trials import select_distance
-from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable
-from lidarcheck.explain.words import depends_on, standouts
+from lidarcheck.explain.words import standouts
 from lidarcheck.model.spec import Model
 
 if TYPE_CHECKING:
@@ -199,9 +197,22 @@ class Run:
     def judge(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer]:
         """Whether what was found closes the gap, what could stand in its place, and what is said of it."""
         search, closed = self.close(bench, seen, search)
+        accepted = search.fit
         others = self.find_rivals(bench, search, closed)
         last = self.polish(seen, search, closed, others)
-        return search, self.decide(bench, seen, search, closed, last)
+        simpler = self.leave_out_again(bench, seen, search) if search.fit is not accepted else None
+        return simpler or (search, self.decide(bench, seen, search, closed, last))
+
+    def leave_out_again(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer] | None:
+        """The same without names that a rival in its new place has made needless; None where it needs them all."""
+        fewer = backward(bench, search.fit, silent)
+        if len(fewer.probes) == len(search.fit.probes):
+            return None
+        found, answer = self.judge(bench, seen, Search(search.first, fewer, search.trials))
+        if answer.verdict != "explained":
+            return None
+        self.did("left out again", f"{', '.join(found.fit.names())}: beside the rival no more is needed")
+        return found, answer
 
     def leave_out(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> tuple[Search, Answer]:
         """The same without a name, not the most important, with which the gap is wider on the frames that no fit has
@@ -262,7 +273,7 @@ class Run:
         elif last is None:
             answer = Answer("no_gap", (), (("", self.model),), "")
         else:
-            answer = self._explained(bench, seen, search, closed, last)
+            answer = by_names(bench, seen, search, closed, last)
             if is_doubtful(answer.findings[0]):
                 first = answer.findings[0]
                 self.did("withdrawn", f"{first.name}: its lead is too small, {100.0 * first.confidence:.0f} % sure")
@@ -272,30 +283,10 @@ class Run:
             self.hear(Step("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
         return answer
 
-    def _explained(self, bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
-        [(before, _)] = excesses(seen, [self.model], self.crew) if last.compared else [(0.0, 0.0)]
-        findings = findings_of(bench, search, closed, last, before)
-        stages, model = [("", self.model)], self.model
-        for finding in findings:
-            for effect in finding.effects:
-                model = model.with_(effect)
-            stages.append((finding.name, model))
-        there = calibrated(seen, model, last.last.nuisance, self.crew)
-        if there is not model:
-            stages.append((CALIBRATION, there))
-        return Answer("explained", tuple(findings), tuple(stages), "")
-
     def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
-        """What the residual depends on, and an empirical term; `left`: the part that no name explains."""
-        found = describe(bench, seen, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
+        found = by_terms(bench, seen, search, left, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
         self.tell("unknown", 1, 1)
-        depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
-        finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), depends, "", found.effects)
-        described = self.model
-        for effect in found.effects:
-            described = described.with_(effect)
-        name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
-        return Answer("unknown", (finding,), (("", self.model), (name, described)), depends)
+        return found
 
     def carries_over(self, seen: Scale, answer: Answer, gap: Gap) -> bool:
         """Whether the names close the gap on the frames that no fit has seen, too."""
