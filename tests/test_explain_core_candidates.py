@@ -20,6 +20,7 @@ from lidarcheck.explain.nuisances import (
     axes_of,
     is_usual_error,
 )
+from lidarcheck.explain.screen import screen
 from lidarcheck.model import simulate
 from lidarcheck.model.surfaces import Surfaces
 
@@ -242,3 +243,14 @@ def test_a_start_scaled_down_comes_near_the_model_itself(lab: Lab, name: str) ->
         whole, little = (lab.metric.square(lab.shows(model(probe.scaled(s).effect()), 1)[0]) for s in (1.0, 0.001))
         assert little <= max(0.4 * whole, 50.0), probe.settings
         assert probe.scaled(1.0).effect() == probe.effect()
+
+
+def test_a_weak_dead_time_that_varies_has_a_start_that_leads_to_it() -> None:
+    """It acts in whole bins: starts three or four bins off change summaries in other directions, which no factor on
+    their strength mends."""
+    fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
+    weak = make("dead_time", {"shift_ns": 1.0, "spread_ns": 1.2})
+    there = Lab(frames(model(weak), 2, sign=True, **fine), model(), 3)
+    excess = there.distance(np.zeros((1, len(there.measured)))) - there.floor_distance
+    gains = [one.gain(there, there.measured)[0] for one in screen(there, fixed_probes(["dead_time"]))]
+    assert max(gains) > 0.5 * excess

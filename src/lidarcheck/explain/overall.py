@@ -25,7 +25,7 @@ that change the same features in the same way must close more: together they com
 _EXACT = {"range_offset", "range_scale"}
 _LEFT_IN_RANGE, _STANDARD_DEVIATIONS_LEFT = 0.04, 0.15
 """These have one form only, so that hardly anything of the ranges may stay open: this part, or so much on the mean of
-both kinds of frames. Of true ones up to 2 % stayed, or 0.13, where reflectances and pose were off and not fitted."""
+both kinds of frames. Of true ones up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted."""
 
 _WIDER = 0.03
 """An effect that widens the gap by this part of what was open without it does not help there."""

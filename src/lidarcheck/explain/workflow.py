@@ -210,6 +210,7 @@ class Run:
             return None
         found, answer = self.judge(bench, seen, Search(search.first, fewer, search.trials))
         if answer.verdict != "explained":
+            self.did("kept", f"{', '.join(search.fit.names())}: with fewer, too much is open")
             return None
         self.did("left out again", f"{', '.join(found.fit.names())}: beside the rival no more is needed")
         return found, answer
