@@ -6,6 +6,7 @@ import pytest
 from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model, same, street
 from lidarcheck.effects import catalogue, find, make
 from lidarcheck.explain.candidates import Free, Probe, fixed_probes
+from lidarcheck.explain.fit import fit
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.located_losses import loss_probes
@@ -254,3 +255,16 @@ def test_a_weak_dead_time_that_varies_has_a_start_that_leads_to_it() -> None:
     excess = there.distance(np.zeros((1, len(there.measured)))) - there.floor_distance
     gains = [one.gain(there, there.measured)[0] for one in screen(there, fixed_probes(["dead_time"]))]
     assert max(gains) > 0.5 * excess
+
+
+def test_foreign_pulses_in_lines_are_told_from_those_at_any_range() -> None:
+    fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
+    truth = {"share": 0.03, "columns": 0.1, "signal": 2.0, "spread_decades": 0.1, "column_span_m": 5.0}
+    there = Lab(frames(model(make("interference", truth)), 2, sign=True, **fine), model(), 3)
+    starts = {one.variant: one for one in fixed_probes(["interference"])}
+    lines, stripes = (fit(there, [starts[k]], [starts[k].start()], leaps=True) for k in ("lines", "stripes"))
+    assert lines.distance < 0.9 * stripes.distance
+    found = lines.effects()[0].settings()
+    assert found["signal"] == pytest.approx(2.0, rel=0.2)
+    assert found["columns"] == pytest.approx(0.1, rel=0.3)
+    assert float(found["column_span_m"]) < 15.0
