@@ -260,6 +260,7 @@ def explain(case, *, exclude, jobs):
     report = {"verdict": "explained", "effects": [fog], "gap": {"closed": 0.98}}
     if not name.startswith("single"):
         report = {"verdict": "no_gap", "effects": [], "gap": {"closed": float("nan")}}
+    report["steps"] = [{"step": "split", "found": "2 to fit, 1 to select"}]
     return types.SimpleNamespace(to_dict=lambda: report)
 """
 
@@ -322,6 +323,10 @@ def test_an_interrupted_benchmark_goes_on(bench):
     assert len(result.answers) == 5
     again = run(3, out=bench / "out")
     assert len(calls(bench)) == 5
+    assert [(a.gap["closed"], a.steps[0]["found"]) for a in again.answers[:2]] == [
+        (0.98, "2 to fit, 1 to select"),
+        (None, "2 to fit, 1 to select"),
+    ]
     assert [a.number for a in again.answers] == [0, 1, 2]
 
 

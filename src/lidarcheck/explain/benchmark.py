@@ -245,6 +245,8 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         z=_by_effect(truth.z, truth.effects),
         exclude=tuple(order.exclude),
         error=error,
+        gap=report["gap"],
+        steps=tuple(report.get("steps", ())),
     )
 
 

@@ -28,7 +28,8 @@ class Answer:
     """One case: what was hidden, and what was found.
 
     `effects`: the names that were hidden; `observable`: which of them stand out of the noise; `comparable`: true values
-    by "effect.parameter". `found`: findings as `report.json` has them. `error`: why there is no answer; empty else.
+    by "effect.parameter". `found`, `gap`, `steps`: as `report.json` has them. `error`: why there is no answer; empty
+    else.
     """
 
     number: int
@@ -46,12 +47,14 @@ class Answer:
     z: Mapping[str, float] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
     error: str = ""
+    gap: Mapping[str, Any] = field(default_factory=dict)
+    steps: tuple[Mapping[str, str], ...] = ()
 
     @classmethod
     def of(cls, row: Mapping[str, Any]) -> Answer:
         """From its dictionary, as JSON gives it back."""
         parts = dict(row)
-        for name in ("effects", "found", "exclude"):
+        for name in ("effects", "found", "exclude", "steps"):
             parts[name] = tuple(parts.get(name, ()))
         parts["closed"] = math.nan if parts["closed"] is None else parts["closed"]
         return cls(**parts)
