@@ -110,6 +110,38 @@ def test_effects_of_one_form_leave_nothing_of_the_ranges(names: tuple[str, ...],
     assert carries_over(scale, model(), model(), found, Crew(), names) == carries
 
 
+@pytest.mark.parametrize(
+    ("names", "part", "left", "carries"),
+    [
+        (("walk_error",), "range", 0.65, True),
+        (("walk_error",), "range", 0.85, False),
+        (("fog",), "other echoes", 1.4, True),
+        (("fog",), "other echoes", 1.8, False),
+        (("vibration",), "other echoes", 1.8, True),
+        (("vibration",), "range", 0.85, False),
+        (("signal_gain",), "area", 0.25, True),
+        (("signal_gain",), "area", 0.4, False),
+        (("signal_gain", "fog"), "area", 0.4, True),
+    ],
+)
+def test_no_part_of_the_gap_may_stay(names: tuple[str, ...], part: str, left: float, carries: bool) -> None:
+    """The part was 2.4 standard deviations wide on unseen frames; on the others there is nothing."""
+    scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
+    parts = {one: (2.4, left if one == part else 0.05, 0.0) for one in PARTS}
+    mean = [sum(values) / len(PARTS) for values in zip(*parts.values(), strict=True)]
+    found = Gap(*(Interval(value, value, value) for value in mean), by_feature=parts)
+    assert carries_over(scale, model(), model(), found, Crew(), names) == carries
+
+
+@pytest.mark.parametrize(("part", "left"), [("area", 0.09), ("other echoes", 0.45)])
+def test_what_errors_of_pose_and_reflectances_leave_may_stay(part: str, left: float) -> None:
+    scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
+    parts = {one: (left, left, 0.0) if one == part else (1.0, 0.0, 0.0) for one in PARTS}
+    mean = [sum(values) / len(PARTS) for values in zip(*parts.values(), strict=True)]
+    found = Gap(*(Interval(value, value, value) for value in mean), by_feature=parts)
+    assert carries_over(scale, model(), model(), found, Crew(), ("walk_error",))
+
+
 def test_a_small_rest_of_the_ranges_may_be_of_reflectances_and_pose() -> None:
     scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
     parts = {part: (1.2, 0.25 if part == "range" else 0.1, 0.0) for part in PARTS}

@@ -89,20 +89,21 @@ class Scale:
         seeds = range(first, first + count)
         return mapped(lambda k: _sights(self.frames, posed, self.beams, run, self.seed, k), seeds)
 
-    def excess(
-        self, model: Model, nuisance: Nuisance | None = None, parts: Sequence[str] = PARTS
-    ) -> tuple[float, float]:
-        """The gap that a model leaves beyond its own noise, and that noise's standard deviation; of some parts alone.
+    def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
+        """The gap that a model leaves beyond its own noise, and that noise's standard deviation."""
+        beyond, noise = self.excess_by_part(model, nuisance)
+        return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
+
+    def excess_by_part(self, model: Model, nuisance: Nuisance | None = None) -> tuple[FloatArray, FloatArray]:
+        """The same for each of `PARTS`, shape (n_parts,), and some draws of the noise, shape (n_draws, n_parts).
 
         A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
         scatters more than the sensor.
         """
         shown = self.simulated(model, 9300, _SEEDS, nuisance)
         others = self.simulated(model, 9400, _FLOORS, nuisance)
-        of = [PARTS.index(part) for part in parts]
-        noise = np.array([self.distance(other, shown) for other in others])[:, of]
-        beyond = np.abs(self.distance(self.measured, shown)[of] - noise.mean(axis=0))
-        return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
+        noise = np.array([self.distance(other, shown) for other in others])
+        return np.abs(self.distance(self.measured, shown) - noise.mean(axis=0)), noise
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
@@ -192,11 +193,9 @@ Told = Callable[[int, int, float], object]
 """Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
-def excesses(
-    scale: Scale, models: Sequence[Model], crew: Crew | None = None, parts: Sequence[str] = PARTS
-) -> list[tuple[float, float]]:
+def excesses(scale: Scale, models: Sequence[Model], crew: Crew | None = None) -> list[tuple[float, float]]:
     """`Scale.excess` of each model."""
-    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model, None, parts) for model in models))]
+    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model) for model in models))]
 
 
 def gap_of(
