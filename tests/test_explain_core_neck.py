@@ -13,7 +13,7 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain import forward
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Search, Trial, accept, neck_and_neck
+from lidarcheck.explain.forward import Search, Trial, accept, best_of, neck_and_neck
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 BENCH: Any = SimpleNamespace(
@@ -82,3 +82,11 @@ def test_a_fit_that_has_ended_is_accepted_as_it_is() -> None:
     one = trial("motion", 9000.0)
     end = replace(one.fit, distance=500.0)
     assert accept(BENCH, Search(NOTHING, NOTHING), replace(one, end=end)).fit is end
+
+
+@pytest.mark.parametrize(
+    ("gain", "name"), [(900.0, "boresight"), (700.0, "vibration")], ids=["nearly as much", "much less"]
+)
+def test_the_special_case_that_explains_nearly_as_much_is_the_better_name(gain: float, name: str) -> None:
+    trials = [trial("vibration", 1000.0), trial("boresight", gain), trial("motion", 990.0)]
+    assert best_of(trials).name == name

@@ -1,12 +1,14 @@
 """The contest between names that explain the data nearly as well."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.fit import fit
+from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
@@ -58,6 +60,29 @@ def test_what_a_random_rival_hits_upon_by_chance_takes_no_place(
     )
     scale = Scale.of(bench.select.frames, model(), 5)
     assert contest(scale, model(), right, [Rival("range_scale", 0, other, 0.0)], 7).fit.names() == (name,)
+
+
+@pytest.mark.parametrize(
+    ("general", "special", "name"),
+    [(0.08, 0.1, "signal_gain"), (0.04, 0.1, "layer_gain"), (0.1, 0.08, "signal_gain"), (0.02, 0.1, "layer_gain")],
+)
+@pytest.mark.parametrize("accepted", ["signal_gain", "layer_gain"])
+def test_what_can_do_all_that_another_does_must_leave_much_less(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, general: float, special: float, name: str, accepted: str
+) -> None:
+    """Whichever of them was accepted; and what is near because it can do the same is no equal."""
+    verdicts = {"layer_gain": (general, 0.005), "signal_gain": (special, 0.005)}
+    gain = fixed_probes(["signal_gain"])[0]
+    fits = {one: Fit((replace(gain, name=one),), (gain.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
+    monkeypatch.setattr(
+        "lidarcheck.explain.rivals.judged",
+        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
+    )
+    scale = Scale.of(bench.select.frames, model(), 5)
+    other = next(one for one in fits if one != accepted)
+    found = contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
+    assert found.fit.names() == (name,)
+    assert found.equals[name] == ()
 
 
 def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:

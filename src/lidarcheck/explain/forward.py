@@ -19,12 +19,14 @@ from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.trials import finished, select_shown, to_the_end, tried
 
 __all__ = [
+    "SPECIAL_CASES",
     "Bench",
     "Search",
     "Told",
     "Trial",
     "accept",
     "accepted",
+    "best_of",
     "forward",
     "onward",
     "start_fit",
@@ -51,6 +53,11 @@ KIN = (
 KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
+SPECIAL_CASES = {"layer_gain": "signal_gain", "vibration": "boresight"}
+"""Effects that can do all that another one does, and more: gains that are alike in all layers, a view that is turned
+alike in all columns. They also take up what is not quite right elsewhere."""
+_NEARLY_ALL = 0.85
+"""Where the special case explains this part of what the other does, it is the better name."""
 AT_RANDOM = ("random", "wander", "free phase")
 RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 """Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
@@ -197,8 +204,15 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
         passing = [trial for trial in trials if trial.passes]
         if not passing:
             break
-        found = accept(bench, found, max(passing, key=lambda t: t.merit))
+        found = accept(bench, found, best_of(passing))
     return found
+
+
+def best_of(passing: Sequence[Trial]) -> Trial:
+    """The trial of the largest merit, or one of its special case that explains nearly as much."""
+    best = max(passing, key=lambda t: t.merit)
+    special = [t for t in passing if t.name == SPECIAL_CASES.get(best.name) and t.merit > _NEARLY_ALL * best.merit]
+    return max(special, key=lambda t: t.merit, default=best)
 
 
 def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[Trial]:

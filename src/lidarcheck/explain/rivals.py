@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench, Trial, accepted
+from lidarcheck.explain.forward import SPECIAL_CASES, Bench, Trial, accepted
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged, judged, polished
@@ -33,6 +33,8 @@ _NEAR, _NEAR_PART = 300.0, 0.06
 _MOST_EQUAL = 2
 _MARGIN = 2.0
 """Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
+_MUCH_LESS = 0.6
+"""An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,9 @@ def contest(
 ) -> Polished:
     """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
 
-    A rival takes an accepted effect's place only where it is nearer by more than chance; those that chance may make as
-    near are its equals, at most two. `known`: the accepted effects where they were judged already.
+    A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
+    all that one does and more; or, if it is such a one's special case, where it is not much farther. Those that chance
+    may make as near are its equals, at most two. `known`: the accepted effects where they were judged already.
     """
     if not others:
         lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
@@ -117,19 +120,38 @@ def contest(
     own = known or found.pop(0)
     rest = list(zip(others[:_MOST], found, strict=True))
     gaps = {one.name: its.left for one, its in rest}
-    best, its = min(rest, key=lambda pair: pair[1].left)
+    best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, now.names()[pair[0].place]))
     most = own.left + _MARGIN * own.chance
-    equals = {now.names()[k]: _equals(others, k, gaps, most) for k in range(len(now.names()))}
-    # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
-    if its.left >= own.left - _MARGIN * max(own.chance, its.chance):
+    equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(now.names())}
+    if not _takes_its_place(best.name, its, now.names()[best.place], own):
         compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(now.names())}
         return Polished(now, own.lab, own.last, equals, compared, own.left)
-    near = _equals([one for one in others if one is not best], best.place, gaps, its.left + _MARGIN * own.chance)
+    most = its.left + _MARGIN * own.chance
+    near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
     beaten = (now.names()[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
     return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
 
 
-def _equals(others: Sequence[Rival], place: int, gaps: Mapping[str, float], most: float) -> tuple[str, ...]:
-    """The names of the rivals in a place whose gaps are no larger, the smallest first."""
+def _handicap(rival: str, accepted: str) -> float:
+    """By what the gap that a rival leaves is multiplied before it is compared with the accepted one's."""
+    if SPECIAL_CASES.get(rival) == accepted:
+        return 1.0 / _MUCH_LESS
+    return _MUCH_LESS if SPECIAL_CASES.get(accepted) == rival else 1.0
+
+
+def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> bool:
+    """Whether a rival is nearer by more than chance; a special case need only not be farther by more than chance."""
+    # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
+    margin = _MARGIN * max(own.chance, its.chance)
+    handicap = _handicap(rival, accepted)
+    return handicap * its.left < own.left + (margin if handicap < 1.0 else -margin)
+
+
+def _equals(
+    others: Sequence[Rival], place: int, winner: str, gaps: Mapping[str, float], most: float
+) -> tuple[str, ...]:
+    """The names of the rivals in a place whose gaps are no larger, the smallest first; not those of which the winner
+    is a special case, which are near because they can do what it does."""
     near = [one.name for one in others if one.place == place and gaps.get(one.name, np.inf) < most]
+    near = [name for name in near if SPECIAL_CASES.get(name) != winner]
     return tuple(sorted(near, key=lambda name: gaps[name])[:_MOST_EQUAL])
