@@ -33,6 +33,8 @@ _MAY_STAY = {
 """What may stay open of each part of the gap: so large a part of it, or so much on the mean of both kinds of frames
 where that is more, which is what errors of pose and reflectances make. A wrong name often closes one part and leaves
 another as it was, or wider."""
+_SHARE_AT_EDGES = 0.45
+"""As large a part where all that shows is at edges: of a true divergence 0.36 of the widths stayed."""
 _ONE_FORM = {
     frozenset(("range_offset", "range_scale")): {"range": (0.04, 0.15)},
     frozenset(("signal_gain",)): {"area": (0.12, 0.06), "peak": (0.12, 0.06)},
@@ -72,7 +74,7 @@ def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, n
     Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
     the ideal scan: of effects that are of nothing else, the other echoes are left out.
     """
-    at_edges = bool(names) and all(name in AT_EDGES for name in names)
+    at_edges = _only_at_edges(names)
     parts = [part for part in PARTS if part != "other echoes" or not at_edges]
     open_ = _open(seen, (first, last), gap, crew)
     whole, left, chance = open_.mean_of(parts)
@@ -83,10 +85,16 @@ def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, n
     return left <= (1.0 - least) * whole and all(_may_stay(part, open_, names) for part in parts)
 
 
+def _only_at_edges(names: Sequence[str]) -> bool:
+    return bool(names) and all(name in AT_EDGES for name in names)
+
+
 def _may_stay(part: str, open_: _Open, names: Sequence[str]) -> bool:
     """Whether what is left of one part of the gap is no more than forms and usual errors leave."""
     exact = next((parts for those, parts in _ONE_FORM.items() if names and those.issuperset(names)), {})
     share, least = exact.get(part, _MAY_STAY[part])
+    if _only_at_edges(names):
+        share = max(share, _SHARE_AT_EDGES)
     whole, left, _ = open_.mean_of([part])
     return left <= max(share * whole, least)
 
