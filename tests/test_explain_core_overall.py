@@ -134,7 +134,7 @@ def test_no_part_of_the_gap_may_stay(names: tuple[str, ...], part: str, left: fl
     assert carries_over(scale, model(), model(), found, Crew(), names) == carries
 
 
-@pytest.mark.parametrize(("part", "left"), [("area", 0.09), ("other echoes", 0.45)])
+@pytest.mark.parametrize(("part", "left"), [("area", 0.09), ("detected", 0.45), ("other echoes", 0.65)])
 def test_what_errors_of_pose_and_reflectances_leave_may_stay(part: str, left: float) -> None:
     scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
     parts = {one: (left, left, 0.0) if one == part else (1.0, 0.0, 0.0) for one in PARTS}
