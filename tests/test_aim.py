@@ -109,6 +109,28 @@ def test_a_turned_sensor_meets_a_plane_where_it_is(scene):
 _YPR = {"yaw_deg": 0.5, "pitch_deg": -0.3, "roll_deg": 0.4}
 
 
+@pytest.mark.parametrize("scene", [None, STREET])
+def test_on_its_own_surface_no_beam_looks_past_an_edge(scene):
+    """Within a surface it meets what a turned beam meets; at an edge the plane of its own surface goes on."""
+    ideal, turn = STREET.ideal(LAYERS, POINTS), {"yaw_deg": 0.2, "pitch_deg": 0.1}
+    free = aimed(ideal, boresight=turn)
+    held = aimed(ideal, scene, boresight={**turn, "own_surface": 1})
+    same = free.object_id == ideal.object_id
+    assert 0.5 < same.mean() < 0.99
+    assert np.array_equal(held.object_id, ideal.object_id)
+    assert np.array_equal(held.material_id, ideal.material_id)
+    inside = same & np.isin(ideal.object_id, (1, 2))
+    assert held.distance_m[inside] == pytest.approx(free.distance_m[inside], rel=1e-6)
+    straight = beam_directions(ideal.layer, ideal.point)
+    front = (ideal.object_id == 3) & ~same & (np.abs(ideal.distance_m * straight[:, 0] - 18.0) < 1e-6)
+    assert front.any()
+    direction = turned(straight, 0.2, 0.1)
+    assert held.distance_m[front] == pytest.approx(18.0 / direction[front, 0], rel=1e-3)
+    assert np.array_equal(held.distance_m == 0.0, ideal.distance_m == 0.0)
+    kept = aimed(ideal, scene, boresight={"yaw_deg": 0.0, "pitch_deg": 0.0, "own_surface": 1})
+    assert np.array_equal(kept.distance_m, ideal.distance_m)
+
+
 def test_yaw_looks_left_and_pitch_looks_up():
     post = Patch((20, 1.0, 0), (0, 0.2, 0), (0, 0, 5), 2, 2)
     ideal = PatchScene([post]).ideal(LAYERS, POINTS)

@@ -6,7 +6,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.detours import detours
+from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search, Trial, accept, start_fit
 from lidarcheck.explain.lab import Lab
@@ -117,3 +117,19 @@ def test_an_effect_that_made_up_for_an_unfinished_fit_is_left_out_again() -> Non
     left = backward(bench, off, lambda *_: None)
     assert left.names() == ("signal_gain",)
     assert left.effects()[0].settings()["gain"] == pytest.approx(0.4, abs=0.05)
+
+
+def test_the_other_ways_are_all_told_whatever_they_lead_to(both: Bench, screened: list[Screened]) -> None:
+    [way] = other_ways(both, misled(both), screened, lambda *_: None)
+    assert way.fit.names() == ("signal_gain", "timing_jitter")
+    nothing = start_fit(both.lab, nuisances=False)
+    assert not [*other_ways(both, Search(nothing, nothing), screened, unasked)]
+
+
+def test_of_kin_the_later_one_is_left_out() -> None:
+    bench = bench_of(GAIN)
+    probes = [fixed_probes([name])[0] for name in ("signal_gain", "dark_counts", "incidence_falloff")]
+    three = fit(bench.lab, probes, [probe.start() for probe in probes], rounds=1)
+    [fewer] = with_fewer_kin(bench, Search(three, three))
+    assert fewer.fit.names() == ("signal_gain", "dark_counts")
+    assert not [*with_fewer_kin(bench, fewer)]

@@ -15,8 +15,10 @@ from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.explanation import Finding, Gap, Interval
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Search
+from lidarcheck.explain.gap import PARTS
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
+from lidarcheck.explain.overall import Open
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.trials import tried
 from lidarcheck.explain.workflow import Run
@@ -151,6 +153,53 @@ def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(workflow, "backward", lambda *_: pytest.fail("not asked"))
     run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
     assert run.judge(None, None, Search(first, first))[1].verdict == "explained"  # type: ignore[arg-type]
+
+
+def opened(left: float) -> Open:
+    """A gap of one standard deviation in all parts, of which so much is left."""
+    return Open(np.ones(len(PARTS)), np.full(len(PARTS), left), np.random.default_rng(1).normal(0.0, 1e-3, (6, 6)))
+
+
+@pytest.mark.parametrize(
+    ("left", "others", "names", "said"),
+    [
+        (0.1, {}, ["fog"], []),
+        (0.9, {"rain": ("explained", 0.1)}, ["rain"], ["another way"]),
+        (0.9, {"rain": ("explained", 0.9)}, ["fog"], ["another way", "kept"]),
+        (0.9, {"rain": ("unknown", 0.1)}, ["fog"], ["another way", "kept"]),
+        (0.9, {"rain": ("explained", 0.9), "dropout": ("explained", 0.1)}, ["dropout"], ["another way", "kept"] * 2),
+    ],
+    ids=["closed", "another closes", "another does not", "another is unknown", "the second other closes"],
+)
+def test_where_much_stays_open_other_names_are_asked(
+    left: float,
+    others: dict[str, tuple[str, float]],
+    names: list[str],
+    said: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Rain was called fog by blunt summaries, with which all the drops stayed open."""
+
+    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+        [name] = search.fit.names()
+        verdict, its = others[name]
+        return search, Answer(verdict, (_named(name),), (), "", opened(its))
+
+    monkeypatch.setattr(Run, "judge", judged)
+    monkeypatch.setattr(workflow, "with_fewer_kin", lambda *_: iter(()))
+    ways = [Search(fit_of(name), fit_of(name)) for name in others]
+    monkeypatch.setattr(workflow, "other_ways", lambda *_: iter(ways))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    answer = Answer("explained", (_named("fog"),), (), "", opened(left))
+    search, answer = run.take_another_way(None, None, [], Search(first, first), answer)  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == names == list(search.fit.names())
+    assert [step.name for step in run.steps] == said[: 3 if names == ["dropout"] else None]
+
+
+def test_an_unknown_is_asked_for_no_other_way() -> None:
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    search, answer = Search(first, first), Answer("unknown", (_named("unknown"),), (), "")
+    assert run.take_another_way(None, None, [], search, answer) == (search, answer)  # type: ignore[arg-type]
 
 
 def _named(name: str) -> Finding:

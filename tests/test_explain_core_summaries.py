@@ -14,7 +14,7 @@ from lidarcheck.explain.beams import beams_of
 from lidarcheck.explain.covariates import Division, binned, divisions, fine_divisions
 from lidarcheck.explain.lab import Frame, Lab
 from lidarcheck.explain.sights import sights_of
-from lidarcheck.explain.split import split_frames
+from lidarcheck.explain.split import Split, split_frames
 from lidarcheck.explain.summaries import compressed
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
@@ -282,6 +282,26 @@ def test_the_split_depends_on_the_scenes_alone() -> None:
     measured = simulate(street(0), model(), seed=1)
     other = split_frames([dataclasses.replace(f, measured=measured, time_s=9.0) for f in given])
     assert other.numbers() == split.numbers()
+
+
+def test_the_frames_of_the_fit_have_in_view_what_the_others_have() -> None:
+    """Two each of three places, in an order of distances that would deal both of one place to the fit."""
+    distances, places = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0], [1, 2, 1, 3, 2, 3]
+
+    def dealt(materials: list[int]) -> tuple[Split, list[set[int]]]:
+        given = [
+            dataclasses.replace(f, ideal=dataclasses.replace(f.ideal, material_id=np.array([m, 9])))
+            for f, m in zip(cheap_frames(distances), materials, strict=True)
+        ]
+        split = split_frames(given)
+        return split, [{materials[f.number] for f in part} for part in (split.fit, split.select, split.verify)]
+
+    split, (fit, _, _) = dealt(places)
+    assert fit == {1, 2, 3}
+    assert [len(part) for part in (split.fit, split.select, split.verify)] == [3, 1, 2]
+    alike = split_frames(cheap_frames(distances))
+    assert dealt([5] * 6)[0].numbers() == alike.numbers()
+    assert split.numbers() != alike.numbers()
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -105,6 +105,17 @@ def test_walk_by_a_power_is_that_power(power: float) -> None:
     assert shift == pytest.approx(0.01 * ((area / 400.0) ** power - 1.0) / (power * math.log(10)), abs=1e-9)
 
 
+def test_a_table_of_shifts_is_added_to_the_walk_s_curve() -> None:
+    """At whole quarters of a decade its own numbers, between them linear in log AREA, beyond its end the last one."""
+    area = np.array([1.0, 10.0**0.25, 10.0**0.375, 10.0**0.5, 1e3])
+    scan = dataclasses.replace(frame(5), area=area)
+    plain = read("walk_error", scan, per_decade_m=0.01).range_m
+    table = read("walk_error", scan, per_decade_m=0.01, shifts_m=(0.0, 0.1, 0.3)).range_m
+    assert table - plain == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.3], abs=1e-9)
+    alone = read("walk_error", scan, per_decade_m=0.0, bend_m=0.0, shifts_m=(0.1,)).range_m
+    assert alone == pytest.approx(np.full(5, 20.1))
+
+
 def test_a_small_power_is_nearly_the_logarithm() -> None:
     scan = dataclasses.replace(frame(3), area=np.array([90.0, 400.0, 5000.0]))
     logarithm = read("walk_error", scan, power=0.0).range_m

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.own_rays import AimedRays, moving_of, rank_in_beam, rays_of, second_rows
-from lidarcheck.effects.surfaces import LocalSurfaces
+from lidarcheck.effects.surfaces import LocalSurfaces, surfaces_of
 from lidarcheck.rays import Rays, Velocity
 from lidarcheck.scan import IdealScan
 
@@ -28,6 +28,7 @@ __all__ = [
     "recast",
     "redirected",
     "second_rows",
+    "slid",
     "turned",
 ]
 
@@ -57,6 +58,23 @@ def recast(
         rays=aimed,
     )
     return new if around.scene is None else _with_second_rows(new, ideal, max_range_m)
+
+
+def slid(ideal: IdealScan, rays: Rays, around: Surroundings) -> IdealScan:
+    """The ideal scan with what these rays, shape (n,), meet if each stays on the plane of its own row.
+
+    A ray that would meet it beyond the sensor's range meets nothing.
+    """
+    surfaces = surfaces_of(ideal, around)
+    row = np.arange(len(ideal))
+    distance = surfaces.along(row, rays.origin_m, rays.direction)
+    met = (distance > 0.0) & (distance <= around.sensor.max_range_m)
+    return replace(
+        ideal,
+        distance_m=np.where(met, distance, 0.0),
+        incidence_deg=np.where(met, surfaces.incidence_deg(row, rays.direction), 0.0),
+        rays=AimedRays(rays.origin_m, rays.direction, rays.time_s, rays.slot, moving_of(rays, around.caster)),
+    )
 
 
 def _with_second_rows(new: IdealScan, old: IdealScan, max_range_m: float) -> IdealScan:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lidarcheck.effects.aiming import rays_of, recast, redirected, turned
+from lidarcheck.effects.aiming import rays_of, recast, redirected, slid, turned
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
 from lidarcheck.scan import IdealScan
 
@@ -21,7 +21,9 @@ class Boresight(AimEffect):
     in X forward, Y left, Z up; the order of the three does not matter, and negative angles turn back. With `rigid` 0
     yaw adds to every beam's azimuth and pitch to its elevation, as an offset of the encoders does. The mounting error
     of automotive sensors is a few tenths of a degree. Without a scene, what lies between or beyond the ideal scan's
-    beams is taken from its nearest surfaces: good up to about a degree. Identity at yaw, pitch and roll 0.
+    beams is taken from its nearest surfaces: good up to about a degree. Where an edge lies to a part of a beam no ideal
+    scan says; with `own_surface` 1 each beam stays on the surface that it meets, for corrections smaller than a beam.
+    Identity at yaw, pitch and roll 0.
     """
 
     name = "boresight"
@@ -30,6 +32,9 @@ class Boresight(AimEffect):
     pitch_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.1, meaning="turn of the view upward")
     roll_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.0, meaning="lift of the view's left side")
     rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
+    own_surface: int = parameter(
+        "", low=0, high=1, typical=0, whole=True, option=True, meaning="1: each beam stays on the surface that it meets"
+    )
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
         """What the turned beams meet."""
@@ -38,4 +43,6 @@ class Boresight(AimEffect):
         rays = rays_of(ideal)
         rigid = bool(self.rigid)
         direction = turned(rays.direction, self.yaw_deg, self.pitch_deg, self.roll_deg, as_a_body=rigid)
+        if self.own_surface:
+            return slid(ideal, redirected(rays, direction), around)
         return recast(ideal, redirected(rays, direction), around)

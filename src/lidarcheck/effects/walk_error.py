@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
+from lidarcheck.effects.base import ReadoutEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.ranges import at_range
 from lidarcheck.scan import Scan
 
-__all__ = ["WalkError"]
+__all__ = ["QUARTERS", "WalkError"]
 
 FloatArray = npt.NDArray[np.float64]
+
+QUARTERS = 4
+"""Knots of the table of shifts in a decade of AREA."""
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,14 @@ class WalkError(ReadoutEffect):
 
     R' = R + per_decade y + bend y^2, y = log10(AREA / reference_area); with a `power` q other than 0 instead
     y = ((AREA / reference_area)^q - 1) / (q ln 10), of which the logarithm is the limit, so that a walk of
-    a / AREA^p is power -p. By AREA, since PEAK saturates: a comparator's threshold is crossed earlier by a
-    larger pulse, or an amplitude correction was calibrated on other data. The pile-up's own walk comes from the SPADs
-    and stays. Silicon photomultipliers: 36.6 cm over 1.3 ... 46.5 photons, 1.95 cm after correction (Photonics 9, 24,
-    2022).
+    a / AREA^p is power -p. What such curves have not, a table says: `shifts_m` are added at AREA 1, 10^(1/4),
+    10^(1/2) and so on in quarters of a decade, and linearly in log AREA between. By AREA, since PEAK saturates: a
+    comparator's threshold is crossed earlier by a larger pulse, or an amplitude correction was calibrated on other
+    data. The pile-up's own walk comes from the SPADs and stays. Silicon photomultipliers: 36.6 cm over 1.3 ... 46.5
+    photons, 1.95 cm after correction (Photonics 9, 24, 2022).
 
     The echoes of a beam that change places are numbered anew; no range falls below 0. Valid where the shift stays below
-    a few metres; an AREA below 1 counts as 1. Identity at per_decade 0 and bend 0.
+    a few metres; an AREA below 1 counts as 1. Identity at per_decade 0 and bend 0 without shifts.
     """
 
     name = "walk_error"
@@ -38,10 +42,13 @@ class WalkError(ReadoutEffect):
     bend_m: float = parameter("m", low=-2.0, high=2.0, typical=0.0, meaning="shift per squared decade of AREA")
     reference_area: float = parameter("", low=1.0, high=1e6, typical=1000.0, meaning="AREA that is not shifted")
     power: float = parameter("", low=-2.0, high=2.0, typical=0.0, meaning="power of AREA; 0 for the logarithm")
+    shifts_m: tuple[float, ...] = list_parameter(
+        "m", low=-10.0, high=10.0, meaning="shifts besides, at AREA 1 and every quarter of a decade from there"
+    )
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move each echo by its amplitude's shift."""
-        if self.per_decade_m == 0.0 and self.bend_m == 0.0:
+        if self.per_decade_m == 0.0 and self.bend_m == 0.0 and not self.shifts_m:
             return scan
         return at_range(scan, scan.range_m + self.shift_m(scan.area))
 
@@ -52,4 +59,8 @@ class WalkError(ReadoutEffect):
             y = np.log10(np.maximum(area, 1.0) / self.reference_area)
         else:
             y = np.expm1(exponent) / (self.power * math.log(10.0))
-        return np.asarray(self.per_decade_m * y + self.bend_m * y**2)
+        curve = self.per_decade_m * y + self.bend_m * y**2
+        if not self.shifts_m:
+            return np.asarray(curve)
+        quarters = QUARTERS * np.log10(np.maximum(area, 1.0))
+        return np.asarray(curve + np.interp(quarters, np.arange(len(self.shifts_m)), self.shifts_m))

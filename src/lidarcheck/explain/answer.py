@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from lidarcheck.explain.explanation import Finding
+from lidarcheck.explain.explanation import Finding, Gap
 from lidarcheck.explain.findings import findings_of
 from lidarcheck.explain.forward import Bench, Search
-from lidarcheck.explain.gap import Scale, excesses
-from lidarcheck.explain.overall import calibrated
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.overall import Open, calibrated, carries_over
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure
 from lidarcheck.explain.words import depends_on
 from lidarcheck.model.spec import Model
 
-__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms"]
+__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes"]
 
 CALIBRATION = "gain, reflectances and pose"
 """The last stage of an explained model: small errors put right."""
@@ -24,12 +24,14 @@ CALIBRATION = "gain, reflectances and pose"
 
 @dataclass(frozen=True)
 class Answer:
-    """The verdict with its findings, and the models from the case's own to the explained one, effect by effect."""
+    """The verdict with its findings, and the models from the case's own to the explained one, effect by effect; of
+    names also what is open with these on the frames seen."""
 
     verdict: str
     findings: tuple[Finding, ...]
     stages: tuple[tuple[str, Model], ...]
     words: str
+    open: Open | None = None
 
     def without_terms(self) -> Answer:
         """The same without its empirical terms."""
@@ -42,20 +44,29 @@ class Answer:
         return replace(self, stages=tuple(stage for stage in self.stages if stage[0] != CALIBRATION))
 
 
+def closes(answer: Answer, gap: Gap | None = None) -> bool:
+    """Whether the named effects, if there are any, close the gap on the frames seen; with `gap` on the mean of these
+    and of those that no fit has seen."""
+    if answer.open is None:
+        return True
+    names = [finding.name for finding in answer.findings]
+    return carries_over(answer.open if gap is None else answer.open.beside(gap), names)
+
+
 def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
     case = bench.lab.model
-    [(before, _)] = excesses(seen, [case], bench.crew) if last.compared else [(0.0, 0.0)]
-    findings = findings_of(bench, search, closed, last, before)
+    [(before, noise)] = bench.crew.map(Scale.excess_by_part, [(seen.held, case)])
+    findings = findings_of(bench, search, closed, last, float(before.mean()))
     stages, model = [("", case)], case
     for finding in findings:
         for effect in finding.effects:
             model = model.with_(effect)
         stages.append((finding.name, model))
-    there = calibrated(seen, model, last.last.nuisance, bench.crew)
+    there, after = calibrated(seen, model, last.last.nuisance, bench.crew)
     if there is not model:
         stages.append((CALIBRATION, there))
-    return Answer("explained", tuple(findings), tuple(stages), "")
+    return Answer("explained", tuple(findings), tuple(stages), "", Open(before, after, noise))
 
 
 def by_terms(

@@ -6,17 +6,17 @@ of another sensor for those of crosstalk and of drops. Beside it the right ones 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward
+from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, are_kin, onward
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened
-from lidarcheck.explain.search import backward
+from lidarcheck.explain.search import backward, without
 from lidarcheck.explain.trials import select_distance
 from lidarcheck.explain.verdict import closure
 
-__all__ = ["detours"]
+__all__ = ["detours", "other_ways", "with_fewer_kin"]
 
 _OPEN, _OPEN_CLOSED = 0.06, 0.15
 """Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried; nor where
@@ -37,18 +37,27 @@ def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Tol
         return found
     if open_ < _OPEN_CLOSED and closure(bench, found.fit, found.trials).holds:
         return found
-    rest = [one for one in screened if one.probe.name != first.name]
-    ways = _others(found, first)
     nearest = found
-    for i, trial in enumerate(ways):
-        told("detour", i, len(ways))
-        began = [t for t in found.trials if t.round == 1]
-        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, silent)
-        way.fit = backward(bench, way.fit, silent)
+    for way in other_ways(bench, found, screened, told):
         there, more = _left(bench, way.fit), len(way.fit.probes) - len(nearest.fit.probes)
         if there < (_SIMPLER if more < 0 else _NEARER ** max(more, 1)) * left:
             nearest, left = way, there
     return nearest
+
+
+def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Iterator[Search]:
+    """The searches that begin with another effect than the best of the first round, and go on without that one."""
+    first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
+    if first is None:
+        return
+    rest = [one for one in screened if one.probe.name != first.name]
+    began = [t for t in found.trials if t.round == 1]
+    ways = _others(found, first)
+    for i, trial in enumerate(ways):
+        told("detour", i, len(ways))
+        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, silent)
+        way.fit = backward(bench, way.fit, silent)
+        yield way
 
 
 def _others(found: Search, first: Trial) -> list[Trial]:
@@ -65,3 +74,11 @@ def _left(bench: Bench, now: Fit) -> float:
     """What a fit leaves open on the frames of the fit and of the selection."""
     there = select_distance(bench.select, now) - bench.select.floor_distance
     return now.distance - bench.lab.floor_distance + there
+
+
+def with_fewer_kin(bench: Bench, found: Search) -> Iterator[Search]:
+    """The search without the later one of two effects that change the same features in the same way."""
+    names = found.fit.names()
+    for later, name in enumerate(names):
+        if any(are_kin(name, earlier) for earlier in names[:later]):
+            yield Search(found.first, without(bench.lab, found.fit, later), found.trials)

@@ -15,6 +15,7 @@ from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged
+from lidarcheck.explain.relisted import read_again
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.trials import finished, select_shown, to_the_end, tried
 
@@ -244,7 +245,7 @@ def accept(bench: Bench, found: Search, trial: Trial) -> Search:
     """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
     another effect."""
     end = trial.end or fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
-    return replace(found, fit=end)
+    return replace(found, fit=read_again(bench.lab, end))
 
 
 def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:

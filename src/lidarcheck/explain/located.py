@@ -18,7 +18,7 @@ from lidarcheck.explain.located_ranges import range_probes
 from lidarcheck.explain.located_rhythms import rhythm_probes
 from lidarcheck.explain.nuisances import beside
 
-__all__ = ["Dimming", "dimming_of", "located_probes"]
+__all__ = ["Dimming", "dimming_of", "gains_of_layers", "located_probes"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -126,13 +126,19 @@ def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
 
 def _each_layer(layers: IndexArray, gain: FloatArray, weight: FloatArray, mean: float) -> Probe:
     """A gain of its own for every layer, nearer to that of all where little is known of it."""
-    scatter = max(float(np.average(gain**2, weights=weight + 1e-9)), 1e-6)
-    shrunk = gain * weight / (weight + 1.0 / scatter)
-    span = np.arange(layers[0], layers[-1] + 1)
-    gains = np.round(np.exp(np.clip(np.interp(span, layers, shrunk), -3.0, 2.0)), 3)
+    gains = np.round(gains_of_layers(layers, gain, weight), 3)
     place = {"first_layer": int(layers[0]), "last_layer": int(layers[-1]), "every": 1}
     settings = {"gain": float(np.exp(np.clip(mean, -3.0, 2.0))), "gains": tuple(gains.tolist())}
     return Probe("layer_gain", settings, free_of("layer_gain"), place, "pattern")
+
+
+def gains_of_layers(layers: IndexArray, log_gain: FloatArray, weight: FloatArray) -> FloatArray:
+    """The gain of each layer from the first to the last of `layers`, ascending, by their ln gains, shape (n,); nearer
+    to 1 where little is known of it; shape (last - first + 1,)."""
+    scatter = max(float(np.average(log_gain**2, weights=weight + 1e-9)), 1e-6)
+    shrunk = log_gain * weight / (weight + 1.0 / scatter)
+    span = np.arange(layers[0], layers[-1] + 1)
+    return np.asarray(np.exp(np.clip(np.interp(span, layers, shrunk), -3.0, 2.0)))
 
 
 def _best_run(total: FloatArray, weight: FloatArray) -> tuple[int, int]:

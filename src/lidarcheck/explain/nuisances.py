@@ -62,8 +62,11 @@ class Nuisance:
         }
         return replace(model, materials=table)
 
-    def calibrated(self, model: Model) -> Model:
-        """The model corrected for this nuisance: reflectances of its table, and a small boresight correction."""
+    def calibrated(self, model: Model, *, own_surface: bool = False) -> Model:
+        """The model corrected for this nuisance: reflectances of its table, and a small boresight correction.
+
+        `own_surface`: it leaves each beam on the surface that it meets, unless the model has a boresight already.
+        """
         model = self.model(model)
         if self.still:
             return model
@@ -72,7 +75,8 @@ class Nuisance:
             "yaw_deg": float(old.get("yaw_deg", 0.0)) + round(self.yaw * POSE_ERROR_DEG, 5),
             "pitch_deg": float(old.get("pitch_deg", 0.0)) + round(self.pitch * POSE_ERROR_DEG, 5),
         }
-        return model.with_(make("boresight", {**old, **turn}))
+        kept = {"own_surface": 1} if own_surface and not old else {}
+        return model.with_(make("boresight", {**old, **turn, **kept}))
 
     def posed(self, model: Model, surfaces: Sequence[Surfaces]) -> tuple[Model, list[Surfaces]]:
         """A model and ideal scans, with their surfaces, that show the pose's error.

@@ -14,11 +14,11 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Gap
 from lidarcheck.explain.forward import are_kin
-from lidarcheck.explain.gap import PARTS, Scale, excesses
+from lidarcheck.explain.gap import PARTS, Scale
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.model.spec import Model
 
-__all__ = ["calibrated", "carries_over", "widening"]
+__all__ = ["Open", "calibrated", "carries_over", "widening"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,15 +47,42 @@ _WIDER = 0.03
 """An effect that widens the gap by this part of what was open without it does not help there."""
 
 
-def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> Model:
-    """The model with the small errors put right that were fitted beside the effects, all or those of reflectances,
-    whichever comes nearest: an ideal scan says too little of edges to turn its beams by a part of one."""
+@dataclass(frozen=True)
+class Open:
+    """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
+    the noise on these, shape (n_draws, n_parts)."""
+
+    before: FloatArray
+    after: FloatArray
+    noise: FloatArray
+
+    def beside(self, gap: Gap) -> Open:
+        """The mean of these frames and of others, of which the gap is known."""
+        unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
+        there = unseen[:, :2] - unseen[:, 2:]
+        return Open((self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0, self.noise / 2.0)
+
+    def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
+        """The means over some parts, and their standard deviation by chance."""
+        of = [PARTS.index(part) for part in parts]
+        chance = self.noise[:, of].mean(axis=1).std(ddof=1)
+        return float(self.before[of].mean()), float(self.after[of].mean()), float(chance)
+
+
+def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Model, FloatArray]:
+    """The model with the small errors put right that were fitted beside the effects, of reflectances, or of the pose
+    too, whichever comes nearest; and what that leaves of each of `PARTS`, shape (n_parts,).
+
+    An ideal scan says too little of edges to turn its beams by a part of one: of a pose's error it can be nearer that
+    each beam stays on the surface that it meets.
+    """
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
     ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
-    if len(ways) == 1:
-        return model
-    left = [excess for excess, _ in excesses(seen, ways, crew)]
-    return ways[int(np.argmin(left))]
+    if not off.still:
+        ways.append(off.calibrated(model, own_surface=True))
+    left = [excess for excess, _ in crew.map(Scale.excess_by_part, ((seen.held, way) for way in ways))]
+    best = int(np.argmin([excess.mean() for excess in left]))
+    return ways[best], left[best]
 
 
 def widening(gap: Gap, names: Sequence[str]) -> list[str]:
@@ -68,16 +95,14 @@ def widening(gap: Gap, names: Sequence[str]) -> list[str]:
     return found
 
 
-def carries_over(seen: Scale, first: Model, last: Model, gap: Gap, crew: Crew, names: Sequence[str] = ()) -> bool:
-    """Whether a good part of the gap closes between two models, over the frames that no fit has seen and all others
-    alike; `names`: the effects that the last one has more.
+def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
+    """Whether a good part of the gap closes, and of each of its parts; `names`: the effects that close it.
 
     Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
     the ideal scan: of effects that are of nothing else, the other echoes are left out.
     """
     at_edges = _only_at_edges(names)
     parts = [part for part in PARTS if part != "other echoes" or not at_edges]
-    open_ = _open(seen, (first, last), gap, crew)
     whole, left, chance = open_.mean_of(parts)
     if whole <= _SURE * chance:
         return True
@@ -90,7 +115,7 @@ def _only_at_edges(names: Sequence[str]) -> bool:
     return bool(names) and all(name in AT_EDGES for name in names)
 
 
-def _may_stay(part: str, open_: _Open, names: Sequence[str]) -> bool:
+def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     """Whether what is left of one part of the gap is no more than forms and usual errors leave."""
     exact = next((parts for those, parts in _ONE_FORM.items() if names and those.issuperset(names)), {})
     share, least = exact.get(part, _MAY_STAY[part])
@@ -98,26 +123,3 @@ def _may_stay(part: str, open_: _Open, names: Sequence[str]) -> bool:
         share = max(share, _SHARE_AT_EDGES)
     whole, left, _ = open_.mean_of([part])
     return left <= max(share * whole, least)
-
-
-@dataclass(frozen=True)
-class _Open:
-    """What is open of each of `PARTS` with the first of two models and with the last one, shape (n_parts,), on the mean
-    of the frames that no fit has seen and of all others; draws of the noise on these, shape (n_draws, n_parts)."""
-
-    before: FloatArray
-    after: FloatArray
-    noise: FloatArray
-
-    def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
-        """The means over some parts, and their standard deviation by chance."""
-        of = [PARTS.index(part) for part in parts]
-        chance = self.noise[:, of].mean(axis=1).std(ddof=1)
-        return float(self.before[of].mean()), float(self.after[of].mean()), float(chance)
-
-
-def _open(seen: Scale, models: tuple[Model, Model], gap: Gap, crew: Crew) -> _Open:
-    (before, noise), (after, _) = crew.map(Scale.excess_by_part, ((seen.held, model) for model in models))
-    unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
-    there = unseen[:, :2] - unseen[:, 2:]
-    return _Open((before + there[:, 0]) / 2.0, (after + there[:, 1]) / 2.0, noise / 2.0)

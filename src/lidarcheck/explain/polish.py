@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Frame, Lab
+from lidarcheck.explain.relisted import read_again
 from lidarcheck.model.spec import Model
 
 __all__ = ["Judged", "judged", "polished"]
@@ -43,5 +44,6 @@ def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tupl
     there = fit(lab, now.probes, now.x, rounds=0, nuisance=now.nuisance)
     best = fit(lab, now.probes, now.x, rounds=3, nuisance=now.nuisance)
     best = fit_nuisance(lab, best, rounds=2)
+    best = read_again(lab, best)
     again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
     return lab, min((there, best, again), key=lambda one: one.distance)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.lab import Frame
@@ -15,6 +17,11 @@ __all__ = ["Split", "split_frames"]
 FEWEST = 3
 _ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
 """The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
+_WORTH = 0.1
+"""Two frames are swapped where that brings so large a part of the beams to where it is wanted."""
+
+FloatArray = npt.NDArray[np.float64]
+Roles = npt.NDArray[np.str_]
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,8 @@ class Split:
 
 
 def split_frames(frames: Sequence[Frame]) -> Split:
-    """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances.
+    """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances; then
+    swap some, so that the frames of the fit have in view what the others have.
 
     Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
     """
@@ -46,10 +54,44 @@ def split_frames(frames: Sequence[Frame]) -> Split:
         )
     order = sorted(frames, key=lambda f: (_distance(f), f.number))
     roles = ("fit", "select", "verify") if len(frames) < 5 else _ROLES
-    dealt: dict[str, list[Frame]] = {name: [] for name in ("fit", "select", "verify")}
-    for i, frame in enumerate(order):
-        dealt[roles[i % len(roles)]].append(frame)
-    return Split(*(tuple(sorted(dealt[name], key=lambda f: f.number)) for name in ("fit", "select", "verify")))
+    dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
+    parts = ([f for f, role in zip(order, dealt, strict=True) if role == name] for name in ("fit", "select", "verify"))
+    return Split(*(tuple(sorted(part, key=lambda f: f.number)) for part in parts))
+
+
+def _in_view(frames: Sequence[Frame]) -> FloatArray:
+    """What part of each frame's beams meets each material, or nothing, shape (n_frames, 1 + n_materials)."""
+    met = [np.where(f.ideal.distance_m > 0.0, f.ideal.material_id, -1) for f in frames]
+    materials = np.unique(np.concatenate([[-1], *met]))
+    return np.array([np.bincount(np.searchsorted(materials, one), minlength=len(materials)) / len(one) for one in met])
+
+
+def _swapped(roles: Roles, in_view: FloatArray) -> Roles:
+    """The roles of the frames, shape (n_frames,), after those swaps of two that help most, while any helps enough: an
+    effect that shows on one material alone cannot be fitted where that is nowhere in view."""
+    unlike = _unlike(roles, in_view)
+    for _ in range(len(roles)):
+        swaps = [pair for pair in itertools.combinations(range(len(roles)), 2) if roles[pair[0]] != roles[pair[1]]]
+        found = [(_unlike(_swap(roles, pair), in_view), pair) for pair in swaps]
+        best, pair = min(found)
+        if best > unlike - _WORTH:
+            break
+        roles, unlike = _swap(roles, pair), best
+    return roles
+
+
+def _swap(roles: Roles, pair: tuple[int, int]) -> Roles:
+    other = roles.copy()
+    other[[*pair]] = roles[[*pair[::-1]]]
+    return other
+
+
+def _unlike(roles: Roles, in_view: FloatArray) -> float:
+    """What part of the beams of the other frames, and half of that of those to verify, meets what those of the fit do
+    not."""
+    fit = in_view[roles == "fit"].mean(axis=0)
+    others, verify = in_view[roles != "fit"].mean(axis=0), in_view[roles == "verify"].mean(axis=0)
+    return float(np.maximum(others - fit, 0.0).sum() + 0.5 * np.maximum(verify - fit, 0.0).sum())
 
 
 def _distance(frame: Frame) -> float:

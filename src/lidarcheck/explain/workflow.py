@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -15,10 +16,10 @@ import numpy.typing as npt
 from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
-from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms
+from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.detours import detours
+from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.explanation import (
     Explanation,
     Gap,
@@ -32,7 +33,7 @@ from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.overall import carries_over, widening
+from lidarcheck.explain.overall import widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen
@@ -52,8 +53,7 @@ if TYPE_CHECKING:
 __all__ = ["Answer", "Run", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
-_HEARD_PLACES = 5
-"""So many of what stands out are told while the work goes on; the report has all."""
+_HEARD_PLACES = 5  # so many of what stands out are told while the work goes on; the report has all
 
 
 def explain(
@@ -101,12 +101,13 @@ def _explain(case: Case, run: Run) -> Explanation:
     seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
     search = run.look_again(bench, seen, search, screened)
     search, answer = run.judge(bench, seen, search)
+    search, answer = run.take_another_way(bench, seen, screened, search, answer)
     untestable = run.list_untestable(bench, screened)
     gap = run.verify(split, answer)
     fewer, simpler = run.leave_out(bench, seen, search, answer, gap)
     if simpler is not answer:
         search, answer, gap = fewer, simpler, run.verify(split, simpler)
-    if answer.verdict == "explained" and not run.carries_over(seen, answer, gap):
+    if not closes(answer, gap):
         answer = run.withdraw(bench, seen, search, answer, gap)
         gap = run.verify(split, answer)
     if answer.verdict == "unknown" and gap.after.value > gap.before.value:
@@ -187,8 +188,9 @@ class Run:
 
     def look_again(self, bench: Bench, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
         """For effects that hide beside those that were accepted."""
-        told = functools.partial(self.tell, "second look")
-        found = second_look(bench, seen, search, screened, 2 * self.seed + 4, told)
+        found = second_look(
+            bench, seen, search, screened, 2 * self.seed + 4, functools.partial(self.tell, "second look")
+        )
         self.tell("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
@@ -260,6 +262,22 @@ class Run:
             search.fit = found.fit
         return found
 
+    def take_another_way(
+        self, bench: Bench, seen: Scale, screened: Sequence[Screened], search: Search, answer: Answer
+    ) -> tuple[Search, Answer]:
+        """Other names in the place of such as leave too much open beam by beam, if there are any that do not."""
+        if closes(answer):
+            return search, answer
+        told = functools.partial(tell_fit, self.tell)
+        for way in itertools.chain(with_fewer_kin(bench, search), other_ways(bench, search, screened, told)):
+            named, instead = (", ".join(one.fit.names()) for one in (search, way))
+            self.did("another way", f"{instead}, since with {named} too much stays open on the frames seen")
+            found, other = self.judge(bench, seen, way)
+            if other.verdict == "explained" and closes(other):
+                return found, other
+            self.did("kept", f"{named}: the other way leaves too much open, too")
+        return search, answer
+
     def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects these scenes could not show."""
         names = [name for name in catalogue() if name not in self.exclude]
@@ -288,11 +306,6 @@ class Run:
         found = by_terms(bench, seen, search, left, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
         self.tell("unknown", 1, 1)
         return found
-
-    def carries_over(self, seen: Scale, answer: Answer, gap: Gap) -> bool:
-        """Whether the names close the gap on the frames that no fit has seen, too."""
-        names = [finding.name for finding in answer.findings]
-        return carries_over(seen, answer.stages[0][1], answer.stages[-1][1], gap, self.crew, names)
 
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""

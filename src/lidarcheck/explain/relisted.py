@@ -1,0 +1,97 @@
+"""Lists of numbers of an effect, read off what a fit with it leaves over.
+
+A fit moves the numbers of an effect, and a list of them, a gain for every layer, only as a whole. The list was read off
+the case's own model, whose echoes are farther from the measured ones than those of the fit. A walk is fitted as a curve
+of two or three numbers, which the sensor's own is not quite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.walk_error import QUARTERS, WalkError
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located import dimming_of, gains_of_layers
+from lidarcheck.explain.sights import FEATURES, Sights
+
+__all__ = ["read_again"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_SEEDS, _MOST = 3, 3
+_LEAST = 0.02
+"""A list that comes nearer by a smaller part of the distance is not worth a further reading."""
+_KNOTS = 4 * QUARTERS + 1
+_BESIDES = 0.3
+"""A table of shifts is what a walk's curve has not quite: no more than this part of the span of the curve itself."""
+_CLIP_M, _RIDGE = 1.0, 4.0
+"""Single ranges farther off say no more than this; a knot is held at 0 as firmly as by so many beams."""
+_RANGE, _AREA = FEATURES.index("range"), FEATURES.index("area")
+
+
+def read_again(lab: Lab, now: Fit) -> Fit:
+    """The fit with its lists read again, where that comes nearer; the other numbers stay."""
+    for place, probe in enumerate(now.probes):
+        if not ("gains" in probe.settings or probe.name == "walk_error"):
+            continue
+        for _ in range(_MOST):
+            probes = (*now.probes[:place], _read(lab, now, place), *now.probes[place + 1 :])
+            found = fit(lab, probes, now.x, rounds=0, nuisance=now.nuisance)
+            if not found.distance < (1.0 - _LEAST) * now.distance:
+                break
+            now = replace(found, jacobian=now.jacobian)
+    return now
+
+
+def _read(lab: Lab, now: Fit, place: int) -> Probe:
+    """The probe with its list read off what the fit leaves over."""
+    model = now.model(lab.model)
+    shown = [lab.sights(model, 400 + k, now.nuisance) for k in range(_SEEDS)]
+    probe = now.probes[place]
+    if probe.name == "walk_error":
+        return replace(probe, settings={**probe.settings, "shifts_m": _shifts(lab, shown, probe, now.x[place])})
+    return replace(probe, settings={**probe.settings, "gains": _gains(lab, shown, probe)})
+
+
+def _gains(lab: Lab, shown: list[Sights], probe: Probe) -> tuple[float, ...]:
+    """Each layer's gain times what the layer's echoes still ask for."""
+    count = np.sum([one.detected for one in shown], axis=0)
+    log_area = np.sum([np.where(one.detected, one.feature[:, _AREA], 0.0) for one in shown], axis=0)
+    dimming = dimming_of(lab, log_area / np.maximum(count, 1), count == len(shown))
+    layers, place = np.unique(lab.beams.layer, return_inverse=True)
+    more = gains_of_layers(layers, *dimming.mean(place, len(layers)))
+    gains = np.clip(np.asarray(probe.settings["gains"]) * more, 0.0, 10.0)
+    return tuple(np.round(gains, 3).tolist())
+
+
+def _shifts(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tuple[float, ...]:
+    """The table of shifts with what the ranges still ask for at each amplitude, within limits.
+
+    Of measured echoes the mean range at an AREA is taken, and of simulated ones that at their own AREA: the photons of
+    an echo that is brighter by chance also come earlier.
+    """
+    means = [_range_by_area(lab, one) for one in shown]
+    more = _range_by_area(lab, lab.measured_sights) - np.mean(means, axis=0)
+    curve = WalkError(**{**probe.effect(x).settings(), "shifts_m": ()})
+    seen = np.quantile(lab.measured_sights.feature[lab.measured_sights.detected, _AREA], [0.01, 0.99])
+    most = _BESIDES * float(np.ptp(curve.shift_m(np.exp(seen))))
+    table = np.asarray(probe.settings.get("shifts_m") or np.zeros(_KNOTS)) + more
+    return tuple(np.round(np.clip(table, -most, most), 4).tolist())
+
+
+def _range_by_area(lab: Lab, shown: Sights) -> FloatArray:
+    """The ranges' residuals [m] at each of the table's amplitudes, by least squares, shape (_KNOTS,)."""
+    expected = lab.summaries.expected
+    used = np.flatnonzero(shown.detected & expected.known & ~expected.at_edge)
+    quarters = np.clip(QUARTERS * shown.feature[used, _AREA] / np.log(10.0), 0.0, _KNOTS - 1.0)
+    off_m = np.clip(shown.feature[used, _RANGE], -_CLIP_M, _CLIP_M)
+    weight = 1.0 / np.maximum(expected.spread[used, _RANGE], 1e-3) ** 2
+    hats = np.maximum(1.0 - np.abs(quarters[:, None] - np.arange(_KNOTS)), 0.0)
+    firmly = _RIDGE * float(np.median(weight)) if len(used) else 1.0
+    curvature = hats.T @ (weight[:, None] * hats) + firmly * np.eye(_KNOTS)
+    return np.asarray(np.linalg.solve(curvature, hats.T @ (weight * off_m)))

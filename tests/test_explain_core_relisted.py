@@ -1,0 +1,79 @@
+"""Lists of numbers are read again around the fit that has them."""
+
+import numpy as np
+import pytest
+
+from explain_core_kit import at_ranges, frames, model
+from lidarcheck.effects import make
+from lidarcheck.effects.walk_error import WalkError
+from lidarcheck.explain.candidates import Probe, fixed_probes, free_of
+from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.relisted import read_again
+from lidarcheck.scan import Scan
+
+FIRST, LAST = 230, 279
+TRUE = np.exp(0.4 * np.random.default_rng(3).standard_normal(LAST - FIRST + 1))
+PLACE = {"first_layer": FIRST, "last_layer": LAST, "every": 1}
+
+
+@pytest.fixture(scope="module")
+def lab() -> Lab:
+    gains = make("layer_gain", {**PLACE, "gain": 1.0, "gains": tuple(TRUE.tolist())})
+    return Lab(frames(model(gains), 2, layers=range(FIRST, LAST + 1), points=range(320, 640, 4)), model(), 3)
+
+
+def with_gains(lab: Lab, gains: np.ndarray) -> Fit:
+    probe = Probe("layer_gain", {"gain": 1.0, "gains": tuple(gains.tolist())}, free_of("layer_gain"), PLACE, "pattern")
+    return fit(lab, [probe], [probe.start()], rounds=0)
+
+
+def gains_of(found: Fit) -> np.ndarray:
+    settings = found.effects()[0].settings()
+    return float(settings["gain"]) * np.asarray(settings["gains"])
+
+
+def test_gains_that_were_read_too_small_come_out_right(lab: Lab) -> None:
+    """A list that says half of what each layer does leaves much open, and no factor on all layers helps."""
+    start = with_gains(lab, np.sqrt(TRUE))
+    found = read_again(lab, start)
+    assert found.distance - lab.floor_distance < 0.3 * (start.distance - lab.floor_distance)
+    before, after = (np.abs(np.log(gains_of(one) / TRUE)) for one in (start, found))
+    assert np.median(after) < 0.5 * np.median(before)
+    assert after.mean() < 0.6 * before.mean()
+    assert np.array_equal(found.x[0], start.x[0])
+
+
+def saturating(area: np.ndarray) -> np.ndarray:
+    """A walk that no curve of two numbers has [m]."""
+    return 0.25 * np.exp(-area / 300.0) - 0.1 * np.exp(-(((np.log10(area) - 2.6) / 0.15) ** 2))
+
+
+def walked(scan: Scan) -> Scan:
+    return at_ranges(scan, scan.range_m + saturating(scan.area))
+
+
+def test_what_a_walk_s_curve_has_not_comes_out_as_a_table() -> None:
+    fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
+    lab = Lab(frames(model(), 3, changed=walked, **fine), model(), 3)
+    probe = next(one for one in fixed_probes(["walk_error"]) if not one.variant)
+    curve = fit(lab, [probe], [probe.start()], rounds=4)
+    found = read_again(lab, curve)
+    assert found.distance - lab.floor_distance < 0.5 * (curve.distance - lab.floor_distance)
+    there, plain = found.effects()[0], curve.effects()[0]
+    assert isinstance(there, WalkError)
+    assert isinstance(plain, WalkError)
+    assert there.per_decade_m == plain.per_decade_m
+    area = np.exp(lab.summaries.expected.mean[lab.summaries.expected.known, 1])
+    off = [np.abs(walk.shift_m(area) - saturating(area)).mean() for walk in (there, plain)]
+    assert off[0] < 0.8 * off[1]
+    span = np.ptp(plain.shift_m(area))
+    assert 0.0 < np.abs(there.shifts_m).max() <= 0.3 * span + 1e-3
+
+
+def test_what_comes_no_nearer_is_left_as_it_is(lab: Lab) -> None:
+    right = with_gains(lab, np.round(TRUE, 3))
+    assert np.abs(np.log(gains_of(read_again(lab, right)) / TRUE)).max() < 0.1
+    plain = fixed_probes(["signal_gain"])[0]
+    nothing = fit(lab, [plain], [plain.start()], rounds=0)
+    assert read_again(lab, nothing) is nothing
