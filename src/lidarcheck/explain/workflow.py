@@ -159,8 +159,7 @@ class Run:
     def find_where(self, bench: Bench) -> tuple[Standout, ...]:
         """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
         lab = bench.lab
-        largest = np.abs(lab.check).max(axis=1)
-        level = float(np.quantile(largest, 0.95))
+        level = float(np.quantile(np.abs(lab.check).max(axis=1), 0.95))
         found = standouts(lab.summaries.names, lab.measured_plain, level)
         self.did("where", f"{len(found)} summaries stand out")
         for one in found[:_HEARD_PLACES]:
@@ -188,9 +187,8 @@ class Run:
 
     def look_again(self, bench: Bench, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
         """For effects that hide beside those that were accepted."""
-        found = second_look(
-            bench, seen, search, screened, 2 * self.seed + 4, functools.partial(self.tell, "second look")
-        )
+        told = functools.partial(self.tell, "second look")
+        found = second_look(bench, seen, search, screened, 2 * self.seed + 4, told)
         self.tell("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
