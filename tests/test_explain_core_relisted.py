@@ -71,6 +71,29 @@ def test_what_a_walk_s_curve_has_not_comes_out_as_a_table() -> None:
     assert 0.0 < np.abs(there.shifts_m).max() <= 0.3 * span + 1e-3
 
 
+def test_what_a_power_of_the_cosine_has_not_comes_out_as_factors() -> None:
+    """A gloss at 30 degrees and a shade at 60 on top of the power."""
+    bumps = np.array([0.6, 0.8, 1.2, 1.6, 1.6, 1.0, 0.6, 0.5, 0.8, 1.2])
+    sheen = make("incidence_falloff", {"exponent": 2.0, "factors": tuple(bumps.tolist())})
+    fine = {"layers": range(230, 290, 2), "points": range(320, 640, 4)}
+    lab = Lab(frames(model(sheen), 3, **fine), model(), 3)
+    probe = fixed_probes(["incidence_falloff"])[0]
+    curve = fit(lab, [probe], [probe.start()], rounds=4)
+    found = read_again(lab, curve)
+    assert found.distance - lab.floor_distance < 0.6 * (curve.distance - lab.floor_distance)
+
+    def factor(one: Fit) -> np.ndarray:
+        settings = one.effects()[0].settings()
+        power = np.cos(np.deg2rad(lab.beams.incidence_deg)) ** (settings["exponent"] - 1.0)
+        knots = settings.get("factors") or (1.0,)
+        return np.asarray(power * np.interp(lab.beams.incidence_deg / 10.0, np.arange(len(knots)), knots))
+
+    angle, true = lab.beams.incidence_deg, np.cos(np.deg2rad(lab.beams.incidence_deg))
+    true = true * np.interp(angle / 10.0, np.arange(10), bumps)
+    off = [np.abs(np.log(factor(one) / true))[angle < 85.0].mean() for one in (found, curve)]
+    assert off[0] < 0.8 * off[1]
+
+
 def test_what_comes_no_nearer_is_left_as_it_is(lab: Lab) -> None:
     right = with_gains(lab, np.round(TRUE, 3))
     assert np.abs(np.log(gains_of(read_again(lab, right)) / TRUE)).max() < 0.1

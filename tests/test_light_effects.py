@@ -96,6 +96,18 @@ def test_the_signal_goes_with_that_power_of_the_cosine(exponent: float) -> None:
     assert light.pulse_signal == pytest.approx(6000 * 0.4 / 400 * np.cos(np.deg2rad(angle)) ** exponent)
 
 
+def test_a_table_of_factors_stands_on_top_of_the_power() -> None:
+    """At whole tens of degrees its own numbers, linear in the angle between, the last one beyond its end."""
+    table = dataclasses.replace(wall(5, 20.0), incidence_deg=np.array([0.0, 10.0, 15.0, 20.0, 70.0]))
+    given = {"exponent": 2.0, "factors": (1.2, 1.0, 0.8)}
+    light = lit(effects.make("incidence_falloff", given), Around(table))
+    plain = lit(effects.make("incidence_falloff", {"exponent": 2.0}), Around(table))
+    assert light.pulse_signal / plain.pulse_signal == pytest.approx([1.2, 1.0, 0.9, 0.8, 0.8])
+    alone = lit(effects.make("incidence_falloff", {"exponent": 1.0, "factors": (0.5,)}), Around(table))
+    nothing = lit(effects.make("incidence_falloff", {"exponent": 1.0}), Around(table))
+    assert alone.pulse_signal == pytest.approx(0.5 * nothing.pulse_signal)
+
+
 @pytest.mark.parametrize("exponent", [0.0, 0.3, 3.0])
 def test_grazing_light_stays_finite(exponent: float) -> None:
     table = dataclasses.replace(wall(3, 20.0), incidence_deg=np.array([89.999999, 90.0, 91.0]))

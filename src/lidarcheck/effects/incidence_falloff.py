@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.base import LightEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.beam_rows import by_material
 from lidarcheck.scan import Light
 
-__all__ = ["IncidenceFalloff"]
+__all__ = ["STEP_DEG", "IncidenceFalloff"]
 
 _LEAST_COSINE = 1e-3
+STEP_DEG = 10.0
+"""Between the knots of the table of factors."""
 
 
 @dataclass(frozen=True)
@@ -25,23 +27,31 @@ class IncidenceFalloff(LightEffect):
     Retro-reflectors, which have no cosine, stay as they are, and so does light that no surface returned. Light
     scattered into other beams falls with the incidence on the surface that it comes from.
 
-    Valid for 0 <= exponent <= 10 at any incidence: at grazing incidence S stays finite and is at most S at 0 degrees.
-    Identity at exponent 1.
+    What no power has, a gloss that is seen straight on, say, a table tells: `factors` on top, at 0, 10, ... 90 degrees,
+    linearly between; the last one goes on.
+
+    Valid for 0 <= exponent <= 10 at any incidence: at grazing incidence S stays finite. Identity at exponent 1 without
+    factors.
     """
 
     name = "incidence_falloff"
 
     exponent: float = parameter("", low=0.0, high=10.0, typical=2.0, meaning="power of the cosine")
+    factors: tuple[float, ...] = list_parameter(
+        "", low=0.0, high=10.0, meaning="factors besides, at an incidence of 0, 10, ... 90 degrees"
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale the pulses of Lambertian surfaces."""
         row = light.rows()
-        if self.exponent == 1.0 or len(row) == 0 or len(around.ideal) == 0:
+        if (self.exponent == 1.0 and not self.factors) or len(row) == 0 or len(around.ideal) == 0:
             return light
         ideal = around.ideal
         lambertian = by_material(ideal, around.materials, lambda material: float(material.kind == "lambertian"), 0.0)
         # A mirror shows a surface at another incidence than its row's: none may become brighter without bound.
         cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), _LEAST_COSINE, 1.0)
         factor = cosine ** (self.exponent - 1.0)
+        if self.factors:
+            factor = factor * np.interp(ideal.incidence_deg / STEP_DEG, np.arange(len(self.factors)), self.factors)
         factor = np.where(lambertian > 0.0, factor, 1.0)
         return replace(light, pulse_signal=light.pulse_signal * np.where(row >= 0, factor[row], 1.0))

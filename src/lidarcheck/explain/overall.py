@@ -77,12 +77,14 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Mo
     each beam stays on the surface that it meets.
     """
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
-    ways = [model, *(one.calibrated(model) for one in (tables, off) if one.words())]
-    if not off.still:
-        ways.append(off.calibrated(model, own_surface=True))
-    left = [excess for excess, _ in crew.map(Scale.excess_by_part, ((seen.held, way) for way in ways))]
-    best = int(np.argmin([excess.mean() for excess in left]))
-    return ways[best], left[best]
+    ways = [model, *([tables.calibrated(model)] if tables.words() else [])]
+    posed = [] if off.still else [off.calibrated(model, own_surface=own) for own in (False, True)]
+    found = [*crew.map(Scale.excess_by_part, ((seen.held, way) for way in (*ways, *posed)))]
+    chance = float(found[0][1].mean(axis=1).std(ddof=1))
+    # Two angles that are fitted come a little nearer whatever the pose is.
+    left = [excess.mean() + chance * (i >= len(ways)) for i, (excess, _) in enumerate(found)]
+    best = int(np.argmin(left))
+    return (*ways, *posed)[best], found[best][0]
 
 
 def widening(gap: Gap, names: Sequence[str]) -> list[str]:

@@ -2,7 +2,7 @@
 
 A fit moves the numbers of an effect, and a list of them, a gain for every layer, only as a whole. The list was read off
 the case's own model, whose echoes are farther from the measured ones than those of the fit. A walk is fitted as a curve
-of two or three numbers, which the sensor's own is not quite.
+of two or three numbers, and a fall-off with incidence by a power, which the sensor's own is not quite.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.incidence_falloff import STEP_DEG
 from lidarcheck.effects.walk_error import QUARTERS, WalkError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.located import dimming_of, gains_of_layers
+from lidarcheck.explain.located import Dimming, dimming_of, gains_of_layers
 from lidarcheck.explain.sights import FEATURES, Sights
 
 __all__ = ["read_again"]
@@ -26,9 +27,9 @@ FloatArray = npt.NDArray[np.float64]
 _SEEDS, _MOST = 3, 3
 _LEAST = 0.02
 """A list that comes nearer by a smaller part of the distance is not worth a further reading."""
-_KNOTS = 4 * QUARTERS + 1
+_KNOTS, _ANGLES = 4 * QUARTERS + 1, round(90.0 / STEP_DEG) + 1
 _BESIDES = 0.3
-"""A table of shifts is what a walk's curve has not quite: no more than this part of the span of the curve itself."""
+"""A table is what an effect's curve has not quite: no more than this part of the span of the curve itself."""
 _CLIP_M, _RIDGE = 1.0, 4.0
 """Single ranges farther off say no more than this; a knot is held at 0 as firmly as by so many beams."""
 _RANGE, _AREA = FEATURES.index("range"), FEATURES.index("area")
@@ -37,7 +38,7 @@ _RANGE, _AREA = FEATURES.index("range"), FEATURES.index("area")
 def read_again(lab: Lab, now: Fit) -> Fit:
     """The fit with its lists read again, where that comes nearer; the other numbers stay."""
     for place, probe in enumerate(now.probes):
-        if not ("gains" in probe.settings or probe.name == "walk_error"):
+        if probe.name not in _READERS or (probe.name == "layer_gain" and "gains" not in probe.settings):
             continue
         for _ in range(_MOST):
             probes = (*now.probes[:place], _read(lab, now, place), *now.probes[place + 1 :])
@@ -53,18 +54,21 @@ def _read(lab: Lab, now: Fit, place: int) -> Probe:
     model = now.model(lab.model)
     shown = [lab.sights(model, 400 + k, now.nuisance) for k in range(_SEEDS)]
     probe = now.probes[place]
-    if probe.name == "walk_error":
-        return replace(probe, settings={**probe.settings, "shifts_m": _shifts(lab, shown, probe, now.x[place])})
-    return replace(probe, settings={**probe.settings, "gains": _gains(lab, shown, probe)})
+    name, reader = _READERS[probe.name]
+    return replace(probe, settings={**probe.settings, name: reader(lab, shown, probe, now.x[place])})
 
 
-def _gains(lab: Lab, shown: list[Sights], probe: Probe) -> tuple[float, ...]:
-    """Each layer's gain times what the layer's echoes still ask for."""
+def _dimming(lab: Lab, shown: list[Sights]) -> Dimming:
+    """The gain that each beam's echo still asks for."""
     count = np.sum([one.detected for one in shown], axis=0)
     log_area = np.sum([np.where(one.detected, one.feature[:, _AREA], 0.0) for one in shown], axis=0)
-    dimming = dimming_of(lab, log_area / np.maximum(count, 1), count == len(shown))
+    return dimming_of(lab, log_area / np.maximum(count, 1), count == len(shown))
+
+
+def _gains(lab: Lab, shown: list[Sights], probe: Probe, _x: FloatArray) -> tuple[float, ...]:
+    """Each layer's gain times what the layer's echoes still ask for."""
     layers, place = np.unique(lab.beams.layer, return_inverse=True)
-    more = gains_of_layers(layers, *dimming.mean(place, len(layers)))
+    more = gains_of_layers(layers, *_dimming(lab, shown).mean(place, len(layers)))
     gains = np.clip(np.asarray(probe.settings["gains"]) * more, 0.0, 10.0)
     return tuple(np.round(gains, 3).tolist())
 
@@ -90,8 +94,31 @@ def _range_by_area(lab: Lab, shown: Sights) -> FloatArray:
     used = np.flatnonzero(shown.detected & expected.known & ~expected.at_edge)
     quarters = np.clip(QUARTERS * shown.feature[used, _AREA] / np.log(10.0), 0.0, _KNOTS - 1.0)
     off_m = np.clip(shown.feature[used, _RANGE], -_CLIP_M, _CLIP_M)
-    weight = 1.0 / np.maximum(expected.spread[used, _RANGE], 1e-3) ** 2
-    hats = np.maximum(1.0 - np.abs(quarters[:, None] - np.arange(_KNOTS)), 0.0)
-    firmly = _RIDGE * float(np.median(weight)) if len(used) else 1.0
-    curvature = hats.T @ (weight[:, None] * hats) + firmly * np.eye(_KNOTS)
-    return np.asarray(np.linalg.solve(curvature, hats.T @ (weight * off_m)))
+    return _at_knots(quarters, off_m, 1.0 / np.maximum(expected.spread[used, _RANGE], 1e-3) ** 2, _KNOTS)
+
+
+def _factors(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tuple[float, ...]:
+    """The table of factors times what surfaces still ask for at each incidence, within limits."""
+    dimming, beams = _dimming(lab, shown), lab.beams
+    used = np.flatnonzero((dimming.weight > 0.0) & ~beams.retro & ~lab.summaries.expected.at_edge)
+    step = np.clip(beams.incidence_deg[used] / STEP_DEG, 0.0, _ANGLES - 1.0)
+    more = _at_knots(step, dimming.log_gain[used], dimming.weight[used], _ANGLES)
+    seen = np.quantile(beams.incidence_deg[used], [0.01, 0.99]) if len(used) else np.zeros(2)
+    power = abs(float(probe.effect(x).settings()["exponent"]) - 1.0)
+    most = _BESIDES * power * float(np.ptp(np.log(np.maximum(np.cos(np.deg2rad(seen)), 1e-3))))
+    table = np.log(np.asarray(probe.settings.get("factors") or np.ones(_ANGLES))) + more
+    return tuple(np.round(np.exp(np.clip(table, -most, most)), 4).tolist())
+
+
+def _at_knots(place: FloatArray, value: FloatArray, weight: FloatArray, knots: int) -> FloatArray:
+    """The numbers at the places 0, 1, ... between which straight lines come nearest to values, shape (knots,)."""
+    hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
+    firmly = _RIDGE * float(np.median(weight)) if len(weight) else 1.0
+    curvature = hats.T @ (weight[:, None] * hats) + firmly * np.eye(knots)
+    return np.asarray(np.linalg.solve(curvature, hats.T @ (weight * value)))
+
+
+_READERS = {
+    "layer_gain": ("gains", _gains), "walk_error": ("shifts_m", _shifts), "incidence_falloff": ("factors", _factors),
+}  # fmt: skip
+"""The list that each effect has, and what reads it."""
