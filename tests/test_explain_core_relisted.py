@@ -44,6 +44,19 @@ def test_gains_that_were_read_too_small_come_out_right(lab: Lab) -> None:
     assert np.array_equal(found.x[0], start.x[0])
 
 
+def test_other_frames_may_have_other_layers(lab: Lab) -> None:
+    """Gains of layers that these frames lack stay as they are; those that the list lacks are not added."""
+    start = with_gains(lab, np.sqrt(TRUE))
+    true = model(make("layer_gain", {**PLACE, "gain": 1.0, "gains": tuple(TRUE.tolist())}))
+    other = Lab(frames(true, 2, layers=range(FIRST + 10, LAST + 6), points=range(320, 640, 4)), model(), 3)
+    there = fit(other, start.probes, start.x, rounds=0)
+    found = read_again(other, there)
+    assert found.distance < there.distance
+    before, after = gains_of(there), gains_of(found)
+    assert np.array_equal(after[:10], np.round(before[:10], 3))
+    assert np.abs(np.log(after / TRUE))[10:].mean() < 0.7 * np.abs(np.log(before / TRUE))[10:].mean()
+
+
 def saturating(area: np.ndarray) -> np.ndarray:
     """A walk that no curve of two numbers has [m]."""
     return 0.25 * np.exp(-area / 300.0) - 0.1 * np.exp(-(((np.log10(area) - 2.6) / 0.15) ** 2))

@@ -66,11 +66,14 @@ def _dimming(lab: Lab, shown: list[Sights]) -> Dimming:
 
 
 def _gains(lab: Lab, shown: list[Sights], probe: Probe, _x: FloatArray) -> tuple[float, ...]:
-    """Each layer's gain times what the layer's echoes still ask for."""
+    """Each layer's gain times what the layer's echoes still ask for; these frames may have other layers than those that
+    the list was read off first."""
     layers, place = np.unique(lab.beams.layer, return_inverse=True)
     more = gains_of_layers(layers, *_dimming(lab, shown).mean(place, len(layers)))
-    gains = np.clip(np.asarray(probe.settings["gains"]) * more, 0.0, 10.0)
-    return tuple(np.round(gains, 3).tolist())
+    gains = np.asarray(probe.settings["gains"])
+    at = int(probe.fixed["first_layer"]) - int(layers[0]) + np.arange(len(gains))
+    own = np.where((at >= 0) & (at < len(more)), more[np.clip(at, 0, len(more) - 1)], 1.0)
+    return tuple(np.round(np.clip(gains * own, 0.0, 10.0), 3).tolist())
 
 
 def _shifts(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tuple[float, ...]:
@@ -82,7 +85,8 @@ def _shifts(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tuple
     means = [_range_by_area(lab, one) for one in shown]
     more = _range_by_area(lab, lab.measured_sights) - np.mean(means, axis=0)
     curve = WalkError(**{**probe.effect(x).settings(), "shifts_m": ()})
-    seen = np.quantile(lab.measured_sights.feature[lab.measured_sights.detected, _AREA], [0.01, 0.99])
+    log_area = lab.measured_sights.feature[lab.measured_sights.detected, _AREA]
+    seen = np.quantile(log_area, [0.01, 0.99]) if len(log_area) else np.zeros(2)
     most = _BESIDES * float(np.ptp(curve.shift_m(np.exp(seen))))
     table = np.asarray(probe.settings.get("shifts_m") or np.zeros(_KNOTS)) + more
     return tuple(np.round(np.clip(table, -most, most), 4).tolist())
