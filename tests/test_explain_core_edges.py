@@ -62,6 +62,20 @@ def test_a_column_that_sees_past_the_edge_is_one_run() -> None:
     assert runs[0] == past_beams(true)
 
 
+def test_echoes_of_another_surface_that_are_taken_for_the_own_one_are_past_it() -> None:
+    """What stands a little behind the panel is near enough to be an echo of the panel that is far off."""
+    lab = lab_of(street(0, **WHERE))
+    feature = lab.measured_sights.feature.copy()
+    edge = past_beams(met(LEFT_POINT))
+    at = [(a, p) in edge for a, p in zip(lab.beams.layer.tolist(), lab.beams.point.tolist(), strict=True)]
+    column = np.array(at) & (lab.beams.frame == 0)
+    feature[column, 0] += 2.5
+    lab.measured_sights = dataclasses.replace(lab.measured_sights, feature=feature)
+    assert found(lab) == [edge]
+    feature[column, 0] -= 2.0
+    assert found(lab) == []
+
+
 @pytest.mark.parametrize(
     "lab",
     [

@@ -157,7 +157,8 @@ def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch
 
 def opened(left: float) -> Open:
     """A gap of one standard deviation in all parts, of which so much is left."""
-    return Open(np.ones(len(PARTS)), np.full(len(PARTS), left), np.random.default_rng(1).normal(0.0, 1e-3, (6, 6)))
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, (6, 6))
+    return Open(np.ones(len(PARTS)), np.full(len(PARTS), left), noise, noise)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The last judgements beam by beam: which small errors are put right, and whether the named effects carry over."""
 
+import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
@@ -23,8 +24,8 @@ def gap(before: float, after: float, floor: float) -> Gap:
 
 
 def carries_over(seen: Scale, first: Model, last: Model, unseen: Gap, names: tuple[str, ...] = ()) -> bool:
-    (before, noise), (after, _) = seen.excess_by_part(first), seen.excess_by_part(last)
-    return closed_by(Open(before, after, noise).beside(unseen), names)
+    (before, noise), (after, noise_after) = seen.excess_by_part(first), seen.excess_by_part(last)
+    return closed_by(Open(before, after, noise, noise_after).beside(unseen), names)
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +35,14 @@ def wrong_table() -> Scale:
 
 
 def test_errors_of_the_table_are_put_right_where_that_comes_nearer(wrong_table: Scale) -> None:
-    there, _ = calibrated(wrong_table, model(), OFF, Crew())
+    there, *_ = calibrated(wrong_table, model(), OFF, Crew())
     assert there.materials == OFF.model(model()).materials
     assert there.effects == ()
 
 
 def test_the_pose_is_left_alone_where_only_the_table_comes_nearer(wrong_table: Scale) -> None:
     both = Nuisance(yaw=2.5, pitch=2.5, materials=OFF.materials)
-    there, _ = calibrated(wrong_table, model(), both, Crew())
+    there, *_ = calibrated(wrong_table, model(), both, Crew())
     assert there.materials == OFF.model(model()).materials
     assert there.effects == ()
 
@@ -56,7 +57,7 @@ def test_a_pose_that_is_off_need_not_move_edges() -> None:
     """All ranges are those of a turned view, and no beam looks past an edge that it did not look past before."""
     off = Nuisance(yaw=-2.0, pitch=2.0)
     measured = Scale.of(frames(off.calibrated(model(), own_surface=True), 2, **FINE), model(), 5)
-    there, left = calibrated(measured, model(), off, Crew())
+    there, left, _ = calibrated(measured, model(), off, Crew())
     assert [effect.settings()["own_surface"] for effect in there.effects] == [1]
     assert left[0] < 0.2 * measured.excess_by_part(model())[0][0]
     known = model(make("boresight", {"yaw_deg": 1.0, "pitch_deg": 0.0}))
@@ -176,3 +177,19 @@ def test_a_name_with_which_the_gap_is_wider_is_told(after: float, wider: list[st
     found = Gap(*(Interval(value, value, value) for value in (1.0, 0.5, 0.1)), waterfall=waterfall)
     assert widening(found, ["vibration"]) == wider
     assert widening(found, ["walk_error"]) == []
+
+
+@pytest.mark.parametrize(("scatter", "closed"), [(0.001, False), (0.05, True)])
+def test_what_strikes_at_random_has_a_noise_of_its_own(scatter: float, closed: bool) -> None:
+    """Packets that are lost: their number is another one in each frame, and so is the gap, before and after."""
+    still = np.random.default_rng(1).normal(0.0, 0.001, (8, len(PARTS)))
+    there = Open(np.full(len(PARTS), 0.03), np.full(len(PARTS), 0.03), still, scatter / 0.001 * still)
+    assert closed_by(there, ("dropout",)) == closed
+
+
+def test_the_mean_with_half_as_many_frames_is_a_little_less_noisy() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.001, (8, len(PARTS)))
+    there = Open(np.zeros(len(PARTS)), np.zeros(len(PARTS)), noise, noise)
+    drawn = np.random.default_rng(2).normal(0.0, [[1.0], [np.sqrt(2.0)]], (2, 100000))
+    share = there.beside(gap(0.0, 0.0, 0.0)).mean_of(PARTS)[2] / there.mean_of(PARTS)[2]
+    assert share == pytest.approx(drawn.mean(axis=0).std(), rel=0.02)

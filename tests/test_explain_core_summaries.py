@@ -309,3 +309,25 @@ def test_too_few_frames_are_refused(count: int) -> None:
     with pytest.raises(UsageError, match=f"{count} frames? (is|are) too few") as error:
         split_frames(cheap_frames([10.0] * count))
     assert "at least 3" in error.value.fix
+
+
+def lost(scan: Scan) -> Scan:
+    """Without one echo in sixty."""
+    return scan.take(np.arange(len(scan)) % 60 != 7)
+
+
+@pytest.mark.parametrize(("changed", "off"), [(lost, True), (None, False)])
+def test_few_beams_of_bright_surfaces_that_are_lost_say_much(changed, off: bool) -> None:
+    """The wall and the panel are always seen: that of a thousand beams none is lost is known to less than one beam."""
+    fine = {"layers": range(250, 290, 2), "points": range(320, 640, 6)}
+    lab = Lab(frames(model(), 3, changed=changed, **fine), model(), 11)
+    bright = lab.summaries.expected.known & (lab.beams.distance_m > 0.0)
+    sure = np.mean([lab.sights(lab.model, 900 + k).detected for k in range(8)], axis=0) == 1.0
+    probability = lab.summaries.expected.probability[bright & sure]
+    assert np.mean(probability > 0.995) > 0.8
+    at = [k for k, name in enumerate(lab.summaries.names) if (name.feature, name.covariate) == ("detected", "all")]
+    [z] = lab.measured_plain[at]
+    missing = (~lab.measured_sights.detected)[bright & sure & ~lab.summaries.expected.at_edge].sum()
+    assert (missing > 10) == off
+    assert (z < -6.0) == off
+    assert abs(z) < 4.0 or off

@@ -63,10 +63,10 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
         for effect in finding.effects:
             model = model.with_(effect)
         stages.append((finding.name, model))
-    there, after = calibrated(seen, model, last.last.nuisance, bench.crew)
+    there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.crew)
     if there is not model:
         stages.append((CALIBRATION, there))
-    return Answer("explained", tuple(findings), tuple(stages), "", Open(before, after, noise))
+    return Answer("explained", tuple(findings), tuple(stages), "", Open(before, after, noise, noise_after))
 
 
 def by_terms(

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.beams import Beams, key_of
-from lidarcheck.explain.sights import Sights
+from lidarcheck.explain.sights import FEATURES, Sights
 
 __all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "runs_along", "runs_past", "with_beams_of"]
 
+FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
@@ -120,18 +121,24 @@ def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
 
 def _past(beams: Beams, sights: Sights) -> Flags:
     """Beams that show something beside their surface or behind it in its place, or nothing where nothing is beside
-    it."""
+    it; or an echo that is taken for their surface's, but as far from it as another surface is."""
     other = np.zeros(len(beams), dtype=bool)
     beyond = (sights.extra_side >= 0) | (sights.extra_m > beams.distance_m[sights.extra_beam])
     other[sights.extra_beam[beyond]] = True
     nothing = (beams.neighbour_m == 0.0).any(axis=1)
-    return np.where(beams.distance_m > 0.0, ~sights.detected & (other | nothing), other)
+    moved = sights.detected & (np.abs(sights.feature[:, FEATURES.index("range")]) > _apart_m(beams.distance_m))
+    return np.where(beams.distance_m > 0.0, (~sights.detected & (other | nothing)) | moved, other)
+
+
+def _apart_m(distance_m: FloatArray) -> FloatArray:
+    """From which distance [m] on another surface lies apart from those at these."""
+    return np.maximum(_APART_M, _APART * distance_m)
 
 
 def _borders(beams: Beams) -> Flags:
     """Whether each side of a beam shows another surface, nothing, or was not fired at; shape (n, 4)."""
     own, beside = beams.distance_m[:, None], beams.neighbour_m
-    apart = np.abs(beside - own) > np.maximum(_APART_M, _APART * own)
+    apart = np.abs(beside - own) > _apart_m(own)
     return np.asarray(np.where(own > 0.0, apart, beside > 0.0))
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "Trial",
     "accept",
     "accepted",
+    "beside_kin",
     "best_of",
     "forward",
     "onward",
@@ -270,14 +271,14 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
         if not alone.possible or from_side_to_side(lab, alone.effects()[-1]):
             continue
         worth = bench.worth_of(one.probe.variant)
-        needed = max(1.3 * bench.level * one.chance, worth, _beside_kin(one.probe, found))
+        needed = max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
         gain = now.distance - alone.distance
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own))
         told(f"round {number}", i + 1, len(order))
     return trials
 
 
-def _beside_kin(probe: Probe, found: Search) -> float:
+def beside_kin(probe: Probe, found: Search) -> float:
     """What an effect must explain beside its kin among those that were accepted."""
     gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(probe.name, t.name)]
     return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)

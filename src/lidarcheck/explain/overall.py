@@ -43,6 +43,8 @@ _ONE_FORM = {
 """The same where all effects have one form only, so that hardly anything may stay open of what they are of. Of true
 errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted."""
 
+_HALF_AS_MANY = 0.5 * np.sqrt(1.0 + 2.0)
+"""The noise on the mean of what these frames say and half as many others, in that of these."""
 _WIDER = 0.03
 """An effect that widens the gap by this part of what was open without it does not help there."""
 
@@ -50,28 +52,30 @@ _WIDER = 0.03
 @dataclass(frozen=True)
 class Open:
     """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
-    the noise on these, shape (n_draws, n_parts)."""
+    the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own."""
 
     before: FloatArray
     after: FloatArray
     noise: FloatArray
+    noise_after: FloatArray
 
     def beside(self, gap: Gap) -> Open:
         """The mean of these frames and of others, of which the gap is known."""
         unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
         there = unseen[:, :2] - unseen[:, 2:]
-        return Open((self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0, self.noise / 2.0)
+        before, after = (self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0
+        return Open(before, after, _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after)
 
     def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
         """The means over some parts, and their standard deviation by chance."""
         of = [PARTS.index(part) for part in parts]
-        chance = self.noise[:, of].mean(axis=1).std(ddof=1)
+        chance = max(noise[:, of].mean(axis=1).std(ddof=1) for noise in (self.noise, self.noise_after))
         return float(self.before[of].mean()), float(self.after[of].mean()), float(chance)
 
 
-def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Model, FloatArray]:
+def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Model, FloatArray, FloatArray]:
     """The model with the small errors put right that were fitted beside the effects, of reflectances, or of the pose
-    too, whichever comes nearest; and what that leaves of each of `PARTS`, shape (n_parts,).
+    too, whichever comes nearest; what that leaves of each of `PARTS`, shape (n_parts,), and draws of its noise.
 
     An ideal scan says too little of edges to turn its beams by a part of one: of a pose's error it can be nearer that
     each beam stays on the surface that it meets.
@@ -84,7 +88,7 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Mo
     # Two angles that are fitted come a little nearer whatever the pose is.
     left = [excess.mean() + chance * (i >= len(ways)) for i, (excess, _) in enumerate(found)]
     best = int(np.argmin(left))
-    return (*ways, *posed)[best], found[best][0]
+    return (*ways, *posed)[best], *found[best]
 
 
 def widening(gap: Gap, names: Sequence[str]) -> list[str]:

@@ -30,8 +30,9 @@ _LEAST = 0.02
 _KNOTS, _ANGLES = 4 * QUARTERS + 1, round(90.0 / STEP_DEG) + 1
 _BESIDES = 0.3
 """A table is what an effect's curve has not quite: no more than this part of the span of the curve itself."""
-_CLIP_M, _RIDGE = 1.0, 4.0
-"""Single ranges farther off say no more than this; a knot is held at 0 as firmly as by so many beams."""
+_CLIP_M, _RIDGE, _BENT = 1.0, 0.5, 20.0
+"""Single ranges farther off say no more than this; a knot is held at 0 as firmly as by so many beams, and on a straight
+line between its neighbours as by so many: other frames have beams where these have none."""
 _RANGE, _AREA = FEATURES.index("range"), FEATURES.index("area")
 
 
@@ -117,8 +118,9 @@ def _factors(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tupl
 def _at_knots(place: FloatArray, value: FloatArray, weight: FloatArray, knots: int) -> FloatArray:
     """The numbers at the places 0, 1, ... between which straight lines come nearest to values, shape (knots,)."""
     hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots)), 0.0)
-    firmly = _RIDGE * float(np.median(weight)) if len(weight) else 1.0
-    curvature = hats.T @ (weight[:, None] * hats) + firmly * np.eye(knots)
+    one = float(np.median(weight)) if len(weight) else 1.0
+    bends = np.diff(np.eye(knots), 2, axis=0)
+    curvature = hats.T @ (weight[:, None] * hats) + one * (_RIDGE * np.eye(knots) + _BENT * bends.T @ bends)
     return np.asarray(np.linalg.solve(curvature, hats.T @ (weight * value)))
 
 

@@ -73,7 +73,8 @@ def _all_nuisance(bench: Bench, off: Fit, screened: Sequence[Screened]) -> bool:
 
 
 def backward(bench: Bench, now: Fit, told: Told) -> Fit:
-    """Leave out again what the others and the nuisances explain as well; fit the rest together."""
+    """Leave out again what the others and the nuisances explain as well; fit the rest together. Nuisances that are no
+    usual errors any more explain nothing."""
     lab = bench.lab
     if not now.probes:
         return now
@@ -85,6 +86,8 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
             told("leave out again", len(fewer), len(now.probes))
         losses = [one.distance - now.distance for one in fewer]
         least = int(np.argmin(losses))
+        if now.nuisance.usual and not fewer[least].nuisance.usual:
+            break
         price = PRICE * len(now.probes[least].free)
         kin = [
             loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)

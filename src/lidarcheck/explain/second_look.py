@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, run_round
+from lidarcheck.explain.forward import AT_RANDOM, CHANCE, MOST_EFFECTS, Bench, Search, Trial, beside_kin, run_round
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
@@ -68,7 +68,7 @@ def second_look(
             return search
         starts = _starts(bench, own.lab, search, screened)
         number = 1 + max(trial.round for trial in search.trials)
-        trials = _trials(own, starts, number, bench.crew, told) + joint_trials(own, search, number, bench.crew)
+        trials = _trials(own, starts, number, search, bench.crew, told) + joint_trials(own, search, number, bench.crew)
         found = _best(bench, seen, search, trials)
         if found is None:
             return search
@@ -77,15 +77,24 @@ def second_look(
 
 
 def _trials(
-    own: Judged, starts: Sequence[Probe], number: int, crew: Crew, told: Callable[[int, int], object]
+    own: Judged, starts: Sequence[Probe], number: int, search: Search, crew: Crew, told: Callable[[int, int], object]
 ) -> list[Trial]:
     """Candidates fitted on top of what was found, as in a round of the first search, on all frames seen: of these all
-    must agree on what is left, and it is the gap beam by beam that decides."""
+    must agree on what is left, and it is the gap beam by beam that decides.
+
+    A view that turns at random explains a part of what an error of aim leaves at edges, here as there.
+    """
     lab = own.lab
     screened = screen(lab, starts, told, crew)
     level = chance_level(lab, screened)
     bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
-    return run_round(bench, Search(own.last, own.last), _likely(own, screened), number, silent)
+    trials = run_round(bench, Search(own.last, own.last), _likely(own, screened), number, silent)
+    return [
+        replace(t, needed=max(t.needed, beside_kin(t.fit.probes[-1], search)))
+        if t.fit.probes[-1].variant in AT_RANDOM
+        else t
+        for t in trials
+    ]
 
 
 def _likely(own: Judged, screened: Sequence[Screened]) -> list[Screened]:
@@ -133,7 +142,7 @@ def _joined(lab: Lab, now: Fit, needed: float, probe: Probe, x: FloatArray) -> F
     up what a gain of `needed` lacks."""
     probes = [at.weaker(x, _WEAKER) for at, x in zip((*now.probes, probe), (*now.x, x), strict=True)]
     joint = fit(lab, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance)
-    return fit_nuisance(lab, joint) if now.distance - joint.distance > 0.5 * needed else joint
+    return fit_nuisance(lab, joint) if now.distance - joint.distance > 0.25 * needed else joint
 
 
 def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]) -> list[Probe]:
