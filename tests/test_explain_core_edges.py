@@ -42,10 +42,22 @@ def lab_of(true: IdealScan, lost: int | None = None) -> Lab:
     return Lab(frames, model(), 3)
 
 
-def found(lab: Lab) -> list[set[tuple[int, int]]]:
+def wider(columns: int) -> IdealScan:
+    """The street, but the panel reaches so many columns farther to the left."""
+    ideal = street(0, **WHERE)
+    hidden = (ideal.material_id == WALL) & np.isin(ideal.layer, range(253, 272))
+    hidden &= (ideal.point > LEFT_POINT) & (ideal.point <= LEFT_POINT + 6 * columns)
+    return dataclasses.replace(
+        ideal,
+        distance_m=np.where(hidden, 8.0, ideal.distance_m),
+        material_id=np.where(hidden, PANEL, ideal.material_id),
+    )
+
+
+def found(lab: Lab, *, deep: bool = False) -> list[set[tuple[int, int]]]:
     """Layer and point of each run's beams."""
     simulated = [lab.sights(lab.model, 1000 + k) for k in range(4)]
-    runs = runs_past(lab.beams, lab.measured_sights, simulated)
+    runs = runs_past(lab.beams, lab.measured_sights, simulated, deep=deep)
     return [{(int(lab.beams.layer[i]), int(lab.beams.point[i])) for i in run} for run in runs]
 
 
@@ -74,6 +86,16 @@ def test_echoes_of_another_surface_that_are_taken_for_the_own_one_are_past_it() 
     assert found(lab) == [edge]
     feature[column, 0] -= 2.0
     assert found(lab) == []
+
+
+def test_what_comes_to_stand_before_more_than_the_outermost_beams_is_at_the_border_as_well() -> None:
+    """Near by, a sensor that stands a centimetre higher sees a panel's edge two beams from where the scan has it."""
+    columns = [{(a, p) for a, p in past_beams(wider(2)) if p == LEFT_POINT + 6 * k} for k in (1, 2)]
+    assert min(map(len, columns)) > 5
+    lab = lab_of(wider(2))
+    assert found(lab) == [columns[0]]
+    assert sorted(map(sorted, found(lab, deep=True))) == sorted(map(sorted, columns))
+    assert len(found(lab_of(wider(1)), deep=True)) == 1
 
 
 @pytest.mark.parametrize(

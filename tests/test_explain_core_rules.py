@@ -5,12 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from lidarcheck.crew import Crew
 from lidarcheck.effects import find
 from lidarcheck.errors import UsageError
+from lidarcheck.explain import second_look
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, _beside_kin, are_kin
+from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, are_kin, beside_kin
 from lidarcheck.explain.located_ranges import _walks
+from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.trials import tried
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
@@ -29,8 +32,30 @@ def probe_of(name: str, variant: str = "") -> Probe:
 def test_what_turns_at_random_needs_more_beside_its_kin() -> None:
     first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert _beside_kin(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
-    assert _beside_kin(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
+    assert beside_kin(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert beside_kin(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
+
+
+def test_a_second_look_asks_the_same_of_what_turns_at_random(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
+    others = [probe_of("vibration", "wander"), probe_of("vibration")]
+    again = [
+        dataclasses.replace(trial("vibration", 1300.0, 3000.0, 1800.0, 900.0), fit=two(first, one)) for one in others
+    ]
+    monkeypatch.setattr(second_look, "run_round", lambda *_: again)
+    monkeypatch.setattr(second_look, "screen", lambda *_: [])
+    monkeypatch.setattr(second_look, "chance_level", lambda *_: 10.0)
+    monkeypatch.setattr(second_look, "_likely", lambda *_: [])
+    own = Judged(None, dataclasses.replace(first.fit, distance=3000.0), 0.1, 0.001)  # type: ignore[arg-type]
+    found = second_look._trials(own, [], 2, Search(first.fit, first.fit, [first]), Crew(), lambda *_: None)
+    assert [one.needed for one in found] == [pytest.approx(RANDOM_KIN_PART * 5000.0), 1.0]
+    assert [one.passes for one in found] == [False, True]
+
+
+def two(first: Trial, other: Probe) -> Fit:
+    """A fit of a trial's effect and another one."""
+    probes = (*first.fit.probes, other)
+    return dataclasses.replace(first.fit, probes=probes, x=tuple(probe.start() for probe in probes))
 
 
 def test_an_effect_must_hold_on_the_select_frames_where_it_shows_there() -> None:
@@ -68,12 +93,10 @@ def test_losses_at_random_hold_where_a_frame_is_as_far_as_another_one_would_be()
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert _beside_kin(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
-    assert _beside_kin(probe_of("fog"), found) == 0.0
+    assert beside_kin(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert beside_kin(probe_of("fog"), found) == 0.0
     assert (
-        _beside_kin(
-            probe_of("range_scale"), Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first])
-        )
+        beside_kin(probe_of("range_scale"), Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first]))
         == 0.0
     )
 

@@ -43,8 +43,9 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
     Runs are upright (along one point column) or level (along one layer). `deep`: not only the outermost beams but also
     those next to them, as where an effect moves the border by more than a beam.
     """
-    often = np.mean([_past(beams, one) for one in simulated], axis=0)
-    past = np.where(_past(beams, measured), often < 1.0 - _SEEN, often > _SEEN)
+    past = _otherwise(beams, measured, simulated)
+    # A beam that is not the outermost has no neighbour on what comes to stand before it.
+    deeper = _otherwise(beams, measured, simulated, before=True) if deep else past
     surface = _surface(beams)
     found = []
     for side, at, group in _lines(beams):
@@ -52,8 +53,14 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
         found += _together(at, group, past, inside)
         if deep:
             at = np.setdiff1d(inside[at], [-1, *at])
-            found += _together(at, group, past, inside)
+            found += _together(at, group, deeper, inside)
     return _disjoint(found, len(beams))
+
+
+def _otherwise(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, before: bool = False) -> Flags:
+    """Beams that see past their surface where nearly all simulations do not, or the other way round."""
+    often = np.mean([_past(beams, one, before=before) for one in simulated], axis=0)
+    return np.where(_past(beams, measured, before=before), often < 1.0 - _SEEN, often > _SEEN)
 
 
 def runs_along(beams: Beams) -> list[IndexArray]:
@@ -119,12 +126,13 @@ def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
     )
 
 
-def _past(beams: Beams, sights: Sights) -> Flags:
+def _past(beams: Beams, sights: Sights, *, before: bool = False) -> Flags:
     """Beams that show something beside their surface or behind it in its place, or nothing where nothing is beside
-    it; or an echo that is taken for their surface's, but as far from it as another surface is."""
+    it; or an echo that is taken for their surface's, but as far from it as another surface is. `before`: or anything
+    before it."""
     other = np.zeros(len(beams), dtype=bool)
     beyond = (sights.extra_side >= 0) | (sights.extra_m > beams.distance_m[sights.extra_beam])
-    other[sights.extra_beam[beyond]] = True
+    other[sights.extra_beam[beyond | before]] = True
     nothing = (beams.neighbour_m == 0.0).any(axis=1)
     moved = sights.detected & (np.abs(sights.feature[:, FEATURES.index("range")]) > _apart_m(beams.distance_m))
     return np.where(beams.distance_m > 0.0, (~sights.detected & (other | nothing)) | moved, other)
