@@ -60,7 +60,7 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
 def _otherwise(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, before: bool = False) -> Flags:
     """Beams that see past their surface where nearly all simulations do not, or the other way round."""
     often = np.mean([_past(beams, one, before=before) for one in simulated], axis=0)
-    return np.where(_past(beams, measured, before=before), often < 1.0 - _SEEN, often > _SEEN)
+    return np.asarray(np.where(_past(beams, measured, before=before), often < 1.0 - _SEEN, often > _SEEN))
 
 
 def runs_along(beams: Beams) -> list[IndexArray]:
