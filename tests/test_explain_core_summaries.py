@@ -12,6 +12,7 @@ from explain_core_kit import MATERIALS, PANEL, SIGN, at_ranges, frames, model, s
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.beams import beams_of
 from lidarcheck.explain.covariates import Division, binned, divisions, fine_divisions
+from lidarcheck.explain.expected import _smooth_probability
 from lidarcheck.explain.lab import Frame, Lab
 from lidarcheck.explain.sights import sights_of
 from lidarcheck.explain.split import Split, split_frames
@@ -331,3 +332,20 @@ def test_few_beams_of_bright_surfaces_that_are_lost_say_much(changed, off: bool)
     assert (missing > 10) == off
     assert (z < -6.0) == off
     assert abs(z) < 4.0 or off
+
+
+def test_a_beam_is_as_likely_to_see_its_surface_as_beams_about_as_bright() -> None:
+    """Bright ones always, faint ones in three of four seeds, hardly any of the rest; sky says nothing of these."""
+    rng = np.random.default_rng(4)
+    log_area = np.concatenate([rng.uniform(5.0, 7.0, 1000), rng.uniform(2.0, 3.0, 1000), np.zeros(2000)])
+    count = np.concatenate(
+        [np.full(1000, 8), rng.binomial(8, 0.75, 1000), np.tile([1, 0, 0, 0], 250), np.zeros(1000, int)]
+    )
+    known = (log_area > 0.0) & (count >= 2)
+    hit = np.arange(4000) < 3000
+    found = _smooth_probability(np.where(known, log_area, 0.0), count, 8, known, hit)
+    assert found[:1000].min() > 0.99
+    assert found[1000:2000].mean() == pytest.approx(0.75, abs=0.02)
+    assert found[2000:3000].mean() == pytest.approx(1.0 / 32.0, abs=0.01)
+    assert found[2000:3000].min() > 0.0
+    assert not found[3000:].any()

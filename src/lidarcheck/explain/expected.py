@@ -54,7 +54,7 @@ def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
     free = np.maximum(count - 1, 1)[:, None]
     own = (off**2).sum(axis=0) / free
     spread = _smooth_spread(mean[:, 1], own, known, np.maximum(count - 1, 0))
-    probability = np.where(beams.distance_m > 0.0, _smooth_probability(mean[:, 1], count, len(base), known), 0.0)
+    probability = _smooth_probability(mean[:, 1], count, len(base), known, beams.distance_m > 0.0)
     partner = (_partners(beams, 0), _partners(beams, 1))
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
     own, beside = beams.distance_m[:, None], beams.neighbour_m
@@ -95,27 +95,32 @@ _LEAST_SPREAD = (0.004, 0.01, 0.01, 0.3)
 """Ranges are reported in steps of 1 cm, widths in steps of 1 ns: a residual cannot be known better."""
 
 
-def _smooth_probability(log_area: FloatArray, count: IndexArray, of: int, known: npt.NDArray[np.bool_]) -> FloatArray:
+def _smooth_probability(
+    log_area: FloatArray, count: IndexArray, of: int, known: npt.NDArray[np.bool_], hit: npt.NDArray[np.bool_]
+) -> FloatArray:
     """How often each beam's surface is detected: as often as in the simulations, and once more as often as beams alike.
 
     Of a thousand beams of bright surfaces that all see them, none is expected to be lost: a few that are say much.
+    Beams that are hardly seen are alike; 0 where nothing is hit.
     """
-    place = _alike(log_area, known)
-    beside = np.bincount(place, count + 0.5 / of) / np.bincount(place, np.full(len(place), of + 1.0 / of))
-    return np.asarray((count + beside[place]) / (of + 1.0))
+    edges = _brightness_edges(log_area, known)
+    group = np.where(known, np.searchsorted(edges, log_area), len(edges) + 1)
+    seen = np.bincount(group, hit * (count + 0.5 / of))
+    beside = seen / np.maximum(np.bincount(group, hit * (of + 1.0 / of)), 1e-9)
+    return np.asarray(np.where(hit, (count + beside[group]) / (of + 1.0), 0.0))
 
 
-def _alike(log_area: FloatArray, known: npt.NDArray[np.bool_]) -> IndexArray:
-    """The number of each beam's group, of beams about as bright; those hardly seen are the last group, shape (n,)."""
-    edges = np.quantile(log_area[known], np.linspace(0.0, 1.0, _GROUPS + 1)[1:-1]) if known.any() else np.zeros(0)
-    return np.unique(np.where(known, np.searchsorted(edges, log_area), len(edges) + 1), return_inverse=True)[1]
+def _brightness_edges(log_area: FloatArray, known: npt.NDArray[np.bool_]) -> FloatArray:
+    """The edges between groups of beams about as bright."""
+    shares = np.linspace(0.0, 1.0, _GROUPS + 1)[1:-1]
+    return np.asarray(np.quantile(log_area[known], shares)) if known.any() else np.zeros(0)
 
 
 def _smooth_spread(
     log_area: FloatArray, variance: FloatArray, known: npt.NDArray[np.bool_], free: IndexArray
 ) -> FloatArray:
     """Spread of each feature as a function of the amplitude, from beams alike; shape (n, 4)."""
-    edges = np.quantile(log_area[known], np.linspace(0.0, 1.0, 41)[1:-1]) if known.any() else np.zeros(0)
+    edges = _brightness_edges(log_area, known)
     place = np.searchsorted(edges, log_area)
     weight = np.bincount(place[known], free[known], len(edges) + 1)
     spread = np.empty_like(variance)

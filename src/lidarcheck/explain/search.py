@@ -85,14 +85,14 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
             fewer.append(one)
             told("leave out again", len(fewer), len(now.probes))
         losses = [one.distance - now.distance for one in fewer]
-        least = int(np.argmin(losses))
-        if now.nuisance.usual and not fewer[least].nuisance.usual:
-            break
+        unusual = [now.nuisance.usual and not one.nuisance.usual for one in fewer]
+        least = int(np.argmin(np.where(unusual, np.inf, losses)))
         price = PRICE * len(now.probes[least].free)
         kin = [
             loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
         ]
-        if losses[least] > max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price:
+        enough = max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price
+        if unusual[least] or losses[least] > enough:
             break
         now = fewer[least]
     return now
