@@ -193,3 +193,13 @@ def test_the_mean_with_half_as_many_frames_is_a_little_less_noisy() -> None:
     drawn = np.random.default_rng(2).normal(0.0, [[1.0], [np.sqrt(2.0)]], (2, 100000))
     share = there.beside(gap(0.0, 0.0, 0.0)).mean_of(PARTS)[2] / there.mean_of(PARTS)[2]
     assert share == pytest.approx(drawn.mean(axis=0).std(), rel=0.02)
+
+
+@pytest.mark.parametrize(("noise_after", "carries"), [(0.01, False), (0.14, True)])
+def test_what_strikes_at_random_may_leave_its_own_noise(noise_after: float, carries: bool) -> None:
+    """Of ranges that a wandering view has changed, 0.8, half may stay open where that is as much as it makes itself."""
+    before, after = np.ones(len(PARTS)), np.full(len(PARTS), 0.05)
+    before[PARTS.index("range")], after[PARTS.index("range")] = 0.8, 0.4
+    draws = np.array([-1.0, 1.0])[:, None] * np.ones(len(PARTS))
+    left = Open(before, after, 0.001 * draws, noise_after * draws / np.sqrt(2.0))
+    assert closed_by(left, ("ambient_light", "vibration")) == carries

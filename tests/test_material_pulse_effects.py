@@ -47,6 +47,11 @@ def test_pulse_shape_sets_the_shape_and_nothing_else() -> None:
     assert alone(make("pulse_shape", {"stretch": 1.0, "tail_share": 0.2, "tail_ns": 9.0}), again, ideal).shape == (
         PulseShape(7.5, 0.2, 9.0)
     )
+    second = make("pulse_shape", {"stretch": 1.0, "tail_share": 0.2, "tail_ns": 0.5, "tail_delay_ns": 9.5})
+    assert alone(second, again, ideal).shape == PulseShape(7.5, 0.2, 0.5, 9.5)
+    assert alone(make("pulse_shape", {"tail_share": 0.0}), alone(second, light, ideal), ideal).shape == (
+        PulseShape(3.5, 0.2, 0.5, 9.5)
+    )
 
 
 def test_a_longer_pulse_is_a_sensor_with_a_longer_pulse() -> None:

@@ -49,7 +49,20 @@ def test_shares_are_shares_for_any_tail(tail: float) -> None:
     assert np.all(shares.sum(axis=1) <= 1.0 + 1e-12)
 
 
-@pytest.mark.parametrize("form", [PulseForm(2.1, 0.0, 1.0), PulseForm(2.1, 0.3, 4.0), PulseForm(0.1, 0.8, 3.0)])
+def test_a_delayed_tail_is_the_tail_later() -> None:
+    """Of the light that comes at once and of that which comes late, each is where its own pulse has it."""
+    at = np.linspace(-12.0, 60.0, 145)
+    early, tail = PulseForm(2.1, 0.0, 1.0), PulseForm(2.1, 1.0, 4.0)
+    both = 0.7 * early.before(at) + 0.3 * tail.before(at - 9.5)
+    assert PulseForm(2.1, 0.3, 4.0, 9.5).before(at) == pytest.approx(both, abs=1e-14)
+    twin = 0.7 * early.before(at) + 0.3 * early.before(at - 9.5)
+    assert PulseForm(2.1, 0.3, 1e-9, 9.5).before(at) == pytest.approx(twin, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [PulseForm(2.1, 0.0, 1.0), PulseForm(2.1, 0.3, 4.0), PulseForm(0.1, 0.8, 3.0), PulseForm(2.1, 0.3, 0.5, 9.3)],
+)
 def test_ramps_are_shares_summed_over_the_position(form: PulseForm) -> None:
     """W_k(x): unit pulses, one a bin, up to x; here by the midpoint rule, 512 pulses a bin."""
     before, behind = 20, 60
@@ -68,6 +81,8 @@ def test_beyond_its_reach_next_to_nothing_is_left() -> None:
         PulseForm(2.1, 0.3, 6.0),
         PulseForm(0.2, 1e-4, 20.0),
         PulseForm(2.1, 1.0, 0.01),
+        PulseForm(2.1, 0.3, 4.0, 20.0),
+        PulseForm(2.1, 1e-4, 0.1, 40.0),
     ):
         for expected in (1e-8, 1e-3, 50.0, 1e7):
             before, behind = (int(reach) for reach in form.reach(expected))
@@ -94,7 +109,10 @@ def test_another_length_is_what_a_sensor_of_that_length_sees() -> None:
     assert same(echoes_of(light(0.4, 2000, None), wide), echoes_of(light(0.4, 2000, PulseShape(9.0)), usual))
 
 
-@pytest.mark.parametrize("shape", [PulseShape(5.0, 0.25, 8.0), PulseShape(2.0, 0.6, 3.0), PulseShape(5.0, 0.5, 0.05)])
+@pytest.mark.parametrize(
+    "shape",
+    [PulseShape(5.0, 0.25, 8.0), PulseShape(2.0, 0.6, 3.0), PulseShape(5.0, 0.5, 0.05), PulseShape(5.0, 0.2, 2.0, 9.5)],
+)
 def test_light_is_neither_lost_nor_made_and_late_by_share_times_tail(shape: PulseShape) -> None:
     sensor = Sensor.of("SMART", bin_ns=0.25, background_per_ns=0.0, max_range_m=60.0)
     time = (np.arange(sensor.bins) + 0.5) * sensor.bin_ns
@@ -103,12 +121,21 @@ def test_light_is_neither_lost_nor_made_and_late_by_share_times_tail(shape: Puls
     mean = (rates * time).sum() / rates.sum()
     variance = (rates * time**2).sum() / rates.sum() - mean**2 - sensor.bin_ns**2 / 12.0
     sigma, share, tail = shape.fwhm_ns / FWHM_PER_SIGMA, shape.tail_share, shape.tail_ns
+    late = tail + shape.tail_delay_ns
     assert rates.sum() == pytest.approx(1.0, abs=1e-6)
-    assert mean - centre == pytest.approx(share * tail, abs=1e-3)
-    assert variance == pytest.approx(sigma**2 + 2 * share * tail**2 - (share * tail) ** 2, rel=1e-3)
+    assert mean - centre == pytest.approx(share * late, abs=1e-3)
+    assert variance == pytest.approx(sigma**2 + share * (late**2 + tail**2) - (share * late) ** 2, rel=1e-3)
 
 
-@pytest.mark.parametrize("shape", [PulseShape(5.0, 0.25, 8.0), PulseShape(0.4, 0.6, 20.0), PulseShape(30.0, 0.9, 0.1)])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        PulseShape(5.0, 0.25, 8.0),
+        PulseShape(0.4, 0.6, 20.0),
+        PulseShape(30.0, 0.9, 0.1),
+        PulseShape(5.0, 0.2, 0.5, 9.5),
+    ],
+)
 def test_three_ways_to_the_rates_agree(shape: PulseShape) -> None:
     """Closed form, the kernels' table, and one numerically delayed Gaussian after another."""
     sensor = Sensor.of("SLIM", max_range_m=30.0)

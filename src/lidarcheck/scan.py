@@ -109,13 +109,14 @@ class IdealScan:
 class PulseShape:
     """The laser pulse over time: a Gaussian, a share of whose light trails off exponentially behind it.
 
-    Share of the light before t: (1 - tail_share) Phi(t / sigma) + tail_share EMG(t), where EMG is the Gaussian
-    convolved with an exponential of time constant `tail_ns`. t = 0 is the Gaussian's centre.
+    Share of the light before t: (1 - tail_share) Phi(t / sigma) + tail_share EMG(t - tail_delay_ns), where EMG is the
+    Gaussian convolved with an exponential of time constant `tail_ns`. t = 0 is the Gaussian's centre.
     """
 
     fwhm_ns: float
     tail_share: float = 0.0
     tail_ns: float = 1.0
+    tail_delay_ns: float = 0.0
 
 
 @dataclass(frozen=True)

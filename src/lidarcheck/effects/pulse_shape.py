@@ -1,4 +1,4 @@
-"""The laser pulse is longer, or has a tail."""
+"""The laser pulse is longer, or has a tail, or a second one behind it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ __all__ = ["BroadPulse"]
 
 @dataclass(frozen=True)
 class BroadPulse(LightEffect):
-    """The laser pulse is longer, or has a tail.
+    """The laser pulse is longer, or has a tail, or a second one behind it.
 
     The Gaussian's FWHM is `stretch` times as long, and the share `tail_share` of the light trails off behind it as an
     exponential of time constant `tail_ns`, convolved with the Gaussian (an exponentially modified Gaussian, the usual
     response of a laser driver and a detector). The light of a pulse stays the same; the tail's centroid lies `tail_ns`
-    later. A second `pulse_shape` acts on the first: FWHMs multiply, and its tail, where it has one, replaces the tail.
+    later. With `tail_delay_ns` all of that share comes so much later still: as a second pulse where `tail_ns` is short,
+    such as a laser that rings or light that runs twice through its optics makes. A second `pulse_shape` acts on the
+    first: FWHMs multiply, and its tail, where it has one, replaces the tail.
 
     The typical values were fitted to a measured sensor on a retro-reflecting sign, whose weak echoes are 7 to 11 ns
     wide and its saturated ones up to 44 ns: a core shorter than the nominal pulse, and a tail so weak that only a
@@ -32,13 +34,17 @@ class BroadPulse(LightEffect):
         "", low=0.0, high=1.0, typical=1.2e-3, meaning="share of the light that trails behind"
     )
     tail_ns: float = parameter("ns", low=0.01, high=200.0, typical=5.5, meaning="time constant of the tail's decay")
+    tail_delay_ns: float = parameter(
+        "ns", low=0.0, high=200.0, typical=0.0, meaning="how much later the tail begins", option=True
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Give the light that shape."""
         if self.stretch == 1.0 and self.tail_share == 0.0:
             return light
         before = light.shape or PulseShape(around.sensor.pulse_fwhm_ns)
-        share, tail_ns = before.tail_share, before.tail_ns
+        shape = replace(before, fwhm_ns=before.fwhm_ns * self.stretch)
         if self.tail_share > 0.0:
-            share, tail_ns = self.tail_share, self.tail_ns
-        return replace(light, shape=PulseShape(before.fwhm_ns * self.stretch, share, tail_ns))
+            tail = {"tail_share": self.tail_share, "tail_ns": self.tail_ns, "tail_delay_ns": self.tail_delay_ns}
+            shape = replace(shape, **tail)
+        return replace(light, shape=shape)

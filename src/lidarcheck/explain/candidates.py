@@ -291,6 +291,10 @@ _SUN = (
     Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True), Free("direct", 0.1),
     Free("sun_azimuth_deg", 15.0), Free("sun_elevation_deg", 10.0),
 )  # fmt: skip
+_SECOND = (
+    Free("stretch", 0.05, log=True), Free("tail_share", 0.3, log=True), Free("tail_delay_ns", 1.0),
+)  # fmt: skip
+_TWICE = {"stretch": 1.0, "tail_ns": 0.5, "tail_delay_ns": 9.0}
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
@@ -304,6 +308,8 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
         {"mor_m": 150.0, "backscatter": 0.046, "overlap_start_m": 5.0, "overlap_full_m": 15.0},
         _FREE["fog"],
     ),
+    ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.05}, _SECOND),
+    ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.2}, _SECOND),
     ("ambient_light", "from the sun", {"rate_per_ns": 0.002, "direct": 0.6}, _SUN),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
     (

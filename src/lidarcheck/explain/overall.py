@@ -43,6 +43,8 @@ _ONE_FORM = {
 """The same where all effects have one form only, so that hardly anything may stay open of what they are of. Of true
 errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted."""
 
+_BY_CHANCE = 2.0
+"""So many standard deviations of its noise more: effects that strike at random strike elsewhere in every frame."""
 _HALF_AS_MANY = 0.5 * np.sqrt(1.0 + 2.0)
 """The noise on the mean of what these frames say and half as many others, in that of these."""
 _WIDER = 0.03
@@ -127,5 +129,5 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     share, least = exact.get(part, _MAY_STAY[part])
     if _only_at_edges(names):
         share = max(share, _SHARE_AT_EDGES)
-    whole, left, _ = open_.mean_of([part])
-    return left <= max(share * whole, least)
+    whole, left, chance = open_.mean_of([part])
+    return left <= max(share * whole, least) + _BY_CHANCE * chance

@@ -28,14 +28,15 @@ _SQRT_HALF = math.sqrt(0.5)
 class PulseForm:
     """The pulse: a Gaussian of `sigma`, of which the share `tail_share` comes behind an exponential delay.
 
-    Times are in bins, or in any other unit, which they have in common; the delay's mean is `tail`. The delayed share is
-    an exponentially modified Gaussian (Grushka, "Characterization of exponentially modified Gaussian peaks in
-    chromatography", Anal. Chem. 44, 1972).
+    Times are in bins, or in any other unit, which they have in common; the delay is `delay` at least, and `tail` more
+    in the mean. The delayed share is an exponentially modified Gaussian (Grushka, "Characterization of exponentially
+    modified Gaussian peaks in chromatography", Anal. Chem. 44, 1972).
     """
 
     sigma: float
     tail_share: float
     tail: float
+    delay: float = 0.0
 
     def before(self, at: npt.ArrayLike) -> FloatArray:
         """Share of the light before `at` bins behind the Gaussian's centre; same shape."""
@@ -45,18 +46,26 @@ class PulseForm:
         gaussian = np.asarray(ndtr(z))
         if self.tail_share == 0.0:
             return gaussian
-        return np.asarray(gaussian - self.tail_share * self._late(z))
+        later = z - self.delay / self.sigma
+        return np.asarray(gaussian - self.tail_share * (gaussian - ndtr(later) + self._late(later)))
 
     def integral(self, at: npt.ArrayLike) -> FloatArray:
         """Integral of `before` from minus infinity to `at` [bins]; same shape."""
         from scipy.special import ndtr
 
         z = np.asarray(at, dtype=np.float64) / self.sigma
-        gaussian = self.sigma * (z * ndtr(z) + np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi))
+        gaussian = self._gaussian_integral(z)
         if self.tail_share == 0.0:
-            return np.asarray(gaussian)
+            return gaussian
+        later = z - self.delay / self.sigma
         # The delayed share E of a Gaussian G solves tail dE/dt = G - E.
-        return np.asarray(gaussian - self.tail_share * self.tail * (ndtr(z) - self._late(z)))
+        behind = gaussian - self._gaussian_integral(later) + self.tail * (ndtr(later) - self._late(later))
+        return np.asarray(gaussian - self.tail_share * behind)
+
+    def _gaussian_integral(self, z: FloatArray) -> FloatArray:
+        from scipy.special import ndtr
+
+        return np.asarray(self.sigma * (z * ndtr(z) + np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)))
 
     def _late(self, z: FloatArray) -> FloatArray:
         """What is already there of the Gaussian, but not yet of its delayed twin: exp(r^2 / 2 - r z) Phi(z - r).
@@ -81,7 +90,7 @@ class PulseForm:
         near = self._gaussian_reach(lost)
         if self.tail_share == 0.0:
             return near, near
-        delay = self.tail * np.log(np.maximum(2.0 * self.tail_share * lost, 1.0))
+        delay = self.delay + self.tail * np.log(np.maximum(2.0 * self.tail_share * lost, 1.0))
         behind = self._gaussian_reach(2.0 * lost) + np.ceil(delay).astype(np.int64)
         return near, behind
 
@@ -113,4 +122,5 @@ def form_of(shape: PulseShape | None, sensor: Sensor, unit_ns: float) -> PulseFo
     if shape is None:
         return PulseForm(sensor.sigma_ns / unit_ns, 0.0, 1.0)
     tail_share = shape.tail_share if shape.tail_ns > 0.0 else 0.0
-    return PulseForm(shape.fwhm_ns / FWHM_PER_SIGMA / unit_ns, tail_share, max(shape.tail_ns, 1e-9) / unit_ns)
+    tail = max(shape.tail_ns, 1e-9) / unit_ns
+    return PulseForm(shape.fwhm_ns / FWHM_PER_SIGMA / unit_ns, tail_share, tail, shape.tail_delay_ns / unit_ns)

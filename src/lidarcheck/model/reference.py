@@ -49,7 +49,7 @@ def _light_before(times: FloatArray, shape: PulseShape) -> FloatArray:
     gaussian = np.asarray(ndtr(times * FWHM_PER_SIGMA / shape.fwhm_ns))
     if shape.tail_share == 0.0:
         return gaussian
-    late = np.interp(times, *_delayed_light(shape))
+    late = np.interp(times - shape.tail_delay_ns, *_delayed_light(shape))
     return np.asarray((1.0 - shape.tail_share) * gaussian + shape.tail_share * late)
 
 
