@@ -14,7 +14,7 @@ from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Trial
 from lidarcheck.explain.gap import PARTS, Scale, gap_of
 from lidarcheck.explain.tallies import areas_between
-from lidarcheck.explain.verdict import Closure, confidence
+from lidarcheck.explain.verdict import Closure, confidence, lead
 
 OFFSET = make("range_offset", {"offset_m": 0.08})
 DIM = make("signal_gain", {"gain": 0.6})
@@ -162,6 +162,16 @@ def test_a_name_is_surer_the_farther_its_rivals_are_and_the_less_is_left_open() 
     closed = Closure(2000.0, 90.0, 100.0)
     lone = confidence(SimpleNamespace(), now, "range_offset", trials, closed, ("range_scale",))  # type: ignore[arg-type]
     assert lone == sure(500.0, 90.0) > sure(990.0, 90.0)
+
+
+def test_a_name_leads_by_what_others_are_behind_in_its_place() -> None:
+    """Beside another effect, found later, one that explained nearly as much in its round may be far behind."""
+    now = trial("range_offset", 1000.0).fit
+    trials = [trial("range_offset", 1000.0), trial("range_scale", 990.0), trial("signal_gain", 700.0)]
+    assert lead("range_offset", now, trials) == pytest.approx(0.01, abs=0.005)
+    assert lead("range_offset", now, trials, behind={"range_scale": 200.0}) == pytest.approx(0.2, abs=0.01)
+    assert lead("range_offset", now, trials, behind={"range_scale": 600.0}) == pytest.approx(0.3, abs=0.01)
+    assert lead("range_offset", now, trials, behind={"range_scale": -100.0}) == pytest.approx(0.01, abs=0.005)
 
 
 @pytest.mark.parametrize(

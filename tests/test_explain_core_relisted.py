@@ -6,6 +6,7 @@ import pytest
 from explain_core_kit import at_ranges, frames, model
 from lidarcheck.effects import make
 from lidarcheck.effects.walk_error import WalkError
+from lidarcheck.explain import relisted
 from lidarcheck.explain.candidates import Probe, fixed_probes, free_of
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.lab import Lab
@@ -76,12 +77,31 @@ def test_what_a_walk_s_curve_has_not_comes_out_as_a_table() -> None:
     there, plain = found.effects()[0], curve.effects()[0]
     assert isinstance(there, WalkError)
     assert isinstance(plain, WalkError)
-    assert there.per_decade_m == plain.per_decade_m
+    assert there.per_decade_m == pytest.approx(plain.per_decade_m, abs=0.01)
     area = np.exp(lab.summaries.expected.mean[lab.summaries.expected.known, 1])
     off = [np.abs(walk.shift_m(area) - saturating(area)).mean() for walk in (there, plain)]
     assert off[0] < 0.8 * off[1]
     span = np.ptp(plain.shift_m(area))
-    assert 0.0 < np.abs(there.shifts_m).max() <= 0.3 * span + 1e-3
+    assert 0.0 < np.abs(there.shifts_m).max() <= 0.32 * span
+
+
+@pytest.mark.parametrize(("steps", "nearer"), [(0, False), (2, True)])
+def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A curve and a reflectance have made up for what the curve has not: beside these the table alone helps little."""
+    monkeypatch.setitem(relisted._FOLLOW, "walk_error", steps)
+    brighter = model(make("material_reflectance", {"factor": 1.45, "material_id": 2}))
+    fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
+
+    def late(scan: Scan) -> Scan:
+        return at_ranges(scan, scan.range_m - 0.2 * np.exp(-scan.area / 500.0))
+
+    lab = Lab(frames(brighter, 3, changed=late, **fine), model(), 3)
+    walk = next(one for one in fixed_probes(["walk_error"]) if not one.variant)
+    material = Probe("material_reflectance", {"factor": 1.2}, free_of("material_reflectance"), {"material_id": 2})
+    alone = fit(lab, [walk], [walk.start()], rounds=4)
+    curve = fit(lab, [walk, material], [*alone.x, material.start()], rounds=4)
+    found = read_again(lab, curve)
+    assert (found.distance - lab.floor_distance < 0.5 * (curve.distance - lab.floor_distance)) == nearer
 
 
 def test_what_a_power_of_the_cosine_has_not_comes_out_as_factors() -> None:

@@ -100,5 +100,14 @@ def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: 
     assert [one.name for one in found] == ["range_offset"]
     assert found[0].farther < 0.0
     beside = rivals(bench, trials[0].fit, trials, lambda *_: None)
-    assert all(one.farther > 0.0 for one in beside)
+    assert [(one.name, one.near, one.farther > 300.0) for one in beside] == [("range_scale", False, True)]
     assert "signal_gain" not in [one.name for one in beside]
+
+
+def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: Bench) -> None:
+    scale = Scale.of(bench.select.frames, model(), 5)
+    now, other = fitted(bench.lab, "range_offset"), fitted(bench.lab, "range_scale")
+    found = contest(scale, model(), now, [Rival("range_scale", 0, other, 900.0, near=False)], 7)
+    assert found.fit is now
+    assert found.compared == {}
+    assert found.behind == {"range_offset": {"range_scale": 900.0}}

@@ -231,3 +231,30 @@ def test_echoes_read_out_later_are_those_of_the_simulation(names: tuple[str, ...
     assert same(unread.read_out(full), simulate(ideal, full, seed=9, frame=3))
     assert same(unread.read_out(before), simulate(ideal, before, seed=9, frame=3))
     assert same(simulate_unread(ideal, full, seed=9, frame=3).read_out(full), unread.read_out(full))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "off", "parameter", "total"),
+    [
+        ("material_reflectance", {"factor": 1.1}, Nuisance(materials={1: 0.5, 2: 2.5}), "factor", 1.1 * np.exp(0.1)),
+        ("signal_gain", {"gain": 0.9}, Nuisance(materials={1: -1.5, 2: -0.5, 3: -1.0}), "gain", 0.9 * np.exp(-0.04)),
+        ("boresight", {"yaw_deg": 0.1, "pitch_deg": 0.05}, Nuisance(yaw=2.0, pitch=-1.0), "yaw_deg", 0.13),
+    ],
+)
+def test_an_effect_takes_over_what_nuisances_said_of_the_same(
+    name: str, settings: dict[str, float], off: Nuisance, parameter: str, total: float
+) -> None:
+    """A reflectance of 1.2 of which a nuisance had a half: with a name of its own, it has no such nuisance."""
+    fixed = {"material_id": 2} if name == "material_reflectance" else {}
+    probe = Probe(name, settings, free_of(name), fixed)
+    true = (
+        off.calibrated(model(probe.effect()))
+        if name != "boresight"
+        else model(make(name, {"yaw_deg": 0.13, "pitch_deg": 0.035}))
+    )
+    lab = Lab(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 12)), model(), 3)
+    both = fit(lab, [probe], [probe.start()], rounds=0, nuisance=off)
+    alone = fit_nuisance(lab, both)
+    assert alone.effects()[0].settings()[parameter] == pytest.approx(total, rel=1e-3)
+    assert alone.nuisance.said_by(alone.effects()[0], parameter) == pytest.approx(0.0, abs=1e-9)
+    assert alone.distance < 1.2 * both.distance

@@ -43,12 +43,14 @@ def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished,
     for i in np.argsort([-lab.metric.square(change) for change in changes], kind="stable"):
         name = now.probes[i].name
         equal, compared = polish.equals.get(name, ()), settled.get(name, ())
+        behind = polish.behind.get(name, {})
+        sure = confidence(bench, now, name, search.trials, closed, compared, behind)
         shown = standouts(lab.summaries.names, changes[i], 2.0, 3)
         found.append(
             Finding(
                 name=name,
                 parameters=parameters[i],
-                confidence=confidence(bench, now, name, search.trials, closed, compared) / _shared(len(equal)),
+                confidence=sure / _shared(len(equal)),
                 equivalent_to=equal,
                 where="; ".join(one.words for one in shown),
                 separated_by=separating(name, equal),

@@ -115,6 +115,7 @@ def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray])
 
 def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
     """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
+    now = _taken_over(now)
     effects = now.effects()
     axes = axes_of([int(i) for i in np.unique(lab.beams.material_id) if i >= 0], effects)
     gain = all(effect.name != "signal_gain" for effect in effects)
@@ -149,6 +150,15 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
         else:
             break
     return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
+
+
+def _taken_over(now: Fit) -> Fit:
+    """The fit with what its nuisances said of a gain, a reflectance or the pose in the effects of the same: those have
+    no such nuisance beside them any more."""
+    moved = []
+    for probe, x, effect in zip(now.probes, now.x, now.effects(), strict=True):
+        moved.append(x + np.array([now.nuisance.said_by(effect, one.name) / one.step for one in probe.free]))
+    return replace(now, x=tuple(moved))
 
 
 def _farther_off(

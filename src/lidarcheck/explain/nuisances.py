@@ -52,6 +52,16 @@ class Nuisance:
         """Whether the beams look where they should."""
         return self.yaw == 0.0 and self.pitch == 0.0
 
+    def said_by(self, effect: Effect, parameter: str) -> float:
+        """How much of this an effect's parameter says itself, in its unit; of a factor, its logarithm."""
+        if effect.name == "signal_gain" and parameter == "gain":
+            return REFLECTANCE_ERROR * (float(np.mean([*self.materials.values()])) if self.materials else 0.0)
+        if effect.name == "material_reflectance" and parameter == "factor":
+            return REFLECTANCE_ERROR * self.materials.get(int(effect.settings()["material_id"]), 0.0)
+        if effect.name == "boresight":
+            return POSE_ERROR_DEG * {"yaw_deg": self.yaw, "pitch_deg": self.pitch}.get(parameter, 0.0)
+        return 0.0
+
     def model(self, model: Model) -> Model:
         """The model with the reflectances of this nuisance."""
         if not any(self.materials.values()):
@@ -124,15 +134,13 @@ def is_usual_error(effect: Effect, besides: Nuisance | None = None) -> bool:
     """
     values, off = effect.settings(), besides or Nuisance()
     if effect.name == "signal_gain":
-        common = REFLECTANCE_ERROR * float(np.mean([*off.materials.values()])) if off.materials else 0.0
-        return _within(np.log(max(float(values["gain"]), 1e-9)) + common, GAIN_ERROR)
+        return _within(np.log(max(float(values["gain"]), 1e-9)) + off.said_by(effect, "gain"), GAIN_ERROR)
     if effect.name == "material_reflectance":
-        own = REFLECTANCE_ERROR * off.materials.get(int(values["material_id"]), 0.0)
-        return _within(np.log(max(float(values["factor"]), 1e-9)) + own, REFLECTANCE_ERROR)
+        return _within(np.log(max(float(values["factor"]), 1e-9)) + off.said_by(effect, "factor"), REFLECTANCE_ERROR)
     if effect.name != "boresight":
         return False
-    turned = {"yaw_deg": off.yaw * POSE_ERROR_DEG, "pitch_deg": off.pitch * POSE_ERROR_DEG, "roll_deg": 0.0}
-    return all(_within(float(values[name]) + turn, POSE_ERROR_DEG) for name, turn in turned.items())
+    turned = ("yaw_deg", "pitch_deg", "roll_deg")
+    return all(_within(float(values[name]) + off.said_by(effect, name), POSE_ERROR_DEG) for name in turned)
 
 
 def _within(value: float, error: float) -> bool:

@@ -27,6 +27,9 @@ FloatArray = npt.NDArray[np.float64]
 _SEEDS, _MOST = 3, 3
 _LEAST = 0.02
 """A list that comes nearer by a smaller part of the distance is not worth a further reading."""
+_FOLLOW = {"layer_gain": 0, "walk_error": 2, "incidence_falloff": 2}
+"""Steps by which the other numbers follow, the curve's own and those of other effects, which had made up for what the
+curve has not; the gain of layers is but a factor on their list."""
 _KNOTS, _ANGLES = 4 * QUARTERS + 1, round(90.0 / STEP_DEG) + 1
 _BESIDES = 0.3
 """A table is what an effect's curve has not quite: no more than this part of the span of the curve itself."""
@@ -37,16 +40,16 @@ _RANGE, _AREA = FEATURES.index("range"), FEATURES.index("area")
 
 
 def read_again(lab: Lab, now: Fit) -> Fit:
-    """The fit with its lists read again, where that comes nearer; the other numbers stay."""
+    """The fit with its lists read again, where that comes nearer once the other numbers have followed."""
     for place, probe in enumerate(now.probes):
         if probe.name not in _READERS or (probe.name == "layer_gain" and "gains" not in probe.settings):
             continue
         for _ in range(_MOST):
             probes = (*now.probes[:place], _read(lab, now, place), *now.probes[place + 1 :])
-            found = fit(lab, probes, now.x, rounds=0, nuisance=now.nuisance)
+            found = fit(lab, probes, now.x, rounds=_FOLLOW[probe.name], nuisance=now.nuisance)
             if not found.distance < (1.0 - _LEAST) * now.distance:
                 break
-            now = replace(found, jacobian=now.jacobian)
+            now = found if found.jacobian is not None else replace(found, jacobian=now.jacobian)
     return now
 
 

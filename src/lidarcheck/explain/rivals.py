@@ -39,18 +39,21 @@ _MUCH_LESS = 0.6
 
 @dataclass(frozen=True)
 class Rival:
-    """Another effect in the place of an accepted one: its name, that one's place, the fit, how much farther it is."""
+    """Another effect in the place of an accepted one: its name, that one's place, the fit, how much farther it is, and
+    whether it is near enough to be that one's equal."""
 
     name: str
     place: int
     fit: Fit
     farther: float
+    near: bool = True
 
 
 @dataclass(frozen=True)
 class Polished:
     """The winner of a contest: its fit, the lab around its model with the last fit there, each effect's equals, all
-    that were compared with it beam by beam, and the gap that it left there."""
+    that were compared with it beam by beam, and the gap that it left there; `behind`: how much farther all is with
+    another name in an effect's place, of those that are not near."""
 
     fit: Fit
     lab: Lab
@@ -58,10 +61,11 @@ class Polished:
     equals: Mapping[str, tuple[str, ...]]
     compared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     left: float = np.inf
+    behind: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
-    """The effects that are nearly as near as an accepted one is, when they take its place; the nearest first."""
+    """The effects that explained nearly as much as an accepted one, in its place; the nearest first."""
     names = now.names()
     near = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
@@ -69,8 +73,7 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     found = []
     for (place, trial), (swapped, distance) in zip(near, done_by(bench.crew, _swapped, tasks), strict=True):
         farther = distance - best
-        if farther < max(_NEAR, _NEAR_PART * trial.merit):
-            found.append(Rival(trial.name, place, swapped, farther))
+        found.append(Rival(trial.name, place, swapped, farther, farther < max(_NEAR, _NEAR_PART * trial.merit)))
         told("equivalence", len(found), len(near))
     return sorted(found, key=lambda one: one.farther)
 
@@ -112,23 +115,29 @@ def contest(
     all that one does and more; or, if it is such a one's special case, where it is not much farther. Those that chance
     may make as near are its equals, at most two. `known`: the accepted effects where they were judged already.
     """
+    names = now.names()
+    behind = {
+        name: {one.name: one.farther for one in others if one.place == k and not one.near}
+        for k, name in enumerate(names)
+    }
+    others = [one for one in others if one.near]
     if not others:
         lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
-        return Polished(now, lab, last, {})
+        return Polished(now, lab, last, {}, behind=behind)
     fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
     found = [*done_by(crew or Crew(), judged, ((scale.held, model, one, seed) for one in fits))]
     own = known or found.pop(0)
     rest = list(zip(others[:_MOST], found, strict=True))
     gaps = {one.name: its.left for one, its in rest}
-    best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, now.names()[pair[0].place]))
+    best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
     most = own.left + _MARGIN * own.chance
-    equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(now.names())}
-    if not _takes_its_place(best.name, its, now.names()[best.place], own):
-        compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(now.names())}
-        return Polished(now, own.lab, own.last, equals, compared, own.left)
+    equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(names)}
+    if not _takes_its_place(best.name, its, names[best.place], own):
+        compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(names)}
+        return Polished(now, own.lab, own.last, equals, compared, own.left, behind)
     most = its.left + _MARGIN * own.chance
     near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
-    beaten = (now.names()[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
+    beaten = (names[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
     return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
 
 

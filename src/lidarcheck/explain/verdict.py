@@ -21,7 +21,7 @@ from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import mapped
 from lidarcheck.explain.trials import own_distance, select_shown
 
-__all__ = ["Closure", "closure", "confidence", "intervals", "not_testable"]
+__all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -121,27 +121,45 @@ def _open_part(name: str) -> float:
 
 
 def confidence(
-    bench: Bench, now: Fit, name: str, trials: Sequence[Trial], closed: Closure, compared: Sequence[str] = ()
+    bench: Bench,
+    now: Fit,
+    name: str,
+    trials: Sequence[Trial],
+    closed: Closure,
+    compared: Sequence[str] = (),
+    behind: Mapping[str, float] | None = None,
 ) -> float:
     """How often a name that stands out so far from its rivals, in a gap closed so far, is right.
 
-    `compared`: rivals that it was compared with beam by beam, which are either beaten or its equals.
+    `compared`: rivals that it was compared with beam by beam, which are either beaten or its equals. `behind`: see
+    `lead`.
 
     A logistic function of the lead over the next best name and of what is left open, fitted to how often the names of
     six benchmarks, 115 of them, were right.
     """
     open_part = max(closed.after, 0.0) / max(closed.allowed, 1e-9)
-    score = 1.02 + 5.36 * min(lead(name, now, trials, compared), 0.4) - 0.8 * min(open_part, 2.0)
+    score = 1.02 + 5.36 * min(lead(name, now, trials, compared, behind), 0.4) - 0.8 * min(open_part, 2.0)
     return float(1.0 / (1.0 + np.exp(-score)))
 
 
-def lead(name: str, now: Fit, trials: Sequence[Trial], compared: Sequence[str] = ()) -> float:
+def lead(
+    name: str,
+    now: Fit,
+    trials: Sequence[Trial],
+    compared: Sequence[str] = (),
+    behind: Mapping[str, float] | None = None,
+) -> float:
     """By what part of its merit a name leads over the next best other one of its round, 0 ... 1; not over those that it
-    was compared with beam by beam, which says more."""
+    was compared with beam by beam, which says more.
+
+    `behind`: by how much others fell behind in its place once all was fitted: a round's merits are of what other
+    effects, found later, have left open, too.
+    """
     own = accepted(name, trials)
     if own is None:
         return 0.0
-    rivals = [t.merit for t in trials if t.round == own.round and t.name not in (*now.names(), *compared)]
+    others = [t for t in trials if t.round == own.round and t.name not in (*now.names(), *compared)]
+    rivals = [min(t.merit, own.merit - (behind or {}).get(t.name, 0.0)) for t in others]
     return min(max(1.0 - max([*rivals, 0.0]) / max(own.merit, 1e-9), 0.0), 1.0)
 
 
