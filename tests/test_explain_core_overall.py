@@ -195,11 +195,11 @@ def test_the_mean_with_half_as_many_frames_is_a_little_less_noisy() -> None:
     assert share == pytest.approx(drawn.mean(axis=0).std(), rel=0.02)
 
 
-@pytest.mark.parametrize(("noise_after", "carries"), [(0.01, False), (0.14, True)])
-def test_what_strikes_at_random_may_leave_its_own_noise(noise_after: float, carries: bool) -> None:
+@pytest.mark.parametrize(("left", "noise_after", "carries"), [(0.4, 0.01, False), (0.4, 0.14, True), (0.5, 0.2, False)])
+def test_what_strikes_at_random_may_leave_its_own_noise(left: float, noise_after: float, carries: bool) -> None:
     """Of ranges that a wandering view has changed, 0.8, half may stay open where that is as much as it makes itself."""
     before, after = np.ones(len(PARTS)), np.full(len(PARTS), 0.05)
-    before[PARTS.index("range")], after[PARTS.index("range")] = 0.8, 0.4
+    before[PARTS.index("range")], after[PARTS.index("range")] = 0.8, left
     draws = np.array([-1.0, 1.0])[:, None] * np.ones(len(PARTS))
-    left = Open(before, after, 0.001 * draws, noise_after * draws / np.sqrt(2.0))
-    assert closed_by(left, ("ambient_light", "vibration")) == carries
+    there = Open(before, after, 0.001 * draws, noise_after * draws / np.sqrt(2.0))
+    assert closed_by(there, ("ambient_light", "vibration")) == carries

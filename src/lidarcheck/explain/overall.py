@@ -43,8 +43,9 @@ _ONE_FORM = {
 """The same where all effects have one form only, so that hardly anything may stay open of what they are of. Of true
 errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted."""
 
-_BY_CHANCE = 2.0
-"""So many standard deviations of its noise more: effects that strike at random strike elsewhere in every frame."""
+_BY_CHANCE, _CLOSED_BESIDES = 2.0, 0.4
+"""So many standard deviations of its noise more, where so much of the part closes: effects that strike at random strike
+elsewhere in every frame."""
 _HALF_AS_MANY = 0.5 * np.sqrt(1.0 + 2.0)
 """The noise on the mean of what these frames say and half as many others, in that of these."""
 _WIDER = 0.03
@@ -130,4 +131,5 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     if _only_at_edges(names):
         share = max(share, _SHARE_AT_EDGES)
     whole, left, chance = open_.mean_of([part])
-    return left <= max(share * whole, least) + _BY_CHANCE * chance
+    most = max(share * whole, least)
+    return left <= most or left <= min(most + _BY_CHANCE * chance, (1.0 - _CLOSED_BESIDES) * whole)
