@@ -203,3 +203,14 @@ def test_what_strikes_at_random_may_leave_its_own_noise(left: float, noise_after
     draws = np.array([-1.0, 1.0])[:, None] * np.ones(len(PARTS))
     there = Open(before, after, 0.001 * draws, noise_after * draws / np.sqrt(2.0))
     assert closed_by(there, ("ambient_light", "vibration")) == carries
+
+
+@pytest.mark.parametrize(("shown", "carries"), [(0.02, False), (0.3, True)])
+def test_what_scatters_far_more_than_the_sensor_is_not_what_the_gap_is_made_of(shown: float, carries: bool) -> None:
+    """Ranges of two simulations of a view that wanders are 0.4 apart; a measurement of it differs by about as much."""
+    before, after = np.full(len(PARTS), 0.5), np.full(len(PARTS), 0.05)
+    before[PARTS.index("range")], after[PARTS.index("range")] = shown, 0.02
+    still = 0.05 + np.random.default_rng(1).normal(0.0, 0.002, (6, len(PARTS)))
+    wandering = still.copy()
+    wandering[:, PARTS.index("range")] = 0.4
+    assert closed_by(Open(before, after, still, wandering), ("vibration",)) == carries

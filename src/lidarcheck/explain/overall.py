@@ -46,6 +46,9 @@ errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off 
 _BY_CHANCE, _CLOSED_BESIDES = 2.0, 0.4
 """So many standard deviations of its noise more, where so much of the part closes: effects that strike at random strike
 elsewhere in every frame."""
+_SCATTER, _SCATTER_LEAST = 3.0, 0.1
+"""Of effects that strike at random, one measurement is as far from the model without them as two of the model with them
+are from each other, more or less: no more than so many times as far, and so much."""
 _HALF_AS_MANY = 0.5 * np.sqrt(1.0 + 2.0)
 """The noise on the mean of what these frames say and half as many others, in that of these."""
 _WIDER = 0.03
@@ -117,7 +120,14 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
         return True
     kin = any(are_kin(one, other) for one, other in itertools.combinations(names, 2))
     least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if kin else _LEAST_CLOSED
-    return left <= (1.0 - least) * whole and all(_may_stay(part, open_, names) for part in parts)
+    closes = left <= (1.0 - least) * whole and all(_may_stay(part, open_, names) for part in parts)
+    return closes and not _scatters_too_much(open_)
+
+
+def _scatters_too_much(open_: Open) -> bool:
+    """Whether the later model's own scatter of some part is far more than the measurement has ever shown of it."""
+    more = open_.noise_after.mean(axis=0) - open_.noise.mean(axis=0)
+    return bool(np.any(more > _SCATTER * open_.before + _SCATTER_LEAST))
 
 
 def _only_at_edges(names: Sequence[str]) -> bool:
