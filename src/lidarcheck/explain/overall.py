@@ -113,6 +113,8 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
     the ideal scan: of effects that are of nothing else, the other echoes are left out.
     """
+    if _scatters_too_much(open_):
+        return False
     at_edges = _only_at_edges(names)
     parts = [part for part in PARTS if part != "other echoes" or not at_edges]
     whole, left, chance = open_.mean_of(parts)
@@ -120,8 +122,7 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
         return True
     kin = any(are_kin(one, other) for one, other in itertools.combinations(names, 2))
     least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if kin else _LEAST_CLOSED
-    closes = left <= (1.0 - least) * whole and all(_may_stay(part, open_, names) for part in parts)
-    return closes and not _scatters_too_much(open_)
+    return left <= (1.0 - least) * whole and all(_may_stay(part, open_, names) for part in parts)
 
 
 def _scatters_too_much(open_: Open) -> bool:
