@@ -178,6 +178,19 @@ def test_the_fitted_model_can_be_saved_and_run(tmp_path, fits):
     assert near[1] == pytest.approx(near[0], rel=0.1)
 
 
+def test_the_fitted_model_keeps_all_of_the_pulse(tmp_path, fits):
+    """A second pulse that the model had already was fitted with, and must be written with the rest."""
+    result, shape = fits["SLIM"], PulseShape(4.0, 0.1, 2.0, 9.5)
+    twice = replace(result, fit=replace(result.fit, shape=shape))
+    lut_file = tmp_path / "lut.ini"
+    lut_file.write_bytes(result.lut.content)
+    model = sign_model("SLIM")
+    written = fitted_model(model, bench_of(model, "vertical"), twice, lut_file, Free(pulse=True))
+    own = next(effect.settings() for effect in written.effects if effect.name == "pulse_shape")
+    stretch = 4.0 / model.sensor.pulse_fwhm_ns
+    assert own == {"stretch": stretch, "tail_share": 0.1, "tail_ns": 2.0, "tail_delay_ns": 9.5}
+
+
 # --- targets in scans alone, and what is refused ----------------------------------------------------------------------
 
 

@@ -292,7 +292,7 @@ def fitted_model(model: Model, bench: Bench, result: Calibration, file: Path, fr
         shape = result.fit.shape
         stretch = shape.fwhm_ns / bench.sensor.pulse_fwhm_ns
         tail = (
-            {"tail_share": shape.tail_share, "tail_ns": shape.tail_ns}
+            {"tail_share": shape.tail_share, "tail_ns": shape.tail_ns, "tail_delay_ns": shape.tail_delay_ns}
             if shape.tail_share > 0.0
             else {"tail_share": 0.0}
         )
