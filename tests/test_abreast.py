@@ -20,6 +20,11 @@ RNG = np.random.default_rng(20)
 FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[Decimal], Decimal], np.ndarray]] = {
     "exp": (lane_math.exp, lambda x: x.exp(), np.append(RNG.uniform(-700.0, 50.0, 300), [0.0, -0.3, -1e-9])),
     "expm1": (lane_math.expm1, lambda x: x.exp() - 1, np.append(10.0 ** RNG.uniform(-12.0, 0.0, 300), [1.0, 0.6931])),
+    "log": (
+        lane_math.log,
+        lambda x: x.ln(),
+        np.append(10.0 ** RNG.uniform(-16.0, 3.0, 300), [0.5, 0.7072, 1.5, 1 - 2**-53]),
+    ),
     "log1m": (lane_math.log1m, lambda x: (1 - x).ln(), np.append(10.0 ** RNG.uniform(-12.0, -0.302, 300), [0.5])),
 }
 

@@ -279,9 +279,11 @@ def test_the_same_echoes_for_any_threads_chunks_and_order() -> None:
     assert not same(first, follow(beams, sensor, frame=1))
 
 
-def test_echoes_are_those_of_the_avalanches() -> None:
-    """The search leaves out bins that cannot hold an echo; none is lost by that."""
-    sensor = sensor_of("SMART", replace(TYPICAL, afterpulse=0.4), max_range_m=60.0, threshold=4, max_echoes=16)
+@pytest.mark.parametrize("on_bins", [5, 9, 12])
+def test_echoes_are_those_of_the_avalanches(on_bins: int) -> None:
+    """The search leaves out bins that cannot hold an echo; none is lost by that, whatever its blocks."""
+    real = replace(TYPICAL, afterpulse=0.4)
+    sensor = sensor_of("SMART", real, max_range_m=60.0, threshold=4, max_echoes=16, on_bins=on_bins)
     beams = light(0.3, 200, range_m=np.random.default_rng(1).uniform(1, 58, 200), background=3e-4)
     ours, counts = follow(beams, sensor), draw_avalanches(beams, sensor, seed=1)
     total = np.cumsum(np.pad(counts, ((0, 0), (sensor.on_bins, 0))), axis=1)
@@ -292,10 +294,10 @@ def test_echoes_are_those_of_the_avalanches() -> None:
         trace[: sensor.on_bins] = 0
         found += [(i, *echo) for echo in slow.echoes_of_trace(trace, sensor)]
     theirs, mine = np.array(found), features(ours, sensor)
-    late = mine[:, 1] > 3.0
+    late = mine[:, 1] > 6.0
     assert ours.held.max() < 16
-    assert np.array_equal(mine[late][:, 2:], theirs[theirs[:, 1] > 3.0][:, 2:])
-    assert len(found) > 250
+    assert np.array_equal(mine[late][:, 2:], theirs[theirs[:, 1] > 6.0][:, 2:])
+    assert len(found) > 200
 
 
 def test_waiting_afterpulses_leave_the_heap_in_order() -> None:

@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.detector_array import Detectors
 from lidarcheck.model.detector_heap import due_bin, pop, push
-from lidarcheck.model.detector_scratch import Scratch, primary, rewind_both, secondary
+from lidarcheck.model.detector_scratch import Scratch, add_fired, primary, rewind_both, secondary, set_all, waiting
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.pulses import Pulses, add_rates, window
@@ -115,8 +115,7 @@ def _settle(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scr
             draw = secondary(stream, scratch)
             if draw >= quiet:
                 fired = _set_off(numbers, detectors, stream, scratch, bin_, detector, draw, fired)
-    if bin_ >= -numbers.pad:
-        scratch.counts[numbers.pad + bin_] += fired
+    add_fired(numbers, scratch, bin_, fired)
 
 
 @inlined
@@ -139,35 +138,32 @@ def _through_quiet(
     """Run the bins `begin` ... `end - 1`, all of that rate, from one candidate or afterpulse to the next."""
     number = numbers.detectors
     cells = (end - begin) * number
-    clock = scratch.clock[0]
-    cell, candidate, fresh = 0, begin, True
+    per_rate = 1.0 / rate
+    clock, cell = scratch.clock[0], 0
     while True:
-        if fresh:
-            if clock < rate * (cells - cell):
-                cell = min(cell + int(clock / rate), cells - 1)
-                candidate = begin + cell // number
-            else:
-                clock -= rate * (cells - cell)
-                candidate = end
-            fresh = False
-        bin_ = candidate
-        if scratch.size[0] > 0:
-            bin_ = min(bin_, due_bin(scratch.heap))
-        if bin_ >= end:
+        left = rate * (cells - cell)
+        candidate = end
+        if clock < left:
+            cell = min(cell + int(clock * per_rate), cells - 1)
+            candidate = begin + cell // number
+        while scratch.size[0] > 0 and due_bin(scratch.heap) < min(candidate, end):
+            bin_ = due_bin(scratch.heap)
+            fired = _afterpulses(scratch, bin_)
+            if fired > 0:
+                _settle(numbers, detectors, stream, scratch, bin_, fired)
+        if candidate >= end:
             break
-        fired = _afterpulses(scratch, bin_)
-        if candidate == bin_:
-            detector = cell - (candidate - begin) * number
-            if scratch.armed_from[detector] <= bin_:
-                scratch.armed_from[detector] = bin_ + 1
-                scratch.fired[fired] = detector
-                fired += 1
-            cell += 1
-            clock = -math.log(1.0 - primary(stream, scratch))
-            fresh = True
+        fired = _afterpulses(scratch, candidate)
+        detector = cell - (candidate - begin) * number
+        if scratch.armed_from[detector] <= candidate:
+            scratch.armed_from[detector] = candidate + 1
+            scratch.fired[fired] = detector
+            fired += 1
+        cell += 1
+        clock = waiting(stream, scratch)
         if fired > 0:
-            _settle(numbers, detectors, stream, scratch, bin_, fired)
-    scratch.clock[0] = clock
+            _settle(numbers, detectors, stream, scratch, candidate, fired)
+    scratch.clock[0] = clock - left
 
 
 @kernel
@@ -193,7 +189,7 @@ def _bin_by_bin(numbers: Numbers, detectors: Detectors, stream: Stream, scratch:
                 scratch.fired[fired] = detector
                 fired += 1
             cell += 1
-            clock = -math.log(1.0 - primary(stream, scratch))
+            clock = waiting(stream, scratch)
         clock -= rate * (cells - cell)
         if fired > 0:
             _settle(numbers, detectors, stream, scratch, bin_, fired)
@@ -204,15 +200,15 @@ def _bin_by_bin(numbers: Numbers, detectors: Detectors, stream: Stream, scratch:
 def _enter(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scratch, dead_rate: float) -> None:
     """All detectors at the start of the warm-up, dead with probability 1 - exp(-dead_rate) each, at any age."""
     begin = -detectors.warm_up
-    scratch.armed_from[:] = begin
+    set_all(scratch.armed_from, numbers.detectors, np.int32(begin))
     scratch.size[0] = 0
     cell = 0
-    clock = -math.log(1.0 - primary(stream, scratch))
+    clock = waiting(stream, scratch)
     while clock < dead_rate * (numbers.detectors - cell):
         cell = min(cell + int(clock / dead_rate), numbers.detectors - 1)
         scratch.armed_from[cell] = begin + 1 + int(primary(stream, scratch) * (numbers.dead - 1))
         cell += 1
-        clock = -math.log(1.0 - primary(stream, scratch))
+        clock = waiting(stream, scratch)
     scratch.clock[0] = clock - dead_rate * (numbers.detectors - cell)
 
 
@@ -235,12 +231,12 @@ def follow(
         begin, end = 0, numbers.bins
     _enter(numbers, detectors, stream, scratch, math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin)))
     if bright:
-        scratch.rates[: detectors.warm_up] = per_bin
+        set_all(scratch.rates, detectors.warm_up, per_bin)
         _bin_by_bin(numbers, detectors, stream, scratch, -detectors.warm_up, 0)
     else:
         _through_quiet(numbers, detectors, stream, scratch, -detectors.warm_up, begin, per_bin)
     rates = scratch.rates
-    rates[: end - begin] = per_bin
+    set_all(rates, end - begin, per_bin)
     add_rates(pulses, i, begin, end, rates)
     _bin_by_bin(numbers, detectors, stream, scratch, begin, end)
     _through_quiet(numbers, detectors, stream, scratch, end, numbers.bins, per_bin)

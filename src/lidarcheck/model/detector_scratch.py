@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.detector_array import Detectors
-from lidarcheck.model.jit import inlined
+from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import log
 from lidarcheck.model.numbers import Numbers
 from lidarcheck.model.streams import Stream, fill, rewind
 
-__all__ = ["Scratch", "new_scratch", "primary", "rewind_both", "secondary"]
+__all__ = ["Scratch", "add_fired", "new_scratch", "primary", "rewind_both", "secondary", "set_all", "waiting"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -24,13 +25,17 @@ _BATCH = 64
 class Scratch(NamedTuple):
     """What a thread works in. `counts`: avalanches per bin, all zero, `numbers.pad` bins before bin 0 included.
 
+    `blocks`: the same in blocks of 2^`shift` bins, of which one begins with bin 0 and the first with bin -`lead`.
     `armed_from` (detectors,): the first bin in which each can avalanche again. `fired`, `armed` (detectors,): those
     that avalanche in a bin, those that could. `heap`: afterpulses to come, `size[0]` of them. `clock[0]`: what is left
-    of the exponential number. `primary`, `secondary`: draws, `at[0]` and `at[1]` of them used up; `counter`: where
-    the second stream stands.
+    of the exponential number. `primary`, `secondary`: draws, `at[0]` and `at[1]` of them used up; `waits`: exponential
+    numbers that the former make; `counter`: where the second stream stands.
     """
 
     counts: IntArray
+    blocks: IntArray
+    shift: int
+    lead: int
     rates: FloatArray
     armed_from: npt.NDArray[np.int32]
     fired: npt.NDArray[np.int32]
@@ -39,6 +44,7 @@ class Scratch(NamedTuple):
     size: IntArray
     clock: FloatArray
     primary: FloatArray
+    waits: FloatArray
     secondary: FloatArray
     at: IntArray
     counter: npt.NDArray[np.uint64]
@@ -46,8 +52,13 @@ class Scratch(NamedTuple):
 
 def new_scratch(numbers: Numbers, detectors: Detectors) -> Scratch:
     """Work space for one thread."""
+    shift = max(numbers.on - 2, 0).bit_length()
+    lead = -(-numbers.pad >> shift) << shift
     return Scratch(
         counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
+        blocks=np.zeros(((lead + numbers.bins) >> shift) + 1, dtype=np.int64),
+        shift=shift,
+        lead=lead,
         rates=np.empty(max(numbers.bins, detectors.warm_up)),
         armed_from=np.empty(numbers.detectors, dtype=np.int32),
         fired=np.empty(numbers.detectors, dtype=np.int32),
@@ -56,6 +67,7 @@ def new_scratch(numbers: Numbers, detectors: Detectors) -> Scratch:
         size=np.zeros(2, dtype=np.int64),
         clock=np.empty(1),
         primary=np.empty(_BATCH),
+        waits=np.empty(_BATCH),
         secondary=np.empty(_BATCH),
         at=np.empty(2, dtype=np.int64),
         counter=np.zeros(4, dtype=np.uint64),
@@ -63,14 +75,48 @@ def new_scratch(numbers: Numbers, detectors: Detectors) -> Scratch:
 
 
 @inlined
+def set_all(numbers: Any, count: int, value: Any) -> None:
+    """Set the first `count` to a value, at the speed of memory: an assignment to a slice goes from one to the next."""
+    for k in range(np.uint64(count)):
+        numbers[k] = value
+
+
+@kernel
+def _fill_primary(stream: Stream, primary: FloatArray, waits: FloatArray) -> None:
+    """The next draws, and all their logarithms at once: several of them cost what one does."""
+    fill(stream, primary, _BATCH)
+    for k in range(_BATCH):
+        waits[k] = -log(1.0 - primary[k])
+
+
+@inlined
 def primary(stream: Stream, scratch: Scratch) -> float:
     """The next draw for primary avalanches."""
     at = scratch.at[0]
     if at == _BATCH:
-        fill(stream, scratch.primary, _BATCH)
+        _fill_primary(stream, scratch.primary, scratch.waits)
         at = 0
     scratch.at[0] = at + 1
     return float(scratch.primary[at])
+
+
+@inlined
+def waiting(stream: Stream, scratch: Scratch) -> float:
+    """The next draw for primary avalanches as an exponential number of mean 1."""
+    at = scratch.at[0]
+    if at == _BATCH:
+        _fill_primary(stream, scratch.primary, scratch.waits)
+        at = 0
+    scratch.at[0] = at + 1
+    return float(scratch.waits[at])
+
+
+@inlined
+def add_fired(numbers: Numbers, scratch: Scratch, bin_: int, fired: int) -> None:
+    """Count avalanches of a bin, which may lie before those that matter."""
+    if bin_ >= -numbers.pad:
+        scratch.counts[numbers.pad + bin_] += fired
+        scratch.blocks[(scratch.lead + bin_) >> scratch.shift] += fired
 
 
 @inlined

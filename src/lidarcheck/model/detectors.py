@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lidarcheck.errors import UsageError
 from lidarcheck.model.detector_array import Detectors, detectors_of
 from lidarcheck.model.detector_kernel import follow
-from lidarcheck.model.detector_scratch import Scratch, new_scratch
+from lidarcheck.model.detector_scratch import Scratch, new_scratch, set_all
 from lidarcheck.model.echoes import Echoes, find_echoes
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.numbers import Numbers, numbers_of
@@ -29,25 +29,21 @@ IntArray = npt.NDArray[np.int64]
 
 
 @inlined
-def _busy(numbers: Numbers, counts: IntArray) -> Any:
-    """The bins among which all are that more than `threshold` detectors can be ON in.
+def _busy(numbers: Numbers, scratch: Scratch) -> Any:
+    """The bins among which all are that more than `threshold` detectors can be ON in; clears `scratch.blocks`.
 
-    Such a bin sees the avalanches of its own block of `on - 1` bins and the one before, at most.
+    Such a bin sees the avalanches of its own block and the one before, at most.
     """
-    length = max(numbers.on - 1, 1)
-    before = 0
-    for k in range(numbers.pad - length, numbers.pad):
-        before += counts[k]
+    blocks, length = scratch.blocks, 1 << scratch.shift
+    start = scratch.lead >> scratch.shift
+    before = blocks[start - 1]
     begin = end = 0
-    for first in range(0, numbers.bins, length):
-        last = min(first + length, numbers.bins)
-        held = 0
-        for k in range(numbers.pad + first, numbers.pad + last):
-            held += counts[k]
-        if before + held > numbers.threshold:
-            begin = first if end == 0 else begin
-            end = last
-        before = held
+    for j in range(start, len(blocks)):
+        if before + blocks[j] > numbers.threshold:
+            begin = (j - start) * length if end == 0 else begin
+            end = min((j - start + 1) * length, numbers.bins)
+        before = blocks[j]
+    set_all(blocks, len(blocks), 0)
     return begin, end
 
 
@@ -67,7 +63,8 @@ def count_beams(
         follow(numbers, detectors, stream, scratch, beams[i], per_bin[i], pulses, i)
         for k in range(numbers.bins):
             avalanches[i, k] = scratch.counts[numbers.pad + k]
-        scratch.counts[:] = 0
+        set_all(scratch.counts, len(scratch.counts), 0)
+        set_all(scratch.blocks, len(scratch.blocks), 0)
 
 
 @kernel
@@ -89,9 +86,9 @@ def simulate_beams(
     """
     for i in range(start, stop):
         follow(numbers, detectors, stream, scratch, beams[i], per_bin[i], pulses, i)
-        begin, end = _busy(numbers, scratch.counts)
+        begin, end = _busy(numbers, scratch)
         find_echoes(numbers, scratch.counts, begin, end, i, echoes)
-        scratch.counts[:] = 0
+        set_all(scratch.counts, len(scratch.counts), 0)
 
 
 def simulate_chunk(

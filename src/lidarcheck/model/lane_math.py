@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from lidarcheck.model.jit import inlined
 
-__all__ = ["LANES", "LN2", "exp", "expm1", "log1m", "whole_below"]
+__all__ = ["LANES", "LN2", "exp", "expm1", "log", "log1m", "whole_below"]
 
 LANES = 32
 """Beams that are worked on side by side: four times what a vector holds, so that sums do not wait for each other."""
@@ -27,6 +27,8 @@ _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _ROUNDER = 6755399441055744.0
 """1.5 x 2^52: what is added to it is rounded to a whole number, which then stands in the last bits of the sum."""
 _EXPONENT_OF_ONE, _FRACTION_BITS = 1023, 52
+_BITS_OF_ROOT = 0x3FE6A09E667F3BCD
+"""Those of sqrt(1/2)."""
 _F2, _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10, _F11, _F12, _F13 = (1.0 / math.factorial(k) for k in range(2, 14))
 _I3, _I5, _I7, _I9, _I11, _I13, _I15, _I17, _I19, _I21 = (1.0 / k for k in range(3, 22, 2))
 
@@ -78,6 +80,24 @@ def expm1(x: float) -> float:
     fourth = r + s * (low + q * (high + q * (_F10 + r * _F11)))
     half = fourth * (fourth + 2.0)
     return half * (half + 2.0)
+
+
+@inlined
+def log(x: float) -> float:
+    """log(x) for normal numbers x above 0: the exponent's part, and a series between sqrt(1/2) and sqrt(2)."""
+    bits = _bits(x)
+    # The bits of x over sqrt(1/2) as a whole number: their exponent tells by which power of two to divide.
+    exponent = (bits - _BITS_OF_ROOT) >> _FRACTION_BITS
+    near_one: float = _float(bits - (exponent << _FRACTION_BITS))
+    t = (near_one - 1.0) / (near_one + 1.0)
+    z = t * t
+    y = z * z
+    low = (1.0 + z * _I3) + y * (_I5 + z * _I7)
+    high = (_I9 + z * _I11) + y * (_I13 + z * _I15)
+    w = y * y
+    series = low + w * (high + w * ((_I17 + z * _I19) + y * _I21))
+    found: float = exponent * _LN2_HIGH + (2.0 * t * series + exponent * _LN2_LOW)
+    return found
 
 
 @inlined
