@@ -20,6 +20,7 @@ from lidarcheck.model.spec import Model
 __all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
 
 FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
 Shows = Callable[..., FloatArray | None]
 
 _CLEAR = 3.0
@@ -127,12 +128,11 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
     x = np.zeros(len(axes))
     shown = shows(x)
     best = lab.distance(shown, metric=lab.bare)
-    seen = _where_seen(lab, axes)
     # What is not looked at is left out of the covariance too: given all the rest, these alone would say little.
-    rows = np.flatnonzero(seen.any(axis=1))
+    rows = _where_seen(lab, axes)
     metric = Metric(lab.bare.diagonal[rows], lab.bare.factors[rows])
     # No longer steps: the limits would cut them. Once, since such small errors act in proportion.
-    jacobian = (_jacobian(shows, x, shown, (1.0, -1.0)) * seen)[rows]
+    jacobian = _jacobian(shows, x, shown, (1.0, -1.0))[rows]
 
     def tried(trial: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         there = shows(trial)
@@ -176,22 +176,22 @@ def _farther_off(
     return found
 
 
-def _where_seen(lab: Lab, axes: Sequence[str | int]) -> FloatArray:
-    """The summaries by which each axis of a nuisance is judged, ones and zeros, shape (n_summaries, n_axes).
+def _where_seen(lab: Lab, axes: Sequence[str | int]) -> IndexArray:
+    """The numbers of the summaries by which a nuisance is judged: ranges along slopes, and all of each material.
 
-    All others change by little but chance, of which a thousand together would drown what a small error does.
+    All others change by little but chance, of which a thousand together would drown what a small error does. Of these
+    each axis counts in all: a pose moves the ranges of a material, which its reflectance must not make up for.
     """
-    names = lab.summaries.names
-    materials = {i: m.name for i, m in lab.model.materials.items()}
-    seen = np.zeros((len(names), len(axes)))
-    for j, axis in enumerate(axes):
-        for i, name in enumerate(names):
-            if isinstance(axis, str):
-                along = "range along azimuth" if axis == "yaw" else "range along elevation"
-                seen[i, j] = name.feature == along or (name.feature, name.covariate) == ("range", "field of view")
-            else:
-                seen[i, j] = name.covariate == "material" and name.bin == (materials[axis] or f"material {axis}")
-    return seen
+    materials = {lab.model.materials[axis].name or f"material {axis}" for axis in axes if isinstance(axis, int)}
+    slopes = {f"range along {way}" for axis, way in (("yaw", "azimuth"), ("pitch", "elevation")) if axis in axes}
+    ranges = ("range", "field of view")
+
+    def counts(feature: str, covariate: str, bin_: str) -> bool:
+        if covariate == "material":
+            return bin_ in materials
+        return feature in slopes or (bool(slopes) and (feature, covariate) == ranges)
+
+    return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in lab.summaries.names])
 
 
 def _descend(

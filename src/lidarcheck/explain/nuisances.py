@@ -102,8 +102,10 @@ class Nuisance:
         return model, [Surfaces(aimed(one.ideal, turning, surfaces=one)) for one in surfaces]
 
     def turn(self) -> Effect:
-        """The pose's error as an effect."""
-        return make("boresight", {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG})
+        """The pose's error as an effect. Beams stay on their surfaces: which of them look past an edge depends on where
+        it lies to a part of a beam, and those that the measurement has are forgiven."""
+        angles = {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG}
+        return make("boresight", {**angles, "own_surface": 1})
 
     def words(self) -> list[str]:
         """What is off, in words, where it is off by more than a tenth of a usual error."""
