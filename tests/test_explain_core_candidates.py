@@ -82,7 +82,8 @@ def test_a_turned_sensor_looks_elsewhere_as_with_a_boresight() -> None:
     turned = turned_surfaces[0].ideal
     assert same_model == model()
     assert not np.array_equal(turned.distance_m, ideal.distance_m)
-    boresight = make("boresight", {"yaw_deg": 2.0 * POSE_ERROR_DEG, "pitch_deg": POSE_ERROR_DEG})
+    assert np.array_equal(turned.object_id, ideal.object_id), "each beam stays on its surface"
+    boresight = make("boresight", {"yaw_deg": 2.0 * POSE_ERROR_DEG, "pitch_deg": POSE_ERROR_DEG, "own_surface": 1})
     assert same(simulate(turned, model(), seed=1), simulate(ideal, model(boresight), seed=1))
     assert Nuisance(materials={WALL: 1.0}).posed(model(), at_rest) == (model(), at_rest)
 

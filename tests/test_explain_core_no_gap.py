@@ -43,20 +43,32 @@ def test_few_lost_beams_stand_out_of_a_rest_that_is_small_enough_for_chance(shar
 
 
 def test_the_nuisances_are_fitted_to_their_end_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A table off by what it may be: of 1700 above the floor, two single steps leave 150, two doubled ones 30."""
-    off = Nuisance(materials={WALL: 2.4, PANEL: -2.4, ROAD: 2.4})
+    """A pose and tables off by what they may be: two single steps leave 100 above the floor, two doubled ones none."""
+    off = Nuisance(yaw=-1.5, pitch=1.0, materials={WALL: -2.0, PANEL: 2.0, ROAD: 1.5})
     how = {"layers": range(230, 290), "points": range(320, 640, 4)}
-    lab = Lab(frames(off.model(model()), 3, **how), model(), 3)
+    lab = Lab(frames(off.calibrated(model(), own_surface=True), 3, **how), model(), 3)
     shown = np.zeros((1, len(lab.measured)))
     plain = Fit((), (), lab.distance(shown), shown)
 
     def left() -> float:
         return fit_nuisance(lab, plain, rounds=2).distance - lab.floor_distance
 
-    doubled = left()
+    assert left() < -50.0
     monkeypatch.setattr(fitting, "_DOUBLED", 0)
-    assert left() > 100.0
-    assert doubled < 0.5 * left()
+    assert left() > 50.0
+
+
+def test_a_pose_and_tables_that_move_the_same_ranges_are_told_apart() -> None:
+    """A wall that recedes and a road: the pose moves their ranges, which their reflectances must not make up for."""
+    off = Nuisance(yaw=1.5, pitch=1.0, materials={WALL: -1.2, ROAD: 1.5})
+    measured = frames(off.calibrated(model(), own_surface=True), 3, layers=range(230, 290), points=range(320, 640, 4))
+    lab = Lab(measured, model(), 3)
+    shown = np.zeros((1, len(lab.measured)))
+    found = fit_nuisance(lab, Fit((), (), lab.distance(shown), shown), rounds=2)
+    assert found.distance < lab.floor_distance
+    assert found.nuisance.yaw == pytest.approx(1.5, abs=0.15)
+    assert found.nuisance.pitch == pytest.approx(1.0, abs=0.2)
+    assert found.nuisance.materials[WALL] == pytest.approx(-1.2, abs=0.2)
 
 
 @pytest.mark.parametrize(("gain", "named"), [(0.90, True), (0.98, False)])
