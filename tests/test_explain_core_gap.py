@@ -56,6 +56,18 @@ def test_the_gap_of_a_model_with_its_own_data_is_the_floor() -> None:
     assert gap.waterfall == ()
 
 
+def test_a_perfect_model_leaves_the_floor_on_the_mean_in_every_part() -> None:
+    """Each part counts by how far it is from what is expected, to either side, and so must the floor."""
+    found = []
+    for seed in range(24):
+        gap = gap_of(Scale.of(frames(model(OFFSET), 2, seed=seed), model(), 3 + seed), [("", model(OFFSET))])
+        found.append([(after, floor) for _, after, floor in gap.by_feature.values()])
+    after, floor = np.array(found).transpose(2, 0, 1)
+    error = (after - floor).std(axis=0, ddof=1) / np.sqrt(len(found))
+    assert np.all(np.abs((after - floor).mean(axis=0)) < 3.5 * error)
+    assert after.mean() == pytest.approx(floor.mean(), rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("name", "parameter", "sizes", "feature"),
     [

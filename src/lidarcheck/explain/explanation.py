@@ -103,7 +103,7 @@ class Candidate:
 class Gap:
     """The distance of measured and simulated echoes on the frames that no fit has seen.
 
-    `before`, `after`, `floor` (two simulations of the last model apart by their seeds only), each with its interval;
+    `before`, `after`, `floor` (what a perfect model is expected to leave), each with its interval;
     the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
     the floor.
     """

@@ -203,9 +203,10 @@ def gap_of(
 ) -> Gap:
     """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
 
-    The floor is what two simulations of the last model are apart. What a stage's own model makes by chance counts as
-    much as the last one's: an effect that strikes at random adds noise to the model, which is no gap. Intervals are
-    5 % to 95 % quantiles over beams drawn anew with replacement.
+    The floor is what two simulations of the last model are apart, and by how much, more or less, another one would be,
+    each part on its own: what a perfect model is expected to leave. What a stage's own model makes by chance counts as
+    much as the last one's: an effect that strikes at random adds noise to the model, which is no gap. Intervals are 5 %
+    to 95 % quantiles over beams drawn anew with replacement.
     """
     found: list[FloatArray] = []
     chance: list[FloatArray] = []
@@ -218,12 +219,21 @@ def gap_of(
     # A measurement that is nearer than a model's own simulations are to each other differs from it too.
     parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
     totals = [_interval(one[0].mean(), [drawn.mean() for drawn in one[1:]]) for one in parts]
-    floor = _interval(float(noise.mean()), list(chance[-1].mean(axis=1)), centred=True)
+    lowest = noise + _by_chance(chance[-1])
+    drawn = chance[-1].mean(axis=1) + (lowest - noise).mean()
+    floor = _interval(float(lowest.mean()), list(drawn), centred=True)
     by_feature = {
-        name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(noise[j])) for j, name in enumerate(PARTS)
+        name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(lowest[j])) for j, name in enumerate(PARTS)
     }
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
     return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
+
+
+def _by_chance(own: FloatArray) -> FloatArray:
+    """How far one more draw is expected to be from the mean of some draws (n, n_parts), to either side; (n_parts,)."""
+    n = len(own)
+    # Draws are nearer to their own mean than another one is.
+    return np.asarray(np.abs(own - own.mean(axis=0)).mean(axis=0) * np.sqrt((n + 1.0) / (n - 1.0)))
 
 
 def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:

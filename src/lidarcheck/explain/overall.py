@@ -68,7 +68,7 @@ class Open:
     def beside(self, gap: Gap) -> Open:
         """The mean of these frames and of others, of which the gap is known."""
         unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
-        there = unseen[:, :2] - unseen[:, 2:]
+        there = np.maximum(unseen[:, :2] - unseen[:, 2:], 0.0)
         before, after = (self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0
         return Open(before, after, _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after)
 
