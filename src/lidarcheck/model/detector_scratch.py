@@ -90,25 +90,26 @@ def _fill_primary(stream: Stream, primary: FloatArray, waits: FloatArray) -> Non
 
 
 @inlined
-def primary(stream: Stream, scratch: Scratch) -> float:
-    """The next draw for primary avalanches."""
+def _taken(stream: Stream, scratch: Scratch) -> int:
+    """Where the next draw for primary avalanches stands."""
     at = scratch.at[0]
     if at == _BATCH:
         _fill_primary(stream, scratch.primary, scratch.waits)
         at = 0
     scratch.at[0] = at + 1
-    return float(scratch.primary[at])
+    return int(at)
+
+
+@inlined
+def primary(stream: Stream, scratch: Scratch) -> float:
+    """The next draw for primary avalanches."""
+    return float(scratch.primary[_taken(stream, scratch)])
 
 
 @inlined
 def waiting(stream: Stream, scratch: Scratch) -> float:
     """The next draw for primary avalanches as an exponential number of mean 1."""
-    at = scratch.at[0]
-    if at == _BATCH:
-        _fill_primary(stream, scratch.primary, scratch.waits)
-        at = 0
-    scratch.at[0] = at + 1
-    return float(scratch.waits[at])
+    return float(scratch.waits[_taken(stream, scratch)])
 
 
 @inlined
