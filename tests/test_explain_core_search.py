@@ -9,7 +9,7 @@ from lidarcheck.explain.candidates import Probe, fixed_probes, free_of
 from lidarcheck.explain.fit import fit, fit_nuisance
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import LIMIT, Nuisance
-from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.screen import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.verdict import intervals
 from lidarcheck.model import Model, simulate
 from lidarcheck.model.again import simulate_unread
@@ -97,6 +97,18 @@ def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_eff
     best = max(screened, key=lambda one: one.gain(bench, bench.measured)[0])
     assert best.probe.name == "range_offset"
     assert best.probe.settings["offset_m"] > 0.0
+
+
+def test_a_start_that_is_much_too_strong_is_screened_again_as_weak_as_fits_and_explains_more() -> None:
+    bench = Lab(frames(model(make("range_offset", {"offset_m": 0.03})), 2), model(), 5)
+    screened = screen(bench, [Probe("range_offset", {"offset_m": 0.3}, free_of("range_offset"))])
+    [weaker] = weaker_starts(bench, screened)
+    gain, scale = screened[0].gain(bench, bench.measured)
+    assert scale < 0.6
+    assert weaker.settings["offset_m"] == pytest.approx(0.3 * scale)
+    [again] = screen(bench, [weaker])
+    assert again.gain(bench, bench.measured)[0] > 1.2 * gain
+    assert weaker not in weaker_starts(bench, [*screened, again])
 
 
 # Fitting

@@ -1,5 +1,7 @@
 """Effects that hide beside strong ones, and closure beam by beam where summaries say that too much is open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,14 +11,17 @@ from lidarcheck.effects import Effect, make
 from lidarcheck.explain import second_look as looking
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import Bench, Search, Trial
+from lidarcheck.explain.fit import Fit, fit, fit_nuisance
+from lidarcheck.explain.forward import Bench, Search, Trial, start_fit
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.needless import without_needless
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.polish import judged
 from lidarcheck.explain.screen import screen
-from lidarcheck.explain.second_look import joint_trials, second_look
+from lidarcheck.explain.search import without
+from lidarcheck.explain.second_look import joint_trials, look_around, second_look, unstrained_trials
+from lidarcheck.explain.trials import select_shown, tried
 from lidarcheck.explain.verdict import Closure, closure
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.5}), make("timing_jitter", {"sigma_ns": 0.5})
@@ -157,3 +162,51 @@ def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -
     much, right = Closure(1000.0, 900.0, 350.0), fitted(bench, "range_offset")
     search = Search(right, right, [trial(right, 500.0, 110.0)])
     assert appeal(bench, seen_of(bench), search, much, 7) == (search, much)
+
+
+def test_where_nuisances_are_at_their_limits_an_effect_is_sought_without_them() -> None:
+    """Reflectances that are all off by 10 % make up for a gain of 1.13, and leave it nothing to begin with."""
+    bench = bench_of(JITTER, make("signal_gain", {"gain": 1.13}))
+    fit_of_jitter = fit_nuisance(bench.lab, fitted(bench, "timing_jitter"), rounds=4)
+    own = judged(seen_of(bench), bench.lab.model, fit_of_jitter, 7)
+    assert not own.last.nuisance.usual
+    look = look_around(own, fixed_probes(NAMES[2:]), Crew(), ignored)
+    [found] = unstrained_trials(own, look, 2)
+    assert found.name == "signal_gain"
+    assert found.passes
+    assert found.fit.nuisance.usual
+    assert found.fit.effects()[1].settings()["gain"] == pytest.approx(1.13, abs=0.04)
+
+
+def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_stays() -> None:
+    bench = bench_of(GAIN, JITTER)
+    seen, probes = seen_of(bench), [fixed_probes([name])[0] for name in ("signal_gain", "timing_jitter", "dark_counts")]
+    three = fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    found = without_needless(bench, seen, Search(three, three), 7)
+    assert found.fit.names() == ("signal_gain", "timing_jitter")
+    assert found.own is not None
+    assert found.own.left < 0.1 * seen.excess(model())[0]
+    again = without_needless(bench, seen, found, 7)
+    assert again.fit is found.fit
+    one = Search(found.fit, without(bench.lab, found.fit, 1))
+    assert without_needless(bench, seen, one, 7) is one
+
+
+def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:
+    bench = bench_of(JITTER)
+    far = replace(bench, start=bench.lab.floor_distance + 100_000.0)
+    assert far.worth == pytest.approx(5000.0)
+    assert far.worth_beside(bench.lab.floor_distance + 1000.0) == pytest.approx(600.0)
+    assert far.worth_beside(bench.lab.floor_distance + 50_000.0) == far.worth
+
+
+def test_an_effect_that_usual_errors_have_made_up_for_is_also_fitted_before_these() -> None:
+    bench = bench_of(make("signal_gain", {"gain": 1.13}))
+    first = start_fit(bench.lab, nuisances=True)
+    assert first.nuisance.penalty > 5.0
+    [probe] = [one for one in fixed_probes(["signal_gain"]) if one.settings["gain"] > 1.0]
+    held = fit(bench.lab, [probe], [probe.start()], rounds=3, nuisance=first.nuisance)
+    found, *_ = tried(bench.lab, bench.select, first, select_shown(bench.select, first), 10.0, probe)
+    assert found.distance < held.distance
+    assert found.nuisance.penalty < 1.0
+    assert found.effects()[0].settings()["gain"] == pytest.approx(1.13, abs=0.02)

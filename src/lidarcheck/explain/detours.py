@@ -55,7 +55,7 @@ def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: 
     ways = _others(found, first)
     for i, trial in enumerate(ways):
         told("detour", i, len(ways))
-        way = onward(bench, accept(bench, Search(found.first, found.first, began), trial), rest, silent)
+        way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, silent)
         way.fit = backward(bench, way.fit, silent)
         yield way
 

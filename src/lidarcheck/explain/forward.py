@@ -42,8 +42,9 @@ REFINED = 5
 """So many of the best screened effects are fitted in each round."""
 NEARLY = 0.35
 """Effects that explain less than this part of what the best one does are not fitted."""
-LEAST_PART = 0.05
-"""An effect that explains less of the distance than this is not worth a name."""
+LEAST_PART, MOST_OF_LEFT = 0.05, 0.6
+"""An effect that explains less of the distance than this is not worth a name, unless it explains most of what others
+leave: squares make a second effect a small part of what a strong one does."""
 KIN = (
     {"range_offset", "range_scale", "walk_error", "motion"},
     {"signal_gain", "material_reflectance", "incidence_falloff", "layer_gain", "blockage"},
@@ -66,7 +67,7 @@ RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 edges: they need this part beside their kin, and so many times the usual least part, though no more than half of all."""
 PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
-_UNSEEN, _HARMLESS = 0.05, 0.02
+_UNSEEN, _HARMLESS = 0.08, 0.02
 """An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
 by that part."""
 _TO_THE_BETTER = 0.5
@@ -108,6 +109,10 @@ class Bench:
         if variant not in AT_RANDOM:
             return self.worth
         return min(_RANDOM_WORTH * self.least_part, _RANDOM_ENOUGH) * self._gap
+
+    def worth_beside(self, distance: float) -> float:
+        """The same beside other effects that leave a distance: most of what these leave is enough."""
+        return min(self.worth, MOST_OF_LEFT * max(distance - self.lab.floor_distance, 0.0))
 
     @property
     def _gap(self) -> float:
@@ -271,6 +276,8 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
         if not alone.possible or from_side_to_side(lab, alone.effects()[-1]):
             continue
         worth = bench.worth_of(one.probe.variant)
+        if now.probes and one.probe.variant not in AT_RANDOM:
+            worth = bench.worth_beside(now.distance)
         needed = max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
         gain = now.distance - alone.distance
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own))

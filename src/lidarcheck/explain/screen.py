@@ -17,11 +17,14 @@ from lidarcheck.explain.lab import Lab
 if TYPE_CHECKING:
     from lidarcheck.explain.notebook import Notebook
 
-__all__ = ["Screened", "chance_level", "screen"]
+__all__ = ["Screened", "chance_level", "screen", "weaker_starts"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _LARGEST_SCALE = 1.5
+_WEAK, _HARDLY, _PROMISING = 0.6, 0.02, 0.15
+"""Starts that explain most when scaled by less than this, but by more than that, are screened once more so much weaker,
+where they explain this part of what the best one does."""
 
 
 @dataclass(frozen=True)
@@ -49,19 +52,20 @@ def screen(
     told: Callable[[int, int], object] | None = None,
     crew: Crew | None = None,
     notebook: Notebook | None = None,
+    pages: str = "change",
 ) -> list[Screened]:
     """What every candidate would change, each with the same random numbers as the model itself.
 
-    `notebook` has what an interrupted run found, and gets what this one finds.
+    `notebook` has what an interrupted run found, and gets what this one finds, on `pages` of that name.
     """
     crew = crew or Crew()
-    start = [notebook.get(_page(i)) if notebook else None for i in range(len(probes))]
+    start = [notebook.get(f"{pages} {i}") if notebook else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
     for i, change in zip(open_, crew.map(_change, ((lab.held, probes[i]) for i in open_)), strict=True):
         changes[i] = change
         if notebook is not None:
-            notebook.put(_page(i), [] if change is None else change)
+            notebook.put(f"{pages} {i}", [] if change is None else change)
         if told is not None:
             told(i + 1, len(probes))
     return [
@@ -71,8 +75,21 @@ def screen(
     ]
 
 
-def _page(i: int) -> str:
-    return f"change {i}"
+def weaker_starts(lab: Lab, screened: Sequence[Screened]) -> list[Probe]:
+    """The best start of each kind of the promising effects, as much weaker as fits the measurement, where that is much.
+
+    Summaries are compressed: what a start changes, scaled down, is not what a weaker one changes, and explains less.
+    """
+    best: dict[tuple[str, str], tuple[float, float, Probe]] = {}
+    for one in screened:
+        gain, scale = one.gain(lab, lab.measured)
+        kind = one.probe.name, one.probe.variant
+        if gain > best.get(kind, (0.0,))[0]:
+            best[kind] = gain, scale, one.probe
+    least = _PROMISING * max((gain for gain, _, _ in best.values()), default=0.0)
+    weaker = [p.scaled(scale) for gain, scale, p in best.values() if gain > least and _HARDLY < scale < _WEAK]
+    known = [one.probe for one in screened]
+    return [probe for probe in weaker if probe not in known]
 
 
 def _change(lab: Lab, probe: Probe) -> FloatArray | None:

@@ -91,7 +91,8 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
         kin = [
             loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
         ]
-        enough = max(1.3 * bench.level, bench.worth, KIN_PART * max(kin, default=0.0)) + price
+        worth = bench.worth_beside(fewer[least].distance) if len(fewer) > 1 else bench.worth
+        enough = max(1.3 * bench.level, worth, KIN_PART * max(kin, default=0.0)) + price
         if unusual[least] or losses[least] > enough:
             break
         now = fewer[least]

@@ -8,7 +8,7 @@ out as if it were all there is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,7 @@ from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened, chance_level, screen
 
-__all__ = ["joint_trials", "second_look"]
+__all__ = ["Look", "joint_trials", "look_around", "second_look", "unstrained_trials", "worth_by_beams"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,6 +39,8 @@ _LIKELY = 0.08
 _LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, _SURE = 0.15, 0.03, 0.5, 4.0
 """Beam by beam it must close this part of the gap that the others leave, this one of the gap that there was or else
 most of what the others leave, and so many standard deviations of chance."""
+_AS_MUCH = 2.0
+"""A gap larger by so many standard deviations of chance is as large."""
 _STILL = 0.5
 """Another look is taken where one more effect has left this part of what was left before."""
 _MOST = 2
@@ -66,9 +68,11 @@ def second_look(
         search, before, left = replace(search, own=own), left, own.last.distance - own.lab.floor_distance
         if left < max(_LEFT, _STILL * before):
             return search
-        starts = _starts(bench, own.lab, search, screened)
+        likely = look_around(own, _starts(bench, own.lab, search, screened), bench.crew, told)
         number = 1 + max(trial.round for trial in search.trials)
-        trials = _trials(own, starts, number, search, bench.crew, told) + joint_trials(own, search, number, bench.crew)
+        trials = _trials(own, likely, number, search) + joint_trials(own, search, number, bench.crew)
+        if not own.last.nuisance.usual:
+            trials += unstrained_trials(own, likely, number)
         found = _best(bench, seen, search, trials)
         if found is None:
             return search
@@ -76,19 +80,29 @@ def second_look(
     return search
 
 
-def _trials(
-    own: Judged, starts: Sequence[Probe], number: int, search: Search, crew: Crew, told: Callable[[int, int], object]
-) -> list[Trial]:
-    """Candidates fitted on top of what was found, as in a round of the first search, on all frames seen: of these all
-    must agree on what is left, and it is the gap beam by beam that decides.
+@dataclass(frozen=True)
+class Look:
+    """The bench around what was found, and the candidates on top of it."""
+
+    bench: Bench
+    screened: Sequence[Screened]
+
+
+def look_around(own: Judged, starts: Sequence[Probe], crew: Crew, told: Callable[[int, int], object]) -> Look:
+    """What each start would change around what was found, on all frames seen: of these all must agree on what is left,
+    and it is the gap beam by beam that decides."""
+    lab = own.lab
+    screened = screen(lab, starts, told, crew)
+    bench = Bench(lab, lab, chance_level(lab, screened), own.last.distance, crew, _LEAST_PART)
+    return Look(bench, screened)
+
+
+def _trials(own: Judged, look: Look, number: int, search: Search) -> list[Trial]:
+    """Candidates fitted on top of what was found, as in a round of the first search.
 
     A view that turns at random explains a part of what an error of aim leaves at edges, here as there.
     """
-    lab = own.lab
-    screened = screen(lab, starts, told, crew)
-    level = chance_level(lab, screened)
-    bench = Bench(lab, lab, level, own.last.distance, crew, _LEAST_PART)
-    trials = run_round(bench, Search(own.last, own.last), _likely(own, screened), number, silent)
+    trials = run_round(look.bench, Search(own.last, own.last), _likely(own.lab, own.last, look), number, silent)
     return [
         replace(t, needed=max(t.needed, beside_kin(t.fit.probes[-1], search)))
         if t.fit.probes[-1].variant in AT_RANDOM
@@ -97,12 +111,31 @@ def _trials(
     ]
 
 
-def _likely(own: Judged, screened: Sequence[Screened]) -> list[Screened]:
+def unstrained_trials(own: Judged, look: Look, number: int) -> list[Trial]:
+    """Candidates on top of what was found without nuisances, which follow: such as make do with usual ones.
+
+    Nuisances at their limits are hardly that: they have made up for an effect, of which they leave little to begin
+    with.
+    """
+    lab, before = own.lab, own.last.distance
+    plain = fit(lab, own.last.probes, own.last.x, rounds=3)
+    bench = replace(look.bench, start=plain.distance)
+    trials = run_round(bench, Search(plain, plain), _likely(lab, plain, look), number, silent)
+    best = {t.name: t for t in sorted(trials, key=lambda t: t.gain) if t.passes}
+    needed = _LEAST_PART * (before - lab.floor_distance)
+    found = []
+    for t in [*best.values()][-_MOST:]:
+        end = fit_nuisance(lab, t.fit)
+        if end.nuisance.usual:
+            found.append(Trial(t.name, number, end, before - end.distance, needed, before, end.distance))
+    return found
+
+
+def _likely(lab: Lab, now: Fit, look: Look) -> list[Screened]:
     """Those of the effects that explain a part of what is left before any fit, worth the fits' time."""
-    lab, left = own.lab, own.last.distance - own.lab.floor_distance
-    residual = lab.measured - own.last.shown.mean(axis=0)
-    names = {one.probe.name for one in screened if one.gain(lab, residual)[0] > _LIKELY * left}
-    return [one for one in screened if one.probe.name in names]
+    left, residual = now.distance - lab.floor_distance, lab.measured - now.shown.mean(axis=0)
+    names = {one.probe.name for one in look.screened if one.gain(lab, residual)[0] > _LIKELY * left}
+    return [one for one in look.screened if one.probe.name in names]
 
 
 def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[Trial]:
@@ -172,11 +205,23 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
     case = bench.lab.model
     models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in tried)]
     whole, *left = (excess for excess, _ in bench.crew.map(Scale.excess, models))
-    worth = min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * own.left)
-    least = max(_LEAST_CLOSED * own.left, worth, _SURE * own.chance)
-    if own.left - min(left) < least:
+    closing = [(there, one) for there, one in zip(left, tried, strict=True) if _closes(own, one, there, whole)]
+    if not closing:
         return None
-    found = tried[left.index(min(left))]
+    found = min(closing, key=lambda both: both[0])[1]
     # Told as one of the first bench, whose frames and summaries all that follows is in.
     now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
     return Search(search.first, now, [*search.trials, *trials])
+
+
+def _closes(own: Judged, one: Fit, left: float, whole: float) -> bool:
+    """Whether a fit with one more effect closes enough of the gap beam by beam, of which it leaves `left`; or as much
+    as before with nuisances that are usual, where those before were at their limits."""
+    if one.nuisance.usual and not own.last.nuisance.usual:
+        return left < own.left + _AS_MUCH * own.chance
+    return own.left - left >= worth_by_beams(own.left, whole, own.chance)
+
+
+def worth_by_beams(left: float, whole: float, chance: float) -> float:
+    """How much of the gap beam by beam an effect must close beside others that leave so much of the whole one."""
+    return max(_LEAST_CLOSED * left, min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * left), _SURE * chance)

@@ -12,6 +12,7 @@ from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import FOOTPRINTS
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance, with_effects
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.threads import mapped
 
 __all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
@@ -42,6 +43,10 @@ def tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, pro
         if not found.possible:
             probe = probe.scaled(0.5)
             found = fit_next(lab, now, probe, least)
+    if found.possible and not now.probes and now.nuisance.penalty > 0.0:
+        # What was fitted first may have made up for the effect: once also the other way round.
+        first = fit_nuisance(lab, fit_next(lab, replace(now, nuisance=Nuisance()), probe, least))
+        found = min((found, first), key=lambda one: one.distance)
     if found.possible and not _is_what_it_says(lab, now, found):
         found = replace(found, distance=np.inf)
     return _there(select, before, found)

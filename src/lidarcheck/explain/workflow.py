@@ -33,10 +33,11 @@ from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.needless import without_needless
 from lidarcheck.explain.overall import widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
-from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.screen import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search import backward, find_effects, without
 from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, split_frames
@@ -100,6 +101,7 @@ def _explain(case: Case, run: Run) -> Explanation:
     search = run.fit_and_select(bench, screened)
     seen = Scale.of((*split.fit, *split.select), case.model, 2 * run.seed + 4)
     search = run.look_again(bench, seen, search, screened)
+    search = run.leave_out_needless(bench, seen, search)
     search, answer = run.judge(bench, seen, search)
     search, answer = run.take_another_way(bench, seen, screened, search, answer)
     untestable = run.list_untestable(bench, screened)
@@ -170,7 +172,10 @@ class Run:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = [name for name in catalogue() if name not in self.exclude]
         probes = fixed_probes(names) + located_probes(bench.lab, names)
-        screened = screen(bench.lab, probes, lambda i, n: self.tell("candidates", i, n), self.crew, self.notebook)
+        told = functools.partial(self.tell, "candidates")
+        screened = screen(bench.lab, probes, told, self.crew, self.notebook)
+        weaker = weaker_starts(bench.lab, screened)
+        screened += screen(bench.lab, weaker, None, self.crew, self.notebook, "weaker")
         return screened, dataclasses.replace(bench, level=chance_level(bench.lab, screened))
 
     def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
@@ -192,6 +197,13 @@ class Run:
         self.tell("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
+        return found
+
+    def leave_out_needless(self, bench: Bench, seen: Scale, search: Search) -> Search:
+        """Without names that gain much by the summaries and close next to nothing beam by beam."""
+        found = without_needless(bench, seen, search, 2 * self.seed + 4)
+        for name in (name for name in search.fit.names() if name not in found.fit.names()):
+            self.did("needless", f"{name}: beam by beam, the others close the gap as well")
         return found
 
     def judge(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer]:

@@ -1,0 +1,57 @@
+"""Names that neither the summaries nor the gap beam by beam need.
+
+Around the explained model an effect may gain much beside others that are not yet where they fit best without it; once
+these have been fitted again, it closes next to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from lidarcheck.explain.fit import Fit
+from lidarcheck.explain.forward import Bench, Search
+from lidarcheck.explain.gap import Scale, excesses
+from lidarcheck.explain.polish import Judged, judged
+from lidarcheck.explain.search import without
+from lidarcheck.explain.second_look import worth_by_beams
+from lidarcheck.explain.threads import done_by
+
+__all__ = ["without_needless"]
+
+
+def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
+    """The search without names that explain less than is worth a name, and close less of the gap on the frames seen
+    than the second look asks of one more; not where the others then need nuisances that are no usual errors."""
+    case, found = bench.lab.model, search
+    if len(found.fit.probes) < 2:
+        return found
+    [(whole, _)] = excesses(seen, [case])
+    while len(found.fit.probes) > 1:
+        own = found.own or judged(seen, case, found.fit, seed)
+        found = replace(found, own=own)
+        fits = [now for now in _fewer(bench, found.fit) if _explains(bench, found.fit, now)]
+        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now in fits])
+        enough = [(now, its) for now, its in zip(fits, judgements, strict=True) if _closes(own, its, whole)]
+        if not enough:
+            break
+        now, its = min(enough, key=lambda one: one[1].left)
+        found = replace(found, fit=now, own=its)
+    return found
+
+
+def _fewer(bench: Bench, now: Fit) -> Iterator[Fit]:
+    """The fits without one of the effects."""
+    return done_by(bench.crew, without, [(bench.lab.held, now, at) for at in range(len(now.probes))])
+
+
+def _explains(bench: Bench, now: Fit, fewer: Fit) -> bool:
+    """Whether fewer effects explain the summaries nearly as well."""
+    return fewer.distance - now.distance < bench.worth_beside(fewer.distance)
+
+
+def _closes(own: Judged, fewer: Judged, whole: float) -> bool:
+    """Whether they close the gap nearly as well, with nuisances that are no less usual."""
+    if own.last.nuisance.usual and not fewer.last.nuisance.usual:
+        return False
+    return fewer.left - own.left < worth_by_beams(fewer.left, whole, fewer.chance)
