@@ -5,6 +5,7 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
+from lidarcheck.explain import detours as detouring
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.fit import Fit, fit
@@ -133,3 +134,22 @@ def test_of_kin_the_later_one_is_left_out() -> None:
     [fewer] = with_fewer_kin(bench, Search(three, three))
     assert fewer.fit.names() == ("signal_gain", "dark_counts")
     assert not [*with_fewer_kin(bench, fewer)]
+
+
+def test_each_other_way_is_told_with_its_own_trials_alone(
+    both: Bench, screened: list[Screened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = misled(both)
+    right = search.trials[1]
+
+    def one_more(_bench: Bench, found: Search, *_: object) -> Search:
+        found.trials += [right]
+        return found
+
+    monkeypatch.setattr(detouring, "_others", lambda *_: [right, right])
+    monkeypatch.setattr(detouring, "onward", one_more)
+    monkeypatch.setattr(detouring, "accept", lambda _bench, found, _trial: found)
+    monkeypatch.setattr(detouring, "backward", lambda _bench, now, _told: now)
+    ways = [*other_ways(both, search, screened, lambda *_: None)]
+    began = sum(t.round == 1 for t in search.trials)
+    assert [len(way.trials) for way in ways] == [began + 1, began + 1]

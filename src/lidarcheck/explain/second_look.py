@@ -68,11 +68,11 @@ def second_look(
         search, before, left = replace(search, own=own), left, own.last.distance - own.lab.floor_distance
         if left < max(_LEFT, _STILL * before):
             return search
-        likely = look_around(own, _starts(bench, own.lab, search, screened), bench.crew, told)
+        look = look_around(own, _starts(bench, own.lab, search, screened), bench.crew, told)
         number = 1 + max(trial.round for trial in search.trials)
-        trials = _trials(own, likely, number, search) + joint_trials(own, search, number, bench.crew)
+        trials = _trials(own, look, number, search) + joint_trials(own, search, number, bench.crew)
         if not own.last.nuisance.usual:
-            trials += unstrained_trials(own, likely, number)
+            trials += unstrained_trials(own, look, number)
         found = _best(bench, seen, search, trials)
         if found is None:
             return search
@@ -119,6 +119,8 @@ def unstrained_trials(own: Judged, look: Look, number: int) -> list[Trial]:
     """
     lab, before = own.lab, own.last.distance
     plain = fit(lab, own.last.probes, own.last.x, rounds=3)
+    if not plain.possible:
+        return []
     bench = replace(look.bench, start=plain.distance)
     trials = run_round(bench, Search(plain, plain), _likely(lab, plain, look), number, silent)
     best = {t.name: t for t in sorted(trials, key=lambda t: t.gain) if t.passes}

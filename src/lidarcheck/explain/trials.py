@@ -45,8 +45,9 @@ def tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, pro
             found = fit_next(lab, now, probe, least)
     if found.possible and not now.probes and now.nuisance.penalty > 0.0:
         # What was fitted first may have made up for the effect: once also the other way round.
-        first = fit_nuisance(lab, fit_next(lab, replace(now, nuisance=Nuisance()), probe, least))
-        found = min((found, first), key=lambda one: one.distance)
+        first = fit_next(lab, replace(now, nuisance=Nuisance()), probe, least)
+        if first.possible:
+            found = min((found, fit_nuisance(lab, first)), key=lambda one: one.distance)
     if found.possible and not _is_what_it_says(lab, now, found):
         found = replace(found, distance=np.inf)
     return _there(select, before, found)
