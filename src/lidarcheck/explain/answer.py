@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from lidarcheck.explain.explanation import Finding, Gap
-from lidarcheck.explain.findings import findings_of
+from lidarcheck.explain.explanation import Explanation, Finding, Gap, Standout, Step
+from lidarcheck.explain.findings import candidates_table, findings_of
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.overall import Open, calibrated, carries_over
@@ -16,7 +17,11 @@ from lidarcheck.explain.verdict import Closure
 from lidarcheck.explain.words import depends_on
 from lidarcheck.model.spec import Model
 
-__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes"]
+if TYPE_CHECKING:
+    from lidarcheck.explain.case import Case
+    from lidarcheck.explain.split import Split
+
+__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes", "explanation_of"]
 
 CALIBRATION = "gain, reflectances and pose"
 """The last stage of an explained model: small errors put right."""
@@ -81,3 +86,32 @@ def by_terms(
         described = described.with_(effect)
     name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
     return Answer("unknown", (finding,), (("", bench.lab.model), (name, described)), depends)
+
+
+def explanation_of(
+    case: Case,
+    split: Split,
+    bench: Bench,
+    where: tuple[Standout, ...],
+    search: Search,
+    answer: Answer,
+    untestable: Mapping[str, str],
+    gap: Gap,
+    seed: int,
+    steps: Sequence[Step],
+) -> Explanation:
+    """Everything together."""
+    return Explanation(
+        verdict=answer.verdict,
+        findings=answer.findings,
+        not_testable=untestable,
+        gap=gap,
+        model=answer.stages[-1][1],
+        steps=tuple(steps),
+        where=where,
+        candidates=candidates_table(bench, search, answer.verdict),
+        split=split.numbers(),
+        seeds={"seed": seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
+        hashes=dict(case.hashes),
+        left_out=dict(case.left_out),
+    )

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
-from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes
+from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes, explanation_of
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
@@ -28,7 +28,7 @@ from lidarcheck.explain.explanation import (
     Step,
     Teller,
 )
-from lidarcheck.explain.findings import candidates_table, is_doubtful
+from lidarcheck.explain.findings import is_doubtful
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
@@ -118,7 +118,7 @@ def _explain(case: Case, run: Run) -> Explanation:
     if widening(gap, [CALIBRATION]):
         answer = run.drop(answer, answer.without_calibration())
         gap = run.verify(split, answer)
-    return run.report(case, split, bench, where, search, answer, untestable, gap)
+    return explanation_of(case, split, bench, where, search, answer, untestable, gap, run.seed, run.steps)
 
 
 @dataclass(frozen=True)
@@ -343,30 +343,3 @@ class Run:
         gap = gap_of(scale, answer.stages, told, self.crew)
         self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
         return gap
-
-    def report(
-        self,
-        case: Case,
-        split: Split,
-        bench: Bench,
-        where: tuple[Standout, ...],
-        search: Search,
-        answer: Answer,
-        untestable: Mapping[str, str],
-        gap: Gap,
-    ) -> Explanation:
-        """Everything together."""
-        return Explanation(
-            verdict=answer.verdict,
-            findings=answer.findings,
-            not_testable=untestable,
-            gap=gap,
-            model=answer.stages[-1][1],
-            steps=tuple(self.steps),
-            where=where,
-            candidates=candidates_table(bench, search, answer.verdict),
-            split=split.numbers(),
-            seeds={"seed": self.seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * self.seed + 3},
-            hashes=dict(case.hashes),
-            left_out=dict(case.left_out),
-        )
