@@ -88,6 +88,16 @@ def test_losses_at_random_hold_where_a_frame_is_as_far_as_another_one_would_be()
     assert not dataclasses.replace(lost, needed=600.0).passes
 
 
+def test_what_explains_much_holds_where_the_select_frames_are_near_their_floor_with_it_and_without() -> None:
+    quiet = dataclasses.replace(trial("incidence_falloff", 400.0, 550.0, 600.0, 220.0), needed=50.0, select_floor=556.0)
+    assert quiet.passes
+    assert not dataclasses.replace(quiet, select_floor=float("-inf")).passes
+    assert not dataclasses.replace(quiet, select_after=690.0).passes
+    assert not dataclasses.replace(quiet, needed=110.0).passes
+    turned = trial("boresight", 400.0, 550.0, 600.0, 220.0)
+    assert not dataclasses.replace(turned, needed=50.0, select_floor=556.0).passes, "edges may do that"
+
+
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])

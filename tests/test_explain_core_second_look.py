@@ -157,6 +157,27 @@ def test_errors_that_only_the_frames_of_the_fit_have_are_no_sign_of_an_effect(mo
     assert not closure(bench, fitted(bench, "range_offset")).holds
 
 
+@pytest.mark.parametrize(
+    ("names", "on_fit", "holds"),
+    [((), 100.0, True), (("vibration",), 100.0, True), (("vibration",), 400.0, False), (("walk_error",), 100.0, False)],
+)
+def test_one_edge_in_the_select_frames_opens_no_gap_that_the_frames_of_the_fit_do_not_have(
+    offset: Bench, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], on_fit: float, holds: bool
+) -> None:
+    """The select frames are 5000 off, and 200 but for what any one edge shows; only effects that turn beams, or none,
+    are excused by that."""
+
+    def left(lab: Lab, _now: Fit, *, along_edges: bool = False) -> float:
+        return on_fit if lab is offset.lab else 200.0 if along_edges else 5000.0
+
+    monkeypatch.setattr("lidarcheck.explain.verdict._left", left)
+    monkeypatch.setattr("lidarcheck.explain.verdict.fit_nuisance", lambda _lab, now: now)
+    probes = [next(probe for probe in fixed_probes([name])) for name in names]
+    now = Fit(tuple(probes), tuple(probe.start() for probe in probes), 900.0, np.zeros((1, len(offset.lab.measured))))
+    monkeypatch.setattr(offset.select, "distance", lambda _shown: 6000.0)
+    assert closure(offset, now).holds == holds
+
+
 def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -> None:
     bench = bench_of()
     much, right = Closure(1000.0, 900.0, 350.0), fitted(bench, "range_offset")

@@ -295,6 +295,8 @@ _SECOND = (
     Free("stretch", 0.05, log=True), Free("tail_share", 0.3, log=True), Free("tail_delay_ns", 1.0),
 )  # fmt: skip
 _TWICE = {"stretch": 1.0, "tail_ns": 0.5, "tail_delay_ns": 9.0}
+_FALL = (*_SECOND, Free("tail_ns", 0.25, log=True))
+_SLOW = {"stretch": 1.0, "tail_ns": 1.0}
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
@@ -310,6 +312,8 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ),
     ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.05}, _SECOND),
     ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.2}, _SECOND),
+    ("pulse_shape", "slow fall", _SLOW | {"tail_share": 0.1, "tail_delay_ns": 2.5}, _FALL),
+    ("pulse_shape", "slow fall", _SLOW | {"tail_share": 0.35, "tail_delay_ns": 3.5}, _FALL),
     ("ambient_light", "from the sun", {"rate_per_ns": 0.002, "direct": 0.6}, _SUN),
     ("interference", "stripes", {"share": 0.02, "signal": 2.0, "columns": 0.08, "spread_decades": 0.1}, _STRIPES),
     (

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit_nuisance
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
@@ -75,6 +76,9 @@ _TO_THE_BETTER = 0.5
 _AS_FAR, _TWICE = 0.1, 2.0
 """What is lost at random holds on a select frame that is as far, to this part, as another measurement would be, if it
 explains so many times what is needed."""
+_ALL_CLOSED, _FOUR_TIMES = 0.5, 4.0
+"""Select frames that were near their floor and stay there, to this part of what chance leaves, say nothing; where an
+effect does not turn the view, it holds then if it explains so many times what is needed."""
 _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
@@ -127,7 +131,8 @@ class Trial:
     `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
     brings these nearer and how far it moves them where edges may be anywhere between two beams, of footprints.
     `own`: how far another measurement of the select frames would be if the fit were the truth, of what is lost at
-    random. `end`: the fit that leads no further, nuisances included, where it is known.
+    random. `select_floor`: how far these are where nothing is missing. `end`: the fit that leads no further, nuisances
+    included, where it is known.
     """
 
     name: str
@@ -140,6 +145,7 @@ class Trial:
     select_change: float = float("inf")
     along_edges: tuple[float, float] | None = None
     own: float | None = None
+    select_floor: float = float("-inf")
     end: Fit | None = None
 
     @property
@@ -161,6 +167,9 @@ class Trial:
         if not holds and self.own is not None:
             # Half as many packets may be lost in one frame as in others, which brings it no nearer.
             holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
+        if not holds and self.name not in AT_EDGES:
+            near = self.select_after < self.select_floor + _ALL_CLOSED * CHANCE
+            holds = near and self.gain > _FOUR_TIMES * self.needed
         own = next(e for e in self.fit.effects() if e.name == self.name)
         return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
 
@@ -280,7 +289,8 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
             worth = bench.worth_beside(now.distance)
         needed = max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
         gain = now.distance - alone.distance
-        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own))
+        floor = bench.select.floor_distance
+        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own, floor))
         told(f"round {number}", i + 1, len(order))
     return trials
 

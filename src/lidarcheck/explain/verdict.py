@@ -96,15 +96,21 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     if found.holds or not in_select:
         return found
     # A material may be in view of these frames alone, and its reflectance not quite what the table says.
-    return replace(found, after=min(after, _left(bench.select, fit_nuisance(bench.select, now))))
+    found = replace(found, after=min(after, _left(bench.select, fit_nuisance(bench.select, now))))
+    if found.holds or not all(name in AT_EDGES for name in now.names()):
+        return found
+    # One edge that lies elsewhere can outweigh all else in a single frame; not where others say that more is missing.
+    if _left(bench.lab, now) > OPEN_CHANCE:
+        return found
+    return replace(found, after=min(found.after, _left(bench.select, now, along_edges=True)))
 
 
-def _left(lab: Lab, now: Fit) -> float:
+def _left(lab: Lab, now: Fit, *, along_edges: bool = False) -> float:
     """The distance above the floor that the fit leaves on the frames, but for where edges of surfaces lie to a part of
-    a beam."""
+    a beam; with `along_edges`, as for footprints, but for all that any one edge shows."""
     shown = select_shown(lab, now)
     model = now.model(lab.model)
-    if any(name in FOOTPRINTS for name in now.names()):
+    if along_edges or any(name in FOOTPRINTS for name in now.names()):
         metric = lab.along_edges(model, 800, now.nuisance)
     else:
         shown_there = mapped(lambda k: lab.sights(model, 800 + k, now.nuisance), range(_EDGE_SEEDS))
