@@ -85,6 +85,32 @@ def test_what_can_do_all_that_another_does_must_leave_much_less(
     assert found.equals[name] == ()
 
 
+@pytest.mark.parametrize(
+    ("accepted", "walk", "name"),
+    [
+        ("range_offset", 0.085, "range_offset"),
+        ("range_offset", 0.07, "walk_error"),
+        ("walk_error", 0.085, "walk_error"),
+        ("walk_error", 0.13, "range_offset"),
+    ],
+)
+def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, walk: float, name: str
+) -> None:
+    """It must leave less than 0.8 of what the offset leaves, 0.1; one that was accepted keeps its place."""
+    verdicts = {"walk_error": (walk, 0.001), "range_offset": (0.1, 0.001)}
+    offset = fixed_probes(["range_offset"])[0]
+    fits = {one: Fit((replace(offset, name=one),), (offset.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
+    monkeypatch.setattr(
+        "lidarcheck.explain.rivals.judged",
+        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
+    )
+    scale = Scale.of(bench.select.frames, model(), 5)
+    other = next(one for one in fits if one != accepted)
+    found = contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
+    assert found.fit.names() == (name,)
+
+
 def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:
     scale = Scale.of(bench.select.frames, model(), 5)
     now = fitted(bench.lab, "range_offset")

@@ -35,6 +35,9 @@ _MARGIN = 2.0
 """Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
+_ALL_ALIKE, _LESS = ("walk_error", "range_offset"), 0.8
+"""A walk read off the data can be nearly the same at all amplitudes, and so must leave no more than this part of what an
+offset leaves to take its place; but one that stands there already keeps it."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,8 @@ def _handicap(rival: str, accepted: str) -> float:
     """By what the gap that a rival leaves is multiplied before it is compared with the accepted one's."""
     if SPECIAL_CASES.get(rival) == accepted:
         return 1.0 / _MUCH_LESS
+    if (rival, accepted) == _ALL_ALIKE:
+        return 1.0 / _LESS
     return _MUCH_LESS if SPECIAL_CASES.get(accepted) == rival else 1.0
 
 
