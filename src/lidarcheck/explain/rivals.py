@@ -36,8 +36,8 @@ _MARGIN = 2.0
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
 _ALL_ALIKE, _LESS = ("walk_error", "range_offset"), 0.8
-"""A walk read off the data can be nearly the same at all amplitudes, and so must leave no more than this part of what an
-offset leaves to take its place; but one that stands there already keeps it."""
+"""A walk read off the data can be nearly the same at all amplitudes: to take an offset's place it must leave no more
+than this part of what that does; where a walk was accepted it stays."""
 
 
 @dataclass(frozen=True)

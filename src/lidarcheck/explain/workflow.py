@@ -320,8 +320,8 @@ class Run:
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""
         names = ", ".join(finding.name for finding in answer.findings)
-        part = f"{100.0 * gap.closed:.0f} % of the gap on frames that no fit has seen"
-        self.did("withdrawn", f"{names}: with these, too little closes, {part}")
+        part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
+        self.did("withdrawn", f"{names}: with these, {part} on frames that no fit has seen")
         found = self._unknown(bench, seen, search, 1.0 - gap.closed)
         self.did("unknown", found.words)
         return found
