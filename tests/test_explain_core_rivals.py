@@ -13,7 +13,7 @@ from lidarcheck.explain.forward import Bench, Trial
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged
-from lidarcheck.explain.rivals import Rival, contest, rivals
+from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 
 OFFSET = make("range_offset", {"offset_m": 0.12})
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
@@ -71,16 +71,7 @@ def test_what_can_do_all_that_another_does_must_leave_much_less(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, general: float, special: float, name: str, accepted: str
 ) -> None:
     """Whichever of them was accepted; and what is near because it can do the same is no equal."""
-    verdicts = {"layer_gain": (general, 0.005), "signal_gain": (special, 0.005)}
-    gain = fixed_probes(["signal_gain"])[0]
-    fits = {one: Fit((replace(gain, name=one),), (gain.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
-    monkeypatch.setattr(
-        "lidarcheck.explain.rivals.judged",
-        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
-    )
-    scale = Scale.of(bench.select.frames, model(), 5)
-    other = next(one for one in fits if one != accepted)
-    found = contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
+    found = judged_as(bench, monkeypatch, accepted, {"layer_gain": (general, 0.005), "signal_gain": (special, 0.005)})
     assert found.fit.names() == (name,)
     assert found.equals[name] == ()
 
@@ -98,17 +89,23 @@ def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, walk: float, name: str
 ) -> None:
     """It must leave less than 0.8 of what the offset leaves, 0.1; one that was accepted keeps its place."""
-    verdicts = {"walk_error": (walk, 0.001), "range_offset": (0.1, 0.001)}
-    offset = fixed_probes(["range_offset"])[0]
-    fits = {one: Fit((replace(offset, name=one),), (offset.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
+    found = judged_as(bench, monkeypatch, accepted, {"walk_error": (walk, 0.001), "range_offset": (0.1, 0.001)})
+    assert found.fit.names() == (name,)
+
+
+def judged_as(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, verdicts: dict[str, tuple[float, float]]
+) -> Polished:
+    """The contest of two names of which each is judged so: what it leaves, and by how much that varies."""
+    gain = fixed_probes(["signal_gain"])[0]
+    fits = {one: Fit((replace(gain, name=one),), (gain.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
     monkeypatch.setattr(
         "lidarcheck.explain.rivals.judged",
         lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
     )
     scale = Scale.of(bench.select.frames, model(), 5)
     other = next(one for one in fits if one != accepted)
-    found = contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
-    assert found.fit.names() == (name,)
+    return contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
 
 
 def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:

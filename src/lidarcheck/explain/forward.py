@@ -77,8 +77,8 @@ _AS_FAR, _TWICE = 0.1, 2.0
 """What is lost at random holds on a select frame that is as far, to this part, as another measurement would be, if it
 explains so many times what is needed."""
 _ALL_CLOSED, _FOUR_TIMES = 0.5, 4.0
-"""Select frames that were near their floor and stay there, to this part of what chance leaves, say nothing; where an
-effect does not turn the view, it holds then if it explains so many times what is needed."""
+"""Select frames that are near their floor with an effect, to this part of what chance leaves, say nothing against it;
+where it does not turn the view, it holds then if it explains so many times what is needed."""
 _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
