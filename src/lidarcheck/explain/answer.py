@@ -109,7 +109,7 @@ def explanation_of(
         model=answer.stages[-1][1],
         steps=tuple(steps),
         where=where,
-        candidates=candidates_table(bench, search, answer.verdict),
+        candidates=candidates_table(bench, search, answer.verdict, answer.findings),
         split=split.numbers(),
         seeds={"seed": seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
         hashes=dict(case.hashes),

@@ -86,7 +86,8 @@ class Candidate:
 
     `gain`: by how much it shortens the distance of the summaries on the fit frames; `needed`: what chance and the
     5 % rule ask for; `pull`: its leading parameter's distance from no effect in standard errors; `closed`: share of
-    the distance that it closes on the select frames (NaN where it was not fitted); `verdict` in words.
+    the distance that it closes on the select frames (NaN where it was not fitted); `verdict` in words; `start`: of
+    which kind or thing it was tried, where one effect has several.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Candidate:
     closed: float
     verdict: str
     equivalent_to: tuple[str, ...] = ()
+    start: str = ""
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,7 @@ class Explanation:
                     "closed": None if math.isnan(c.closed) else c.closed,
                     "verdict": c.verdict,
                     "equivalent_to": list(c.equivalent_to),
+                    "start": c.start,
                 }
                 for c in self.candidates
             ],

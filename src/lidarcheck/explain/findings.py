@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Candidate, Finding
 from lidarcheck.explain.fit import Fit, with_effects
-from lidarcheck.explain.forward import Bench, Search
+from lidarcheck.explain.forward import Bench, Search, Trial
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.verdict import OPEN_BY_BEAMS, Closure, confidence, intervals
@@ -119,9 +119,10 @@ def separating(name: str, equal: Sequence[str]) -> str:
     return "; ".join(words)
 
 
-def candidates_table(bench: Bench, search: Search, verdict: str) -> tuple[Candidate, ...]:
-    """Every fitted candidate with its scores and what became of it."""
+def candidates_table(bench: Bench, search: Search, verdict: str, findings: Sequence[Finding]) -> tuple[Candidate, ...]:
+    """Every fitted candidate with its scores, what became of it, and the names that these data cannot tell it from."""
     kept = search.fit.names() if verdict != "unknown" else ()
+    alike = _alike(findings)
     rows = []
     for trial in search.trials:
         before = trial.select_before - bench.select.floor_distance
@@ -135,9 +136,27 @@ def candidates_table(bench: Bench, search: Search, verdict: str) -> tuple[Candid
                 pull=math.sqrt(max(trial.gain, 0.0)),
                 closed=closed,
                 verdict=_fate(trial.name, trial.passes, trial.gain > trial.needed, kept, search, verdict),
+                equivalent_to=alike.get(trial.name, ()) if trial.passes else (),
+                start=_start(trial),
             )
         )
     return tuple(rows)
+
+
+def _alike(findings: Sequence[Finding]) -> Mapping[str, tuple[str, ...]]:
+    """What each name cannot be told from, of those that are given and of those that could stand in their places."""
+    found: dict[str, tuple[str, ...]] = {}
+    for one in findings:
+        together = (one.name, *one.equivalent_to)
+        found |= {name: tuple(other for other in together if other != name) for name in together}
+    return found
+
+
+def _start(trial: Trial) -> str:
+    """The kind of start, or the material or object that a start is for; empty where an effect has but one."""
+    probe = next(probe for probe in trial.fit.probes if probe.name == trial.name)
+    things = [f"{name.removesuffix('_id')} {number}" for name, number in probe.fixed.items() if name.endswith("_id")]
+    return probe.variant or ", ".join(things)
 
 
 def _fate(name: str, passes: bool, gains: bool, kept: Sequence[str], search: Search, verdict: str) -> str:

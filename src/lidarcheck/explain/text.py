@@ -132,15 +132,17 @@ def _candidates(candidates: Sequence[Candidate], width: int) -> list[str]:
         return []
     shown = sorted(candidates, key=lambda c: (c.round, -_finite(c.gain)))[:SHOWN_CANDIDATES]
     names = max(len("effect"), *(len(c.name) for c in shown))
-    lines = [f"{'round':5} {'effect'.ljust(names)} {'gain':>8} {'needed':>8} {'pull':>6} {'closed':>6}  verdict"]
+    head = f"{'round':5} {'effect'.ljust(names)} {'gain':>8} {'needed':>8} {'pull':>6} {'closed':>6}"
+    lines = [f"{head}  verdict"] if len(head) + len("  verdict") <= width else [head, "        verdict"]
     for c in shown:
         head = f"{c.round:5d} {c.name.ljust(names)} {_short(c.gain):>8} {_short(c.needed):>8} {_short(c.pull):>6} "
         head += f"{_percent(c.closed) if math.isfinite(c.closed) else '-':>6}  "
-        alike = f" (like {', '.join(c.equivalent_to)})" if c.equivalent_to else ""
+        fate = c.verdict + (f", as {c.start}" if c.start else "")
+        fate += f" (like {', '.join(c.equivalent_to)})" if c.equivalent_to else ""
         room = max(width - len(head), 12)
-        words = textwrap.wrap(c.verdict + alike, room) or [""]
+        words = textwrap.wrap(fate, room) or [""]
         if len(head) + max(map(len, words)) > width:
-            words, head = ["", *textwrap.wrap(c.verdict + alike, width - 8)], head.rstrip()
+            words, head = ["", *textwrap.wrap(fate, width - 8)], head.rstrip()
             lines += [head, *(f"        {word}" for word in words[1:])]
             continue
         lines += [(head + words[0]).rstrip(), *(" " * len(head) + word for word in words[1:])]
