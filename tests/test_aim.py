@@ -10,6 +10,7 @@ from scipy.stats import kstest
 from analytic_scene import GROUND, WALL_AHEAD, Patch, PatchScene, around, box
 from lidarcheck import effects
 from lidarcheck.effects.aiming import rays_of, turned
+from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.rays import sweep_time_s
 from lidarcheck.scan import IdealScan
@@ -303,9 +304,40 @@ def test_an_effect_behind_motion_still_sees_the_objects_move():
     assert not np.array_equal(one.distance_m, aimed(ideal, scene, boresight=turn).distance_m)
 
 
+@pytest.mark.parametrize("with_scene", [True, False])
+def test_objects_move_each_on_its_own(with_scene):
+    patches = [Patch((40, 0, 0), **WALL_AHEAD)]
+    patches += [Patch((20, 1.2 * k, 0), (0, 0.8, 0), (0, 0, 0.4), 2, 7 + k) for k in (-1, 0, 1)]
+    scene = PatchScene(patches)
+    ideal = scene.ideal(LAYERS, np.arange(400, 560))
+    listed = {"movers": [6, 8, 99], "movers_forward_m_s": [-60.0, 30.0, 20.0]}
+    out = aimed(ideal, scene if with_scene else None, motion={"forward_m_s": 0, "objects": 0.5, **listed})
+    along = (out.distance_m - ideal.distance_m) * rays_of(ideal).direction[:, 0]
+    for number, speed in ((6, -30.0), (7, 0.0), (8, 15.0), (1, 0.0)):
+        both = (out.object_id == number) & (ideal.object_id == number)
+        assert both.sum() > 50
+        assert along[both] == pytest.approx(speed * sweep_time_s(ideal.point)[both], abs=1e-9)
+
+
+def test_objects_move_on_beside_a_sensor_that_drives():
+    scene = car_and_wall()
+    ideal = scene.ideal(LAYERS, np.arange(400, 560))
+    out = aimed(ideal, motion={"forward_m_s": 25.0, "movers": [7], "movers_forward_m_s": [25.0]})
+    both = (out.object_id == 7) & (ideal.object_id == 7)
+    assert out.distance_m[both] == pytest.approx(ideal.distance_m[both], rel=1e-9)
+
+
+def test_every_mover_has_a_velocity():
+    with pytest.raises(UsageError, match="2 movers and 1 velocities"):
+        effects.make("motion", {"movers": [1, 2], "movers_forward_m_s": [3.0]})
+    with pytest.raises(UsageError, match="is not whole"):
+        effects.make("motion", {"movers": [1.5], "movers_forward_m_s": [3.0]})
+
+
 def test_without_object_numbers_no_object_moves():
     ideal = car_and_wall().ideal(LAYERS, POINTS, objects=False)
     assert aimed(ideal, motion={"object_id": 7}) is ideal
+    assert aimed(ideal, motion={"forward_m_s": 0, "movers": [7], "movers_forward_m_s": [9.0]}) is ideal
 
 
 # Beam divergence.

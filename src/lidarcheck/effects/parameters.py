@@ -69,7 +69,8 @@ class FileParameter:
 
 @dataclass(frozen=True, slots=True)
 class ListParameter:
-    """A parameter that is a list of numbers of a closed interval, each above the one before where `ascending`.
+    """A parameter that is a list of numbers of a closed interval, each above the one before where `ascending`, and all
+    of them whole where `counted`.
 
     `example`: what documentation and demonstrations show; a model that leaves it out has an empty list.
     """
@@ -81,6 +82,7 @@ class ListParameter:
     ascending: bool
     example: tuple[float, ...]
     meaning: str
+    counted: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -89,7 +91,8 @@ class ListParameter:
 
     def checked(self, effect: str, value: object) -> tuple[float, ...]:
         """The numbers of a list, a tuple or an array; `UsageError` for anything else."""
-        fix = f"use a list of numbers from {self.low:g} to {self.high:g} {self.unit}".rstrip()
+        kind = "whole numbers" if self.counted else "numbers"
+        fix = f"use a list of {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip()
         if not isinstance(value, list | tuple | np.ndarray):
             raise UsageError(f"{effect}: {self.name} = {value!r} is no list", fix=fix)
         for index, entry in enumerate(value):
@@ -98,10 +101,12 @@ class ListParameter:
                 raise UsageError(f"{where} is no number", fix=fix)
             if not self.low <= entry <= self.high:
                 raise UsageError(f"{where} is out of range", fix=fix)
+            if self.counted and entry != int(entry):
+                raise UsageError(f"{where} is not whole", fix=fix)
             if self.ascending and index and not entry > value[index - 1]:
                 what = f"{where} is not above the one before, {value[index - 1]!r}"
                 raise UsageError(what, fix="put them in ascending order, each once")
-        return tuple(float(entry) for entry in value)
+        return tuple(int(entry) if self.counted else float(entry) for entry in value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +158,18 @@ def parameter(
 
 
 def list_parameter(
-    unit: str, *, low: float, high: float, meaning: str, example: Sequence[float] = (), ascending: bool = False
+    unit: str,
+    *,
+    low: float,
+    high: float,
+    meaning: str,
+    example: Sequence[float] = (),
+    ascending: bool = False,
+    counted: bool = False,
 ) -> Any:
-    """Declare a parameter that is a list of numbers, as a field of type `tuple[float, ...]`; empty when left out."""
-    facts = {"unit": unit, "low": low, "high": high, "ascending": ascending, "meaning": meaning}
+    """Declare a parameter that is a list of numbers, as a field of type `tuple[float, ...]`, or `tuple[int, ...]` where
+    they are `counted`; empty when left out."""
+    facts = {"unit": unit, "low": low, "high": high, "ascending": ascending, "meaning": meaning, "counted": counted}
     return dataclasses.field(default=(), metadata={**facts, "example": tuple(example)})
 
 

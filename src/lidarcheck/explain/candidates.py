@@ -116,7 +116,7 @@ _PARTS: dict[str, tuple[str, ...]] = {
     "blooming_vertical": ("core_up", "core_down", "skirt_up", "skirt_down"),
     "blooming_horizontal": ("core_left", "core_right", "skirt_left", "skirt_right"),
     "retro_ghost": ("strength",), "mirror_multipath": ("reflectivity",), "rain": ("rate_mm_h",),
-    "motion": ("forward_m_s", "left_m_s", "up_m_s", "yaw_deg_s"),
+    "motion": ("forward_m_s", "left_m_s", "up_m_s", "yaw_deg_s", "objects"),
     "vibration": ("pitch_deg", "yaw_deg", "random_deg"), "interference": ("share",), "dropout": ("share",),
     "threshold": ("shift",),
 }  # fmt: skip

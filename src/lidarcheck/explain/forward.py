@@ -154,7 +154,8 @@ class Trial:
         was free: of two that explain the same the simpler one is the better name."""
         own = next(probe for probe in self.fit.probes if probe.name == self.name)
         both = self.gain + self.select_before - self.select_after
-        numbers = len(own.free) + _LISTED * len(own.settings.get("gains", ()))
+        listed = (*own.settings.get("gains", ()), *own.settings.get("movers", ()))
+        numbers = len(own.free) + _LISTED * len(listed)
         return both - numbers * (PRICE + _PRICE_PART * abs(both))
 
     @property

@@ -26,6 +26,10 @@ _LARGEST_REFERENCE = 1e6
 _TRIMMED, _NOISE_M = 3, 0.01
 _USUAL_SPEEDS, _USUAL_ANGLES = (20.0, 5.0, 1.0, 30.0), (0.3, 0.3)
 """Speeds ahead, to the left and up [m/s] and to the left [deg/s], and angles [deg], that are no surprise."""
+_FEWEST_OF_ONE, _SURE = 20, 4.0
+"""So many beams of an object tell its speed, which must be so many of its standard errors."""
+_MOST_OF_ONE = 0.15
+"""What more of all beams see is no car, but the ground or a wall: if that seems to move, the sensor does."""
 _REFERENCE = Free("reference_area", 0.5, log=True)
 
 
@@ -45,7 +49,7 @@ def range_probes(lab: Lab, names: Collection[str]) -> list[Probe]:
     if "boresight" in names:
         found += _aimed(lab)
     if "motion" in names:
-        found += _driving(lab)
+        found += _driving(lab) + _traffic(lab)
     if "walk_error" in names:
         found += _walks(*_medians(np.log10(area), residual)[::-1])
     return found
@@ -73,6 +77,26 @@ def _motion(speeds: FloatArray) -> dict[str, float]:
     limited = np.clip(speeds, [-60.0, -60.0, -60.0, -100.0], [60.0, 60.0, 60.0, 100.0])
     names = ("forward_m_s", "left_m_s", "up_m_s", "yaw_deg_s")
     return dict(zip(names, limited.tolist(), strict=True))
+
+
+def _traffic(lab: Lab) -> list[Probe]:
+    """Objects that move each on its own, as the ranges of each have changed when its columns are fired."""
+    used, residual = _range_residuals(lab)
+    per_speed, object_id = -_per_speed(lab)[used, :1], lab.beams.object_id[used]
+    speeds: dict[int, float] = {}
+    for number in np.unique(object_id[object_id >= 0]):
+        mine = (object_id == number) & (per_speed[:, 0] != 0.0)
+        if not _FEWEST_OF_ONE <= np.count_nonzero(mine) <= _MOST_OF_ONE * len(residual):
+            continue
+        speed = float(_best(per_speed[mine], residual[mine], _USUAL_SPEEDS[:1])[0])
+        off = np.abs(residual[mine] - per_speed[mine, 0] * speed)
+        error = max(1.5 * float(np.median(off)), _NOISE_M) / float(np.sqrt(np.sum(per_speed[mine] ** 2)))
+        if abs(speed) > _SURE * error:
+            speeds[int(number)] = round(float(np.clip(speed, -60.0, 60.0)), 2)
+    if len(speeds) < 2:
+        return []
+    settings = {"forward_m_s": 0.0, "objects": 1.0, "movers": (*speeds,), "movers_forward_m_s": (*speeds.values(),)}
+    return [Probe("motion", settings, (Free("objects", 0.1),), {}, "several objects")]
 
 
 def _per_speed(lab: Lab) -> FloatArray:

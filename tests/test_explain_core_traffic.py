@@ -1,0 +1,38 @@
+"""Objects that move each on its own: their speeds are read off the ranges; the ground and walls are none of them."""
+
+import pytest
+
+from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model
+from lidarcheck.effects import make
+from lidarcheck.explain.candidates import Probe
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.located_ranges import range_probes
+
+FINE = {"layers": range(230, 290), "points": range(320, 640, 4), "sign": True}
+STILL = {"forward_m_s": 0.0}
+
+
+def several(**moving: object) -> list[Probe]:
+    lab = Lab(frames(model(make("motion", STILL | moving)), 2, **FINE), model(), 3)
+    return [probe for probe in range_probes(lab, ["motion"]) if probe.variant == "several objects"]
+
+
+def test_two_objects_that_move_apart_have_speeds_of_their_own() -> None:
+    [probe] = several(movers=(PANEL, SIGN), movers_forward_m_s=(12.0, -9.0))
+    found = dict(zip(probe.settings["movers"], probe.settings["movers_forward_m_s"], strict=True))
+    assert found == {PANEL: pytest.approx(12.0, abs=1.0), SIGN: pytest.approx(-9.0, abs=1.0)}
+    assert probe.effect().settings()["forward_m_s"] == 0.0
+    assert probe.scaled(0.5).effect().settings()["objects"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "moving",
+    [
+        {"movers": (PANEL,), "movers_forward_m_s": (12.0,)},
+        {"movers": (WALL, ROAD), "movers_forward_m_s": (-9.0, 12.0)},
+        {"objects": 0.0},
+    ],
+    ids=["one", "what fills the view", "none"],
+)
+def test_one_object_or_what_fills_the_view_is_no_traffic(moving: dict[str, object]) -> None:
+    assert several(**moving) == []
