@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.lab import Frame
 
-__all__ = ["Split", "split_frames"]
+__all__ = ["Split", "exchanged", "split_frames"]
 
 FEWEST = 3
 _ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
@@ -57,6 +57,20 @@ def split_frames(frames: Sequence[Frame]) -> Split:
     dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
     parts = ([f for f, role in zip(order, dealt, strict=True) if role == name] for name in ("fit", "select", "verify"))
     return Split(*(tuple(sorted(part, key=lambda f: f.number)) for part in parts))
+
+
+def exchanged(split: Split) -> Split:
+    """The same where the select frames fit, and as many of the fit's, those after which it has most in view of what the
+    others have, select."""
+    frames = (*split.fit, *split.select, *split.verify)
+    in_view, ways = _in_view(frames), []
+    for chosen in itertools.combinations(range(len(split.fit)), len(split.select)):
+        roles = np.array(["fit"] * (len(split.fit) + len(split.select)) + ["verify"] * len(split.verify))
+        roles[[*chosen]] = "select"
+        ways.append((_unlike(roles, in_view), chosen))
+    _, chosen = min(ways)
+    fit = (*(f for i, f in enumerate(split.fit) if i not in chosen), *split.select)
+    return Split(tuple(sorted(fit, key=lambda f: f.number)), tuple(split.fit[i] for i in chosen), split.verify)
 
 
 def _in_view(frames: Sequence[Frame]) -> FloatArray:

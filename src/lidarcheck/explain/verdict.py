@@ -14,14 +14,14 @@ from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, accepted
+from lidarcheck.explain.forward import Bench, Trial, accepted, start_fit
 from lidarcheck.explain.lab import Lab, Metric
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import mapped
 from lidarcheck.explain.trials import own_distance, select_shown
 
-__all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable"]
+__all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable", "shows_in_select_alone"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,6 +41,8 @@ OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES = 0.2, 0.45
 where all that shows is at edges; there, the best of the wrong ones left six tenths."""
 _SHOWN_PART = 0.2
 """Select frames whose excess is less than this part of that of the fit's frames do not show what these do."""
+_ALONE = 3.0
+"""Select frames so many times as far off as chance makes show what is worth a fit."""
 _FORM_ERROR = 0.04
 """Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
 _EDGE_SEEDS = 4
@@ -103,6 +105,14 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     if _left(bench.lab, now) > OPEN_CHANCE:
         return found
     return replace(found, after=min(found.after, _left(bench.select, now, along_edges=True)))
+
+
+def shows_in_select_alone(bench: Bench) -> bool:
+    """Whether the frames of the fit are nearly at their floor and the select frames far from theirs, by more than where
+    edges lie and usual errors make."""
+    away = bench.select.distance(np.zeros((1, len(bench.select.measured)))) - bench.select.floor_distance
+    near = bench.start - bench.lab.floor_distance <= OPEN_CHANCE
+    return near and away > _ALONE * OPEN_CHANCE and not closure(bench, start_fit(bench.lab)).holds
 
 
 def _left(lab: Lab, now: Fit, *, along_edges: bool = False) -> float:

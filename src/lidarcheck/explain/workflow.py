@@ -40,10 +40,10 @@ from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search import backward, find_effects, without
 from lidarcheck.explain.second_look import second_look
-from lidarcheck.explain.split import Split, split_frames
+from lidarcheck.explain.split import Split, exchanged, split_frames
 from lidarcheck.explain.threads import in_threads
 from lidarcheck.explain.trials import select_distance
-from lidarcheck.explain.verdict import Closure, closure, not_testable
+from lidarcheck.explain.verdict import Closure, closure, not_testable, shows_in_select_alone
 from lidarcheck.explain.words import standouts
 from lidarcheck.model.spec import Model
 
@@ -95,7 +95,7 @@ def _wake() -> None:
 def _explain(case: Case, run: Run) -> Explanation:
     """The method, a step a line."""
     split = run.split(case)
-    bench = run.measure_residuals_and_floor(split)
+    split, bench = run.exchange_frames(split, run.measure_residuals_and_floor(split))
     where = run.find_where(bench)
     screened, bench = run.screen_candidates(bench)
     search = run.fit_and_select(bench, screened)
@@ -157,6 +157,14 @@ class Run:
         floor = lab.floor_distance
         self.did("noise floor", f"distance {start:.0f} before any fit, {floor:.0f} where nothing is missing")
         return Bench(lab, select, 0.0, start, self.crew)
+
+    def exchange_frames(self, split: Split, bench: Bench) -> tuple[Split, Bench]:
+        """The select frames fit in the place of others where they alone show what is to be found."""
+        if not shows_in_select_alone(bench):
+            return split, bench
+        other = exchanged(split)
+        self.did("exchange", f"the select frames alone show a gap; now {other.words()}")
+        return other, self.measure_residuals_and_floor(other)
 
     def find_where(self, bench: Bench) -> tuple[Standout, ...]:
         """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
