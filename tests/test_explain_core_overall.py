@@ -139,6 +139,8 @@ def test_effects_of_one_form_leave_nothing_of_the_ranges(names: tuple[str, ...],
     [
         (("motion",), "range", 0.65, True),
         (("motion",), "range", 0.85, False),
+        (("rain", "layer_gain"), "range", 0.85, True),
+        (("rain",), "range", 1.2, False),
         (("fog",), "other echoes", 1.0, True),
         (("fog",), "other echoes", 1.3, False),
         (("mirror_multipath",), "other echoes", 1.3, True),

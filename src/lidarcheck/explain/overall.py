@@ -36,9 +36,10 @@ scene of panels. A threshold that varies from shot to shot left 0.07 of PEAK. A 
 leaves another as it was, or wider."""
 _SHARE_AT_EDGES = 0.45
 """As large a part where all that shows is at edges: of a true divergence 0.36 of the widths stayed."""
-_IMAGES = "mirror_multipath", 0.6
-"""The effect whose other echoes are partly of what no ideal scan shows, since it lies beyond the view or is hidden: of
-a true mirror's 0.53 stayed, and next to nothing of the other parts."""
+_MORE_MAY_STAY = {"mirror_multipath": {"other echoes": 0.6}, "rain": {"range": 0.45}}
+"""Effects of which more of one part may stay. What a pane shows lies partly beyond the view, or is hidden: of a true
+mirror's other echoes 0.53 stayed, and next to nothing of the other parts. Drops close before a road at a grazing angle
+count as its echoes, wherever the form has them: of a true rain 0.33 of the ranges stayed."""
 _ONE_FORM = {
     frozenset(("range_offset", "range_scale")): {"range": (0.04, 0.15)},
     frozenset(("range_offset", "range_scale", "walk_error")): {"range": (0.08, 0.15)},
@@ -146,8 +147,7 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     share, least = exact.get(part, _MAY_STAY[part])
     if _only_at_edges(names):
         share = max(share, _SHARE_AT_EDGES)
-    if part == "other echoes" and _IMAGES[0] in names:
-        share = max(share, _IMAGES[1])
+    share = max(share, *(_MORE_MAY_STAY.get(name, {}).get(part, 0.0) for name in names), 0.0)
     whole, left, chance = open_.mean_of([part])
     most = max(share * whole, least)
     return left <= most or left <= min(most + _BY_CHANCE * chance, (1.0 - _CLOSED_BESIDES) * whole)
