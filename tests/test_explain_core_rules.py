@@ -174,3 +174,12 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     fit, after, *_ = tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
     assert fit.possible == found
     assert np.isfinite(after) == found
+
+
+@pytest.mark.parametrize("size_deg", [0.12, 0.2, 0.3, 0.42])
+def test_an_aim_that_is_off_in_any_direction_has_a_start_near_it(size_deg: float) -> None:
+    """From a start on one axis a fit at edges did not find the other one's part: the edges stood in between."""
+    starts = [(probe.settings["yaw_deg"], probe.settings["pitch_deg"]) for probe in fixed_probes(["boresight"])]
+    for way in np.deg2rad(np.arange(0.0, 360.0, 15.0)):
+        truth = size_deg * np.array([np.cos(way), np.sin(way)])
+        assert min(np.hypot(*(truth - start)) for start in starts) < 0.16

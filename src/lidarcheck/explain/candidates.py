@@ -227,14 +227,9 @@ _STARTS: dict[str, list[dict[str, float]]] = {
     "boresight": [
         {"yaw_deg": y, "pitch_deg": p}
         for y, p in (
-            (0.12, 0.0),
-            (-0.12, 0.0),
-            (0.0, 0.06),
-            (0.0, -0.06),
-            (0.4, 0.0),
-            (-0.4, 0.0),
-            (0.0, 0.2),
-            (0.0, -0.2),
+            *((y, 0.0) for y in (0.12, -0.12, 0.4, -0.4)),
+            *((0.0, p) for p in (0.06, -0.06, 0.2, -0.2, 0.4, -0.4)),
+            *((y * size, p * size) for size in (0.1, 0.3) for y in (1.0, -1.0) for p in (1.0, -1.0)),
         )
     ],
     "beam_divergence": [
