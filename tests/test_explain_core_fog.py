@@ -24,4 +24,4 @@ def test_an_overlap_that_rises_smoothly_has_starts_of_its_own(mor_m: float) -> N
     linear = min((fit for fit in fits if "overlap_power" not in fit.probes[0].settings), key=lambda fit: fit.distance)
     assert best.probes[0].variant.startswith("smooth")
     assert best.distance < linear.distance - 200.0, [(fit.probes[0].variant, fit.distance) for fit in fits]
-    assert best.effects()[0].settings()["overlap_full_m"] == pytest.approx(9.0, rel=0.15)
+    assert best.effects()[0].settings()["overlap_full_m"] == pytest.approx(9.0, rel=0.3)
