@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.crew import Crew
-from lidarcheck.explain import forward
+from lidarcheck.explain import forward, trials
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Search, Trial, accept, best_of, neck_and_neck
@@ -45,7 +45,7 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
 
 
 def test_the_best_is_the_best_at_the_end(ended: list[tuple[str, str]]) -> None:
-    trials = [trial("motion", 9000.0), trial("range_scale", 8900.0), trial("range_offset", 7000.0)]
+    trials = [trial("motion", 9000.0), trial("range_scale", 8900.0), trial("range_offset", 6000.0)]
     found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
     assert ended == [("motion", ""), ("range_scale", "")]
     assert [one.name for one in found] == ["motion", "range_scale", "range_offset"]
@@ -59,7 +59,7 @@ def test_one_that_is_hardly_ahead_at_the_end_does_not_overtake(
     ended: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(forward, "_OVERTAKES", 1.2)
-    trials = [trial("motion", 9000.0), trial("range_scale", 8900.0)]
+    trials = [trial("fog", 9000.0), trial("range_scale", 8900.0)]
     found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
     assert [one.merit for one in found] == [one.merit for one in trials]
     assert [one.end and one.end.distance for one in found] == [1000.0, 100.0]  # for `accept`
@@ -71,7 +71,19 @@ def test_of_each_name_the_best_kind_is_fitted_on(ended: list[tuple[str, str]]) -
     assert sorted(ended) == [("motion", ""), ("range_scale", "")]
 
 
-@pytest.mark.parametrize("gains", [[9000.0], [9000.0, 8000.0], []])
+def test_a_plainer_name_of_the_kin_is_fitted_on_from_farther_and_need_only_be_as_near(
+    ended: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(forward, "_OVERTAKES", 1.2)
+    scale = replace(trial("range_scale", 7000.0), select_before=9000.0)
+    trials = [trial("motion", 9000.0), scale, trial("timing_jitter", 8000.0)]
+    found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
+    assert ended == [("motion", ""), ("range_scale", "")]
+    assert best_of(found).name == "range_scale"
+    assert found[2] is trials[2]
+
+
+@pytest.mark.parametrize("gains", [[9000.0], [9000.0, 6000.0], []])
 def test_where_nothing_comes_near_nothing_is_fitted_on(ended: list[tuple[str, str]], gains: list[float]) -> None:
     trials = [trial(name, gain) for name, gain in zip(("motion", "range_scale"), gains, strict=False)]
     assert neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials) == trials
@@ -90,3 +102,17 @@ def test_a_fit_that_has_ended_is_accepted_as_it_is() -> None:
 def test_the_special_case_that_explains_nearly_as_much_is_the_better_name(gain: float, name: str) -> None:
     trials = [trial("vibration", 1000.0), trial("boresight", gain), trial("motion", 990.0)]
     assert best_of(trials).name == name
+
+
+@pytest.mark.parametrize(
+    ("distances", "ends_at"), [([900.0, 700.0, 690.0], 700.0), ([900.0, 890.0], 900.0), ([900.0, 700.0, 500.0], 500.0)]
+)
+def test_numbers_and_nuisances_are_fitted_in_turn_while_that_brings_much(
+    distances: list[float], ends_at: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = iter(distances)
+    monkeypatch.setattr(trials, "finished", lambda lab, now: now)
+    monkeypatch.setattr(trials, "fit_nuisance", lambda lab, now: replace(now, distance=next(left)))
+    monkeypatch.setattr(trials, "_there", lambda select, before, found: found)
+    lab: Any = None
+    assert trials.to_the_end(lab, lab, np.zeros((1, 3)), NOTHING).distance == ends_at  # type: ignore[attr-defined]

@@ -93,6 +93,14 @@ def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
     assert found.fit.names() == (name,)
 
 
+@pytest.mark.parametrize(("moved", "name"), [(0.085, "range_offset"), (0.07, "motion")])
+def test_nor_does_a_motion_in_a_narrow_view(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, moved: float, name: str
+) -> None:
+    found = judged_as(bench, monkeypatch, "range_offset", {"motion": (moved, 0.001), "range_offset": (0.1, 0.001)})
+    assert found.fit.names() == (name,)
+
+
 def judged_as(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, verdicts: dict[str, tuple[float, float]]
 ) -> Polished:

@@ -154,7 +154,7 @@ def _alike(findings: Sequence[Finding]) -> Mapping[str, tuple[str, ...]]:
 
 def _start(trial: Trial) -> str:
     """The kind of start, or the material or object that a start is for; empty where an effect has but one."""
-    probe = next(probe for probe in trial.fit.probes if probe.name == trial.name)
+    probe = trial.probe
     things = [f"{name.removesuffix('_id')} {number}" for name, number in probe.fixed.items() if name.endswith("_id")]
     return probe.variant or ", ".join(things)
 

@@ -83,6 +83,8 @@ _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
 """So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
+_PLAIN_NEAR = 0.75
+"""So is one name of the best one's kin that has fewer numbers, from this part on."""
 _OVERTAKES = 1.02
 """There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
 CHANCE = 250.0
@@ -149,10 +151,15 @@ class Trial:
     end: Fit | None = None
 
     @property
+    def probe(self) -> Probe:
+        """The start that it was fitted from."""
+        return next(probe for probe in self.fit.probes if probe.name == self.name)
+
+    @property
     def merit(self) -> float:
         """What it explains on the frames of the fit and on those of the selection, less a little for each number that
         was free: of two that explain the same the simpler one is the better name."""
-        own = next(probe for probe in self.fit.probes if probe.name == self.name)
+        own = self.probe
         both = self.gain + self.select_before - self.select_after
         listed = (*own.settings.get("gains", ()), *own.settings.get("movers", ()))
         numbers = len(own.free) + _LISTED * len(listed)
@@ -238,9 +245,7 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
 
     Of two that explain the same, one that turns the view would be the better for what the pose's error alone has made.
     """
-    best = {t.name: t for t in sorted(trials, key=lambda t: t.merit) if t.passes}
-    most = max((t.merit for t in best.values()), default=0.0)
-    close = sorted((t for t in best.values() if t.merit > _NEAR_THE_BEST * most), key=lambda t: -t.merit)[:_CLOSE]
+    close = _close([t for t in trials if t.passes])
     if len(close) < 2:
         return [*trials]
     shown = select_shown(bench.select, found.fit)
@@ -251,10 +256,30 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
         there = replace(t, fit=end, end=end, gain=gain, select_after=after, select_change=change)
         ended.append(replace(there, along_edges=edges, own=own))
     first, *others = ended
-    overtaken = any(t.passes and t.merit > _OVERTAKES * first.merit for t in others)
+    overtaken = any(t.passes and t.merit > (1.0 if _plainer(t, first) else _OVERTAKES) * first.merit for t in others)
     now = ended if overtaken else [replace(t, end=its.end) for t, its in zip(close, ended, strict=True)]
     by_trial = {id(t): its for t, its in zip(close, now, strict=True)}
     return [by_trial.get(id(t), t) for t in trials]
+
+
+def _close(passing: Sequence[Trial]) -> list[Trial]:
+    """The best trial of each name that comes near the best of all, and of a plainer one of its kin, the best first.
+
+    Numbers that turn a view or bend a walk make up at once for what the pose's error has made; an offset cannot.
+    """
+    best = {t.name: t for t in sorted(passing, key=lambda t: t.merit)}
+    ranked = sorted(best.values(), key=lambda t: -t.merit)
+    if not ranked:
+        return []
+    first = ranked[0]
+    close = [t for t in ranked if t.merit > _NEAR_THE_BEST * first.merit][:_CLOSE]
+    plain = [t for t in ranked if t.merit > _PLAIN_NEAR * first.merit and _plainer(t, first) and t not in close]
+    return close + plain[:1]
+
+
+def _plainer(one: Trial, other: Trial) -> bool:
+    """Whether a trial is of an effect of the same kin with fewer free numbers."""
+    return are_kin(one.name, other.name) and len(one.probe.free) < len(other.probe.free)
 
 
 def accept(bench: Bench, found: Search, trial: Trial) -> Search:

@@ -35,9 +35,10 @@ _MARGIN = 2.0
 """Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
-_ALL_ALIKE, _LESS = ("walk_error", "range_offset"), 0.8
-"""A walk read off the data can be nearly the same at all amplitudes: to take an offset's place it must leave no more
-than this part of what that does; where a walk was accepted it stays."""
+_ALL_ALIKE, _LESS = {("walk_error", "range_offset"), ("motion", "range_offset")}, 0.8
+"""A walk read off the data can be nearly the same at all amplitudes, a motion in all columns of a narrow view: to take
+an offset's place it must leave no more than this part of what that does; where a walk or a motion was accepted it
+stays."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ def _handicap(rival: str, accepted: str) -> float:
     """By what the gap that a rival leaves is multiplied before it is compared with the accepted one's."""
     if SPECIAL_CASES.get(rival) == accepted:
         return 1.0 / _MUCH_LESS
-    if (rival, accepted) == _ALL_ALIKE:
+    if (rival, accepted) in _ALL_ALIKE:
         return 1.0 / _LESS
     return _MUCH_LESS if SPECIAL_CASES.get(accepted) == rival else 1.0
 
