@@ -19,14 +19,15 @@ __all__ = ["Motion"]
 class Motion(AimEffect):
     """The scene or the sensor moves while the frame is swept.
 
-    Point column p is fired t = 30 ms p / 959 after the frame's start. With `object_id` -1 the sensor moves: its beams
-    start at v t and are turned to the left by yaw rate times t, v in the sensor's frame at the start. With `object_id`
-    0 or more the sensor stands, and the object of that number moves by v t; the yaw rate has no part then. Besides,
-    objects that have velocities of their own move by `objects` times those: the scene's, and those listed in `movers`,
-    each along X with its number in `movers_forward_m_s`. Ranges are as the sensor measures
-    them, not corrected for its motion. Where the ideal scan has times, it shows the scene at those, and only the time
-    from there to t counts. Without a scene, surfaces that no beam has seen are continued from the nearest ones in the
-    layer: good for ways of a metre or two; an ideal scan without object numbers has no object that could move.
+    Point column p is fired t = 30 ms p / 959 after the frame's start. With `object_id` -1 the sensor moves: its
+    beams start at v t and are turned to the left by yaw rate times t, v in the sensor's frame at the start. With
+    `object_id` 0 or more the sensor stands, and the object of that number moves by v t; the yaw rate has no part
+    then. Besides, objects that have velocities of their own move by `objects` times those: the scene's, and those
+    listed in `movers`, each along X with its number in `movers_forward_m_s`. Ranges are as the sensor measures
+    them, not corrected for its motion. Where the ideal scan has times, it shows the scene at those, and only the
+    time from there to t counts. Without a scene, surfaces that no beam has seen are continued from the nearest ones
+    in the layer: good for ways of a metre or two; an ideal scan without object numbers has no object that could
+    move.
     Identity at velocity, yaw rate and objects 0.
     """
 
