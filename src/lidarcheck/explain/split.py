@@ -60,8 +60,8 @@ def split_frames(frames: Sequence[Frame]) -> Split:
 
 
 def exchanged(split: Split) -> Split:
-    """The same where the select frames fit, and as many of the fit's, those after which it has most in view of what the
-    others have, select."""
+    """The select frames take part in the fit, and as many of its frames select in their place: those that the fit lacks
+    least, by the materials that the other frames have in view."""
     frames = (*split.fit, *split.select, *split.verify)
     in_view, ways = _in_view(frames), []
     for chosen in itertools.combinations(range(len(split.fit)), len(split.select)):
