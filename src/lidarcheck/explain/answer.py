@@ -10,7 +10,10 @@ from lidarcheck.explain.explanation import Explanation, Finding, Gap, Standout, 
 from lidarcheck.explain.findings import candidates_table, findings_of
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.images import only_images_stay
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, calibrated, carries_over
+from lidarcheck.explain.recurring import recurs
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
     from lidarcheck.explain.case import Case
     from lidarcheck.explain.split import Split
 
-__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes", "explanation_of"]
+__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes", "explanation_of", "objection"]
 
 CALIBRATION = "gain, reflectances and pose"
 """The last stage of an explained model: small errors put right."""
@@ -30,13 +33,14 @@ CALIBRATION = "gain, reflectances and pose"
 @dataclass(frozen=True)
 class Answer:
     """The verdict with its findings, and the models from the case's own to the explained one, effect by effect; of
-    names also what is open with these on the frames seen."""
+    names also what is open with these on the frames seen, and which of them `recurring` speaks against."""
 
     verdict: str
     findings: tuple[Finding, ...]
     stages: tuple[tuple[str, Model], ...]
     words: str
     open: Open | None = None
+    recurring: tuple[str, ...] = ()
 
     def without_terms(self) -> Answer:
         """The same without its empirical terms."""
@@ -51,11 +55,23 @@ class Answer:
 
 def closes(answer: Answer, gap: Gap | None = None) -> bool:
     """Whether the named effects, if there are any, close the gap on the frames seen; with `gap` on the mean of these
-    and of those that no fit has seen."""
+    and of those that no fit has seen. Not where what strikes at random is the same in every frame."""
     if answer.open is None:
         return True
+    if answer.recurring:
+        return False
     names = [finding.name for finding in answer.findings]
     return carries_over(answer.open if gap is None else answer.open.beside(gap), names)
+
+
+def objection(answer: Answer, gap: Gap | None = None) -> str:
+    """What speaks against the named effects, in words: on the frames seen, or with `gap` on those no fit has seen."""
+    if answer.recurring:
+        return f"{' and '.join(answer.recurring)} would strike the same columns in every frame, not at random"
+    if gap is None:
+        return "too much stays open on the frames seen"
+    part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
+    return f"{part} on frames that no fit has seen"
 
 
 def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
@@ -71,7 +87,9 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.crew)
     if there is not model:
         stages.append((CALIBRATION, there))
-    return Answer("explained", tuple(findings), tuple(stages), "", Open(before, after, noise, noise_after))
+    recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
+    open_ = Open(before, after, noise, noise_after, only_images_stay(seen, there, Nuisance()))
+    return Answer("explained", tuple(findings), tuple(stages), "", open_, recurring)
 
 
 def by_terms(

@@ -12,9 +12,11 @@ from dataclasses import replace
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search
-from lidarcheck.explain.gap import Scale, excesses
+from lidarcheck.explain.gap import PARTS, Scale, excesses
+from lidarcheck.explain.images import only_images_stay
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.verdict import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
+from lidarcheck.model.spec import Model
 
 __all__ = ["appeal"]
 
@@ -36,6 +38,8 @@ def appeal(bench: Bench, seen: Scale, search: Search, closed: Closure, seed: int
     first = search.own or judged(seen, bench.lab.model, search.fit, seed)
     if _is_closed(first, before):
         return replace(search, own=first), Closure(before, first.left, _open(first) * before)
+    if first.left > (left := _but_for_images(seen, bench.lab.model, first)) and left <= _open(first) * before:
+        return replace(search, own=first), Closure(before, left, _open(first) * before)
     if search.fit.probes:
         return search, closed
     tasks = ((seen.held, bench.lab.model, one, seed) for one in _promising(search))
@@ -49,6 +53,15 @@ def appeal(bench: Bench, seen: Scale, search: Search, closed: Closure, seed: int
 def _is_closed(own: Judged, before: float) -> bool:
     """Whether little enough is left; without an effect, by errors that are usual."""
     return own.left <= _open(own) * before and (bool(own.last.probes) or own.last.nuisance.usual)
+
+
+def _but_for_images(seen: Scale, case: Model, own: Judged) -> float:
+    """What is left of the gap, but for other echoes where these are of a mirror, of things that no beam meets."""
+    model = own.last.model(case)
+    if not only_images_stay(seen, model, own.last.nuisance):
+        return own.left
+    left, _ = seen.excess_by_part(model, own.last.nuisance)
+    return float(left[[part != "other echoes" for part in PARTS]].sum() / len(PARTS))
 
 
 def _open(own: Judged) -> float:

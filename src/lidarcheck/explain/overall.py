@@ -37,9 +37,6 @@ of the widths; a rain, whose drops close before a road count as its echoes, 0.33
 closes one part and leaves another as it was, or wider."""
 _SHARE_AT_EDGES = 0.45
 """As large a part where all that shows is at edges: of a true divergence 0.36 of the widths stayed."""
-_IMAGES = "mirror_multipath", 0.6
-"""The effect whose other echoes are partly of what no ideal scan shows, since it lies beyond the view or is hidden, and
-as large a part of these: of a true mirror's 0.53 stayed, and next to nothing of the other parts."""
 _ONE_FORM = {
     frozenset(("range_offset", "range_scale")): {"range": (0.04, 0.15)},
     frozenset(("range_offset", "range_scale", "walk_error")): {"range": (0.08, 0.15)},
@@ -64,19 +61,21 @@ _WIDER = 0.03
 @dataclass(frozen=True)
 class Open:
     """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
-    the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own."""
+    the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own. `images`: of
+    other echoes only what `only_images_stay` speaks of stays open."""
 
     before: FloatArray
     after: FloatArray
     noise: FloatArray
     noise_after: FloatArray
+    images: bool = False
 
     def beside(self, gap: Gap) -> Open:
         """The mean of these frames and of others, of which the gap is known."""
         unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
         there = np.maximum(unseen[:, :2] - unseen[:, 2:], 0.0)
         before, after = (self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0
-        return Open(before, after, _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after)
+        return Open(before, after, _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after, self.images)
 
     def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
         """The means over some parts, and their standard deviation by chance."""
@@ -117,12 +116,12 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     """Whether a good part of the gap closes, and of each of its parts; `names`: the effects that close it.
 
     Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
-    the ideal scan: of effects that are of nothing else, the other echoes are left out.
+    the ideal scan: of effects that are of nothing else, the other echoes are left out, as are images of such things.
     """
     if _scatters_too_much(open_):
         return False
     at_edges = _only_at_edges(names)
-    parts = [part for part in PARTS if part != "other echoes" or not at_edges]
+    parts = [part for part in PARTS if part != "other echoes" or not (at_edges or open_.images)]
     whole, left, chance = open_.mean_of(parts)
     if whole <= _SURE * chance:
         return True
@@ -147,8 +146,6 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     share, least = exact.get(part, _MAY_STAY[part])
     if _only_at_edges(names):
         share = max(share, _SHARE_AT_EDGES)
-    if part == "other echoes" and _IMAGES[0] in names:
-        share = max(share, _IMAGES[1])
     whole, left, chance = open_.mean_of([part])
     most = max(share * whole, least)
     return left <= most or left <= min(most + _BY_CHANCE * chance, (1.0 - _CLOSED_BESIDES) * whole)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lidarcheck.cores import usable_cores
 from lidarcheck.crew import Crew, Processes, one_blas_thread
 from lidarcheck.effects.base import catalogue
-from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes, explanation_of
+from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes, explanation_of, objection
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
@@ -283,17 +283,17 @@ class Run:
     def take_another_way(
         self, bench: Bench, seen: Scale, screened: Sequence[Screened], search: Search, answer: Answer
     ) -> tuple[Search, Answer]:
-        """Other names in the place of such as leave too much open beam by beam, if there are any that do not."""
+        """Other names in the place of such as do not close the gap beam by beam, if there are any that do."""
         if closes(answer):
             return search, answer
         told = functools.partial(tell_fit, self.tell)
         for way in itertools.chain(with_fewer_kin(bench, search), other_ways(bench, search, screened, told)):
             named, instead = (", ".join(one.fit.names()) for one in (search, way))
-            self.did("another way", f"{instead}, since with {named} too much stays open on the frames seen")
+            self.did("another way", f"{instead}, since with {named}, {objection(answer)}")
             found, other = self.judge(bench, seen, way)
             if other.verdict == "explained" and closes(other):
                 return found, other
-            self.did("kept", f"{named}: the other way leaves too much open, too")
+            self.did("kept", f"{named}: the other way does no better")
         return search, answer
 
     def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
@@ -328,8 +328,7 @@ class Run:
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""
         names = ", ".join(finding.name for finding in answer.findings)
-        part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
-        self.did("withdrawn", f"{names}: with these, {part} on frames that no fit has seen")
+        self.did("withdrawn", f"{names}: with these, {objection(answer, gap)}")
         found = self._unknown(bench, seen, search, 1.0 - gap.closed)
         self.did("unknown", found.words)
         return found

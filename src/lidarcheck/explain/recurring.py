@@ -1,0 +1,74 @@
+"""What strikes at random does not strike the same place twice: a check on names of effects that do.
+
+An effect that adds or loses echoes at random can take up as many as a fault adds or loses in the same columns of every
+frame, and the means over all frames are the same. From frame to frame they are not.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.crew import Crew
+from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.sights import Sights
+from lidarcheck.model.spec import Model
+
+__all__ = ["recurs"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_SEEDS = 4
+_MORE, _SURE = 0.3, 4.0
+"""Echoes recur in the same columns where frames agree on these better than the model's do, by so large a correlation
+and by so many of its standard deviations."""
+
+
+def recurs(seen: Scale, model: Model, name: str, crew: Crew) -> bool:
+    """Whether the echoes that an effect of the model is to add or lose at random are the same columns' in every frame;
+    False of effects that do not strike at random."""
+    if name not in _COUNTED:
+        return False
+    with_, without = crew.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
+    count = _COUNTED[name]
+    usual = sum(count(seen, one) for one in without) / _SEEDS
+    measured, *random = (_agreement(count(seen, one) - usual) for one in (seen.measured, *with_))
+    most = np.mean(random) + max(_MORE, _SURE * float(np.std(random, ddof=1)))
+    return bool(measured > most)
+
+
+def _shown(seen: Scale, model: Model) -> list[Sights]:
+    return seen.simulated(model, 9600, _SEEDS)
+
+
+def _agreement(count: FloatArray) -> float:
+    """The correlation of what two frames show, column by column, mean over all pairs; `count`: (n_frames, n_points)."""
+    off = count - count.mean(axis=1, keepdims=True)
+    size = np.sqrt((off**2).sum(axis=1))
+    pairs = [(off[i] @ off[j], size[i] * size[j]) for i, j in itertools.combinations(range(len(off)), 2)]
+    both, alone = np.array(pairs).sum(axis=0)
+    return float(both / max(alone, 1e-9))
+
+
+def _others(seen: Scale, sights: Sights) -> FloatArray:
+    """The number of echoes of no surface in each frame's columns, shape (n_frames, n_points)."""
+    return _by_column(seen, sights.extra_beam[sights.extra_side < 0])
+
+
+def _lost(seen: Scale, sights: Sights) -> FloatArray:
+    """The number of surfaces that are not detected in each frame's columns, shape (n_frames, n_points)."""
+    return _by_column(seen, np.flatnonzero((seen.beams.distance_m > 0.0) & ~sights.detected))
+
+
+def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
+    """How many of the beams lie in each frame's columns, shape (n_frames, n_points)."""
+    _, point = np.unique(seen.beams.point, return_inverse=True)
+    found = np.zeros((len(seen.frames), int(point.max()) + 1))
+    np.add.at(found, (seen.beams.frame[beam], point[beam]), 1.0)
+    return found
+
+
+_COUNTED: dict[str, Callable[[Scale, Sights], FloatArray]] = {"interference": _others, "dropout": _lost}

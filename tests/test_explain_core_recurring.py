@@ -1,0 +1,58 @@
+"""Effects that strike at random are not named where the same columns are struck in every frame."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from explain_core_kit import at_ranges, frames, model
+from lidarcheck.crew import Crew
+from lidarcheck.effects import make
+from lidarcheck.explain.answer import Answer, closes, objection
+from lidarcheck.explain.gap import PARTS, Scale
+from lidarcheck.explain.overall import Open
+from lidarcheck.explain.recurring import recurs
+from lidarcheck.scan import Scan
+
+FINE = {"layers": range(230, 290, 2), "points": range(400, 560, 4)}
+RANDOM = {
+    "interference": {"share": 0.1, "signal": 8.0},
+    "interference in lines": {"share": 0.1, "signal": 8.0, "columns": 0.1, "column_span_m": 5.0},
+    "dropout": {"share": 0.1},
+    "dropout in blocks": {"share": 0.1, "block_points": 4, "block_layers": 12},
+}
+
+
+def stuck(scan: Scan) -> Scan:
+    """Three columns whose echoes all report one range: lost where they belong, and too many elsewhere."""
+    return at_ranges(scan, np.where((scan.point >= 440) & (scan.point < 452), 33.0, scan.range_m))
+
+
+@pytest.mark.parametrize("form", RANDOM)
+def test_true_effects_strike_elsewhere_in_every_frame(form: str) -> None:
+    name = form.split(" ")[0]
+    true = model(make(name, RANDOM[form]))
+    seen = Scale.of(frames(true, 3, **FINE), model(), 5)
+    assert not recurs(seen, true, name, Crew())
+
+
+@pytest.mark.parametrize("form", RANDOM)
+def test_columns_that_stick_are_the_same_in_every_frame(form: str) -> None:
+    name = form.split(" ")[0]
+    seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
+    assert recurs(seen, model(make(name, RANDOM[form])), name, Crew())
+
+
+def test_effects_that_do_not_strike_at_random_may_recur() -> None:
+    seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
+    assert not recurs(seen, model(make("range_offset", {"offset_m": 0.1})), "range_offset", Crew())
+
+
+def test_what_recurs_speaks_against_a_name_whatever_it_closes() -> None:
+    nothing, noise = np.zeros(len(PARTS)), np.full((4, len(PARTS)), 0.01)
+    answer = Answer("explained", (), (), "", Open(nothing + 1.0, nothing, noise, noise))
+    assert closes(answer)
+    against = dataclasses.replace(answer, recurring=("interference",))
+    assert not closes(against)
+    assert objection(against) == "interference would strike the same columns in every frame, not at random"
+    assert objection(answer) == "too much stays open on the frames seen"
