@@ -10,8 +10,10 @@ from lidarcheck.effects import Effect, make
 from lidarcheck.explain import fit as fitting
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench
+from lidarcheck.explain.forward import Bench, Search
+from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.needless import without_any
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.screen import Screened, chance_level, screen
 from lidarcheck.explain.search import backward, find_effects, without
@@ -84,3 +86,23 @@ def test_what_only_tables_at_their_limits_would_explain_keeps_its_name(gain: flo
     assert fewer.distance - now.distance < 150.0
     found = backward(replace(bench, start=bench.start + 20000.0), now, lambda *_: None)
     assert found.names() == (("signal_gain",) if named else ())
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name", "kept"),
+    [
+        ((), "vibration", False),
+        ((make("dropout", {"share": 0.012}),), "dropout", True),
+        ((make("vibration", {"yaw_deg": 0.06, "frequency_hz": 30.0}),), "vibration", True),
+    ],
+)
+def test_a_name_that_comes_no_nearer_beam_by_beam_than_usual_errors_is_none(
+    hidden: tuple[Effect, ...], name: str, kept: bool
+) -> None:
+    measured = frames(DARK_WALL.model(model(*hidden)), 4, **FINE)
+    lab, select = Lab(measured[:3], model(), 3), Lab(measured[3:], model(), 4)
+    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    probe = fixed_probes([name])[0]
+    named = fit(lab, [probe], [probe.start()], rounds=4)
+    found = without_any(bench, Scale.of(measured, model(), 5), Search(named, named), 7)
+    assert found.fit.names() == ((name,) if kept else ())

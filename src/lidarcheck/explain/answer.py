@@ -11,6 +11,7 @@ from lidarcheck.explain.findings import candidates_table, findings_of
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.images import only_images_stay
+from lidarcheck.explain.leftovers import ranges_follow
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, calibrated, carries_over
 from lidarcheck.explain.recurring import recurs
@@ -88,7 +89,8 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     if there is not model:
         stages.append((CALIBRATION, there))
     recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
-    open_ = Open(before, after, noise, noise_after, only_images_stay(seen, there, Nuisance()))
+    images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
+    open_ = Open(before, after, noise, noise_after, images, following)
     return Answer("explained", tuple(findings), tuple(stages), "", open_, recurring)
 
 

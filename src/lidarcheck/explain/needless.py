@@ -1,7 +1,9 @@
 """Names that neither the summaries nor the gap beam by beam need.
 
 Around the explained model an effect may gain much beside others that are not yet where they fit best without it; once
-these have been fitted again, it closes next to nothing.
+these have been fitted again, it closes next to nothing. And where the gap is small, usual errors of pose, gain and
+reflectances may be all of it: a view that shakes at random explains a little of what these leave, and no more beam by
+beam than they do.
 """
 
 from __future__ import annotations
@@ -10,14 +12,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Bench, Search
+from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale, excesses
 from lidarcheck.explain.polish import Judged, judged
-from lidarcheck.explain.search import without
+from lidarcheck.explain.search import DOUBTFUL, without
 from lidarcheck.explain.second_look import worth_by_beams
 from lidarcheck.explain.threads import done_by
+from lidarcheck.explain.verdict import closure
 
-__all__ = ["without_needless"]
+__all__ = ["without_any", "without_needless"]
 
 
 def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
@@ -38,6 +41,22 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
         now, its = min(enough, key=lambda one: one[1].left)
         found = replace(found, fit=now, own=its)
     return found
+
+
+def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
+    """The search without a name where usual errors alone explain the case, and come as near beam by beam; asked only
+    where the gap is small enough to be theirs."""
+    if not search.fit.probes or bench.start > DOUBTFUL * bench.lab.floor_distance:
+        return search
+    off = start_fit(bench.lab, nuisances=True)
+    if not off.nuisance.usual or not closure(bench, off).holds:
+        return search
+    case = bench.lab.model
+    own = search.own or judged(seen, case, search.fit, seed)
+    alone = judged(seen, case, off, seed)
+    if alone.last.nuisance.usual and alone.left <= own.left:
+        return Search(off, off, search.trials, alone)
+    return replace(search, own=own)
 
 
 def _fewer(bench: Bench, now: Fit) -> Iterator[Fit]:

@@ -45,6 +45,8 @@ _ONE_FORM = {
 """The same where all effects have one form only, so that hardly anything may stay open of what they are of. Of true
 errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted. Of true walks, whose
 curve can bend, 1 % stayed, of a scale that was taken for one 11 %."""
+_FOLLOWING = 0.04, 0.03
+"""The same of ranges where what stays of them follows a quantity of the beams."""
 
 _BY_CHANCE, _CLOSED_BESIDES = 2.0, 0.4
 """So many standard deviations of its noise more, where so much of the part closes: effects that strike at random strike
@@ -62,20 +64,23 @@ _WIDER = 0.03
 class Open:
     """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
     the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own. `images`: of
-    other echoes only what `only_images_stay` speaks of stays open."""
+    other echoes only what `only_images_stay` speaks of stays open; `following`: of ranges, what `ranges_follow` does.
+    """
 
     before: FloatArray
     after: FloatArray
     noise: FloatArray
     noise_after: FloatArray
     images: bool = False
+    following: bool = False
 
     def beside(self, gap: Gap) -> Open:
         """The mean of these frames and of others, of which the gap is known."""
         unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
         there = np.maximum(unseen[:, :2] - unseen[:, 2:], 0.0)
         before, after = (self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0
-        return Open(before, after, _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after, self.images)
+        noise, noise_after = _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after
+        return dataclasses.replace(self, before=before, after=after, noise=noise, noise_after=noise_after)
 
     def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
         """The means over some parts, and their standard deviation by chance."""
@@ -144,6 +149,8 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     """Whether what is left of one part of the gap is no more than forms and usual errors leave."""
     exact = next((parts for those, parts in _ONE_FORM.items() if names and those.issuperset(names)), {})
     share, least = exact.get(part, _MAY_STAY[part])
+    if part == "range" and open_.following:
+        share, least = _FOLLOWING
     if _only_at_edges(names):
         share = max(share, _SHARE_AT_EDGES)
     whole, left, chance = open_.mean_of([part])

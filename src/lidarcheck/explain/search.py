@@ -25,9 +25,10 @@ from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.trials import TO_THE_END, finished, select_distance
 
-__all__ = ["backward", "find_effects", "without"]
+__all__ = ["DOUBTFUL", "backward", "find_effects", "without"]
 
-_DOUBTFUL = 10.0
+DOUBTFUL = 10.0
+"""A start of fewer floors than this may be all nuisance; that is asked first."""
 _STANDS_OUT = 6.0
 """What one effect explains of a rest that is small enough for chance is none where it is so many times chance's: of
 four nulls, two with nuisances, it was up to 3.3."""
@@ -36,7 +37,7 @@ four nulls, two with nuisances, it was up to 3.3."""
 def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
     """The whole search: none where nuisances explain all; else forward and backward, and where nothing stays once more
     with the nuisances first: a name that these explain as well may have hidden another."""
-    if bench.start < _DOUBTFUL * bench.lab.floor_distance:
+    if bench.start < DOUBTFUL * bench.lab.floor_distance:
         off = start_fit(bench.lab, nuisances=True)
         if _all_nuisance(bench, off, screened):
             return Search(off, off)

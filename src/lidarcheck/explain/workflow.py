@@ -33,7 +33,7 @@ from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, gap_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.needless import without_needless
+from lidarcheck.explain.needless import without_any, without_needless
 from lidarcheck.explain.overall import widening
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
@@ -212,7 +212,10 @@ class Run:
         found = without_needless(bench, seen, search, 2 * self.seed + 4)
         for name in (name for name in search.fit.names() if name not in found.fit.names()):
             self.did("needless", f"{name}: beam by beam, the others close the gap as well")
-        return found
+        alone = without_any(bench, seen, found, 2 * self.seed + 4)
+        if len(alone.fit.probes) < len(found.fit.probes):
+            self.did("needless", f"{', '.join(found.fit.names())}: beam by beam, usual errors alone come as near")
+        return alone
 
     def judge(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer]:
         """Whether what was found closes the gap, what could stand in its place, and what is said of it."""
