@@ -76,8 +76,9 @@ def avalanches(
         where = np.nonzero(fired)
         n = len(where[0])
         dead = np.full(n, sensor.dead_bins)
-        if real.dead_spread_ns > 0.0:
-            drawn = np.round(rng.normal(sensor.dead_bins, real.dead_spread_ns / sensor.bin_ns, n))
+        if max(real.dead_spread_ns, real.dead_recovery_ns) > 0.0:
+            drawn = rng.normal(sensor.dead_bins, real.dead_spread_ns / sensor.bin_ns, n)
+            drawn = np.round(drawn + rng.exponential(real.dead_recovery_ns / sensor.bin_ns, n))
             dead = np.maximum(drawn, sensor.on_bins).astype(int)
         armed_from[where] = k + dead
         mean_ns = np.where(rng.random(n) < real.afterpulse_slow_share, real.afterpulse_slow_ns, real.afterpulse_ns)

@@ -24,6 +24,8 @@ KINDS = {
     "crosstalk": NonIdeal(crosstalk_sides=0.4, crosstalk_corners=0.2),
     "afterpulsing": NonIdeal(afterpulse=0.5, afterpulse_ns=3.0, afterpulse_slow_share=0.4, afterpulse_slow_ns=20.0),
     "dead time": NonIdeal(dead_spread_ns=4.0),
+    "recovery": NonIdeal(dead_recovery_ns=5.0),
+    "dead time and recovery": NonIdeal(dead_spread_ns=2.0, dead_recovery_ns=3.0),
     "all": NonIdeal(0.3, 0.2, 0.3, 8.0, 0.2, 25.0, 2.0),
 }
 
@@ -205,17 +207,26 @@ def test_an_afterpulse_whose_detector_is_dead_is_lost() -> None:
 
 
 def dead_times(sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Dead times and their probabilities: rounded normal numbers, those below the ON time counted as it."""
-    spread = sensor.nonideal.dead_spread_ns / sensor.bin_ns
-    bins = np.arange(sensor.on_bins, sensor.dead_bins + int(12 * spread) + 2)
+    """Dead times and their probabilities: rounded numbers, those below the ON time counted as it. The sum of a normal
+    and an exponential number by the mean over the quantiles of the first."""
+    real = sensor.nonideal
+    spread, recovery = real.dead_spread_ns / sensor.bin_ns, real.dead_recovery_ns / sensor.bin_ns
+    bins = np.arange(sensor.on_bins, sensor.dead_bins + int(12 * spread + 30 * recovery) + 2)
     edges = np.concatenate([[-np.inf], bins[:-1] + 0.5, [np.inf]])
-    return bins, np.diff(stats.norm.cdf(edges, sensor.dead_bins, spread))
+    if recovery == 0.0:
+        return bins, np.diff(stats.norm.cdf(edges, sensor.dead_bins, spread))
+    normal = sensor.dead_bins + spread * stats.norm.ppf((np.arange(4000) + 0.5) / 4000)
+    return bins, np.diff(stats.expon.cdf(edges[:, None] - normal, scale=recovery).mean(axis=1))
 
 
-@pytest.mark.parametrize(("spread_ns", "bin_ns"), [(0.3, 1.0), (2.0, 0.5), (6.0, 1.0)])
-def test_dead_times_are_rounded_normal_numbers(spread_ns: float, bin_ns: float) -> None:
+@pytest.mark.parametrize(
+    ("spread_ns", "recovery_ns", "bin_ns"),
+    [(0.3, 0.0, 1.0), (2.0, 0.0, 0.5), (6.0, 0.0, 1.0), (0.0, 5.0, 1.0), (0.0, 2.0, 0.5), (2.0, 4.0, 1.0)],
+)
+def test_dead_times_are_rounded_numbers(spread_ns: float, recovery_ns: float, bin_ns: float) -> None:
     """A single SPAD in endless light fires the moment it is armed: the gaps are the dead times."""
-    sensor = sensor_of("SMART", NonIdeal(dead_spread_ns=spread_ns), spads=1, shots=1, bin_ns=bin_ns)
+    real = NonIdeal(dead_spread_ns=spread_ns, dead_recovery_ns=recovery_ns)
+    sensor = sensor_of("SMART", real, spads=1, shots=1, bin_ns=bin_ns)
     avalanches = draw_avalanches(light(0.0, 40, background=10.0 / bin_ns * 9), sensor, seed=8)
     gaps = np.concatenate([np.diff(np.flatnonzero(row)) for row in avalanches])
     bins, chances = dead_times(sensor)
@@ -230,9 +241,10 @@ def test_dead_times_are_rounded_normal_numbers(spread_ns: float, bin_ns: float) 
 
 
 @pytest.mark.parametrize("background", [0.01, 0.3])
-def test_the_rate_under_random_dead_times_is_the_renewal_one(background: float) -> None:
+@pytest.mark.parametrize("real", [NonIdeal(dead_spread_ns=5.0), NonIdeal(dead_recovery_ns=6.0)])
+def test_the_rate_under_random_dead_times_is_the_renewal_one(real: NonIdeal, background: float) -> None:
     """Mean gap = E[d] + (1 - p) / p, and in the steady state as many avalanches in the first bins as in the last."""
-    sensor = sensor_of("SMART", NonIdeal(dead_spread_ns=5.0), max_range_m=60.0)
+    sensor = sensor_of("SMART", real, max_range_m=60.0)
     n = 1500
     avalanches = draw_avalanches(light(0.0, n, background=background), sensor, seed=9)
     bins, chances = dead_times(sensor)

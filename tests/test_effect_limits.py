@@ -70,6 +70,8 @@ def test_what_can_be_set_once_only_is_refused_twice(name: str) -> None:
 def test_two_spreads_of_the_dead_time_add_up_as_variances() -> None:
     sensor = Sensor.of("SMART")
     for spread_ns in (3.0, 4.0):
-        sensor = effects.make("dead_time", {"shift_ns": 1.0, "spread_ns": spread_ns}).detector(sensor)  # type: ignore[attr-defined]
+        settings = {"shift_ns": 1.0, "spread_ns": spread_ns, "recovery_ns": spread_ns}
+        sensor = effects.make("dead_time", settings).detector(sensor)  # type: ignore[attr-defined]
     assert sensor.nonideal.dead_spread_ns == pytest.approx(5.0)
+    assert sensor.nonideal.dead_recovery_ns == pytest.approx(7.0)
     assert sensor.dead_bins == 14

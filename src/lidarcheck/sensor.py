@@ -83,7 +83,8 @@ class NonIdeal:
     array, among its four side and its four corner neighbours; each neighbour that is armed with a quarter of it.
     `afterpulse`: probability that an avalanche sets off a later one in its SPAD; it comes an exponential time of mean
     `afterpulse_ns` behind the end of the dead time, for the share `afterpulse_slow_share` of them of mean
-    `afterpulse_slow_ns`. `dead_spread_ns`: standard deviation of the dead time from avalanche to avalanche.
+    `afterpulse_slow_ns`. `dead_spread_ns`: standard deviation of the dead time from avalanche to avalanche;
+    `dead_recovery_ns`: mean of an exponential time that is added to it.
     """
 
     crosstalk_sides: float = 0.0
@@ -93,11 +94,13 @@ class NonIdeal:
     afterpulse_slow_share: float = 0.0
     afterpulse_slow_ns: float = 1.0
     dead_spread_ns: float = 0.0
+    dead_recovery_ns: float = 0.0
 
     @property
     def any(self) -> bool:
         """Whether detectors must be followed one by one."""
-        return max(self.crosstalk_sides, self.crosstalk_corners, self.afterpulse, self.dead_spread_ns) > 0.0
+        tied = max(self.crosstalk_sides, self.crosstalk_corners, self.afterpulse)
+        return max(tied, self.dead_spread_ns, self.dead_recovery_ns) > 0.0
 
 
 @dataclass(frozen=True, slots=True)

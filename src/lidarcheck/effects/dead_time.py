@@ -18,10 +18,12 @@ class DeadTime(DetectorEffect):
 
     The SPAD cannot avalanche before dead + shift has passed; shift is rounded to whole time bins, below half a bin it
     changes nothing. With a spread every avalanche draws its own dead time: a normal number of that standard deviation,
-    rounded to whole bins, and at least the time the output is ON. A SPAD that is ready again while a bright pulse lasts
-    fires once more: AREA and WIDTH of bright echoes follow the dead time, those of weak ones do not. Quenching
-    circuits: Cova et al., Appl. Opt. 35 (1996) 1956; published dead times are 7 ns and more. A shift that makes the
-    dead time shorter than the ON time is refused. Identity at shift 0 and spread 0.
+    rounded to whole bins, and at least the time the output is ON. With `recovery_ns` it is ready an exponential time of
+    that mean later still, as where its bias comes back through a resistor. A SPAD that is ready again while a bright
+    pulse lasts fires once more: AREA and WIDTH of bright echoes follow the dead time, those of weak ones do not.
+    Quenching circuits, active and passive: Cova et al., Appl. Opt. 35 (1996) 1956; published dead times are 7 ns and
+    more. A shift that makes the dead time shorter than the ON time is refused. Of several such effects shifts and
+    recoveries add up, and the squares of spreads. Identity at shift, spread and recovery 0.
     """
 
     name = "dead_time"
@@ -30,14 +32,18 @@ class DeadTime(DetectorEffect):
     spread_ns: float = parameter(
         "ns", low=0.0, high=100.0, typical=1.0, meaning="standard deviation of the dead time between avalanches"
     )
+    recovery_ns: float = parameter(
+        "ns", low=0.0, high=100.0, typical=0.0, meaning="mean of an exponential time until it is ready", option=True
+    )
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Change the dead time and let it vary."""
         shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
-        if shift == 0 and self.spread_ns == 0.0:
+        if shift == 0 and self.spread_ns == self.recovery_ns == 0.0:
             return sensor
         # Two spreads add up as independent ones do.
         spread_ns = math.hypot(sensor.nonideal.dead_spread_ns, self.spread_ns)
+        recovery_ns = sensor.nonideal.dead_recovery_ns + self.recovery_ns
         dead, most = sensor.dead_bins + shift, int(SENSOR_BOUNDS["dead_bins"].high)
         if not sensor.on_bins <= dead <= most:
             low, high = (bins * sensor.bin_ns for bins in (sensor.on_bins - sensor.dead_bins, most - sensor.dead_bins))
@@ -46,4 +52,5 @@ class DeadTime(DetectorEffect):
                 f"lie between the ON time, {sensor.on_bins * sensor.bin_ns:g} ns, and {most * sensor.bin_ns:g} ns",
                 fix=f"use a shift_ns from {low:g} to {high:g} ns",
             )
-        return replace(sensor, dead_bins=dead, nonideal=replace(sensor.nonideal, dead_spread_ns=spread_ns))
+        real = replace(sensor.nonideal, dead_spread_ns=spread_ns, dead_recovery_ns=recovery_ns)
+        return replace(sensor, dead_bins=dead, nonideal=real)

@@ -280,6 +280,7 @@ _LINES = (
     Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("columns", 0.4, log=True),
     Free("column_span_m", 0.4, log=True),
 )  # fmt: skip
+_RECOVERY = (Free("shift_ns", 1.0), Free("recovery_ns", 0.3, log=True))
 _TREMBLE = (Free("random_deg", _LOG, log=True),)
 _WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
 _SUN = (
@@ -301,6 +302,7 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.08, "memory_columns": 25.0}, _WANDER),
     ("dead_time", "varying", {"shift_ns": 2.0, "spread_ns": 3.0}, _FREE["dead_time"]),
     ("dead_time", "varying", {"shift_ns": 1.0, "spread_ns": 1.0}, _FREE["dead_time"]),
+    ("dead_time", "recovering", {"shift_ns": -2.0, "spread_ns": 0.0, "recovery_ns": 4.0}, _RECOVERY),
     ("fog", "far overlap", {"mor_m": 150.0, "backscatter": 0.046} | _FAR, _FREE["fog"]),
     ("fog", "smooth overlap", {"mor_m": 150.0, "overlap_start_m": 1.0, "overlap_full_m": 7.0} | _SMOOTH, _FREE["fog"]),
     ("fog", "smooth overlap", {"mor_m": 600.0, "overlap_start_m": 1.0, "overlap_full_m": 7.0} | _SMOOTH, _FREE["fog"]),

@@ -26,6 +26,8 @@ _WARM_UP_DELAYS = 5
 _WARM_UP_NS = 1000.0
 _SPREADS = 9.0
 """Standard deviations beyond which a dead time does not vary: 1e-19."""
+_RECOVERIES = 28.0
+"""Mean times of recovery beyond which a SPAD is ready: 1e-12."""
 _ROOM = 1 << 22
 """Most afterpulses of a beam that can wait at the same time."""
 _LIMITS: dict[str, tuple[float, float]] = {
@@ -36,6 +38,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "afterpulse_slow_share": (0.0, 1.0),
     "afterpulse_slow_ns": (0.0, 1e6),
     "dead_spread_ns": (0.0, 1000.0),
+    "dead_recovery_ns": (0.0, 1000.0),
 }
 
 
@@ -124,14 +127,28 @@ def _neighbours(sensor: Sensor) -> npt.NDArray[np.int32]:
 
 
 def _dead_times(sensor: Sensor) -> tuple[int, FloatArray]:
-    """The least dead time and the distribution function from there on: rounded normal numbers, `on_bins` at least."""
-    from scipy.special import ndtr
-
-    spread = sensor.nonideal.dead_spread_ns / sensor.bin_ns
+    """The least dead time and the distribution function from there on: rounded numbers, `on_bins` at least."""
+    real = sensor.nonideal
+    spread, recovery = real.dead_spread_ns / sensor.bin_ns, real.dead_recovery_ns / sensor.bin_ns
     least = max(sensor.on_bins, math.floor(sensor.dead_bins - _SPREADS * spread))
-    most = max(math.ceil(sensor.dead_bins + _SPREADS * spread), least)
-    if spread == 0.0 or most == least:
+    most = max(math.ceil(sensor.dead_bins + _SPREADS * spread + _RECOVERIES * recovery), least)
+    if spread == recovery == 0.0 or most == least:
         return sensor.dead_bins, np.ones(1)
-    up_to = ndtr((np.arange(least, most + 1) + 0.5 - sensor.dead_bins) / spread)
+    longer = np.arange(least, most + 1, dtype=np.float64) + 0.5 - sensor.dead_bins
+    up_to = _distribution(longer, spread, recovery)
     up_to[-1] = 1.0
     return least, up_to
+
+
+def _distribution(longer: FloatArray, spread: float, recovery: float) -> FloatArray:
+    """The probability that a normal number and an exponential one, of mean 0 and `recovery`, are not `longer` together;
+    all in bins."""
+    if recovery == 0.0:
+        from scipy.special import ndtr
+
+        return np.asarray(ndtr(longer / spread))
+    if spread == 0.0:
+        return np.asarray(-np.expm1(-np.maximum(longer, 0.0) / recovery))
+    from scipy.stats import exponnorm
+
+    return np.asarray(exponnorm.cdf(longer, recovery / spread, scale=spread))
