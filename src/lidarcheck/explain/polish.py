@@ -13,6 +13,7 @@ from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Frame, Lab
 from lidarcheck.explain.relisted import read_again
+from lidarcheck.explain.whole_bins import at_whole_steps
 from lidarcheck.model.spec import Model
 
 __all__ = ["Judged", "judged", "polished"]
@@ -46,4 +47,4 @@ def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tupl
     best = fit_nuisance(lab, best, rounds=2)
     best = read_again(lab, best)
     again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
-    return lab, min((there, best, again), key=lambda one: one.distance)
+    return lab, at_whole_steps(lab, min((there, best, again), key=lambda one: one.distance))

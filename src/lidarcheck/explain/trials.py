@@ -14,6 +14,7 @@ from lidarcheck.explain.fit import Fit, fit, fit_nuisance, with_effects
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.threads import mapped
+from lidarcheck.explain.whole_bins import at_whole_steps
 
 __all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
 
@@ -150,4 +151,4 @@ def _best_way(lab: Lab, now: Fit, probe: Probe) -> Probe:
 
 def finished(lab: Lab, now: Fit) -> Fit:
     """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
-    return fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance)
+    return at_whole_steps(lab, fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance))
