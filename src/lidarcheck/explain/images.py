@@ -16,19 +16,19 @@ from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import Sights
 from lidarcheck.model.spec import Model
 
-__all__ = ["MIRROR", "only_images_stay"]
+__all__ = ["only_images_stay"]
 
 FloatArray = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-MIRROR = "mirror_multipath"
+_MIRROR = "mirror_multipath"
 _CONFIRMED, _FEWEST = 0.7, 20
 """So many images must be in view, and of these so large a part of what one simulation shows of another's."""
 _ELSEWHERE, _BY_CHANCE = 0.15, 2.0
 """Of the other echoes that stay unplaced, no larger a part may lie elsewhere than behind the mirror, beyond what chance
 leaves there and so many standard deviations of that."""
 _OF_IMAGES = 0.1
-"""A material behind which lie more than such a part of the images is a mirror's."""
+"""A material behind which lie more than such a part of the images, and more than one, is a mirror's."""
 _BEAMS, _PART_OF_RANGE = 1.2, 0.03
 """An image so many beams off, or by this part of its range, is the same one: poses are a little off."""
 _SEEDS = 3
@@ -37,10 +37,10 @@ _SEEDS = 3
 def only_images_stay(seen: Scale, model: Model, nuisance: Nuisance) -> bool:
     """Whether the images that a model's mirror shows were measured, and hardly any other echoes stay that it does not
     show but behind the mirror; False without one."""
-    if all(effect.name != MIRROR for effect in model.effects):
+    if all(effect.name != _MIRROR for effect in model.effects):
         return False
     one, *others = seen.simulated(model, 9700, _SEEDS, nuisance)
-    without = seen.simulated(model.without(MIRROR), 9700, 1, nuisance)[0]
+    without = seen.simulated(model.without(_MIRROR), 9700, 1, nuisance)[0]
     mirrors = _mirrors(seen, one, without)
     shown, there = _places(seen, one), _places(seen, seen.measured)
     image = _behind(seen, one, mirrors)
@@ -66,7 +66,8 @@ def _mirrors(seen: Scale, with_: Sights, without: Sights) -> Flags:
     _, material = np.unique(seen.beams.material_id, return_inverse=True)
     more, less = (np.bincount(material[one.extra_beam], minlength=material.max() + 1) for one in (with_, without))
     images = more - less
-    return np.asarray((images > _OF_IMAGES * images.sum())[material] & (seen.beams.distance_m > 0.0))
+    least = max(_OF_IMAGES * images.sum(), 1.0)
+    return np.asarray((images > least)[material] & (seen.beams.distance_m > 0.0))
 
 
 def _behind(seen: Scale, sights: Sights, mirrors: Flags) -> Flags:
