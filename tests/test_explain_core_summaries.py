@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from explain_core_kit import MATERIALS, PANEL, SIGN, at_ranges, frames, model, street, together
-from lidarcheck.effects import make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.beams import beams_of
 from lidarcheck.explain.covariates import Division, binned, divisions, fine_divisions
@@ -22,7 +21,7 @@ from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
 
 NAMES = {i: m.name for i, m in MATERIALS.items()}
-COUNTED = ("echoes in front", "echoes behind", "echoes without a surface", "other echoes", "strong other echoes")
+COUNTED = ("echoes in front", "echoes behind", "echoes without a surface", "other echoes")
 
 
 @pytest.fixture(scope="module")
@@ -350,23 +349,3 @@ def test_a_beam_is_as_likely_to_see_its_surface_as_beams_about_as_bright() -> No
     assert found[2000:3000].mean() == pytest.approx(1.0 / 32.0, abs=0.01)
     assert found[2000:3000].min() > 0.0
     assert not found[3000:].any()
-
-
-def test_a_few_strong_echoes_stand_out_of_many_that_noise_makes() -> None:
-    """Twelve of another sensor among thousands of dark counts, of which none is strong."""
-    noisy = model(make("dark_counts", {"rate_per_ns": 0.003}))
-    rng, measured = np.random.default_rng(5), []
-    for frame in frames(noisy, 2, layers=range(230, 290, 2), points=range(320, 640, 8)):
-        row = rng.choice(len(frame.ideal), 6, replace=False)
-        strong = Scan.from_beams(
-            frame.ideal.layer[row], frame.ideal.point[row], rng.uniform(100.0, 160.0, 6), echo_number=np.full(6, 3),
-            width_ns=np.full(6, 9.0), area=np.full(6, 900.0), peak=np.full(6, 100.0),
-        )  # fmt: skip
-        measured.append(dataclasses.replace(frame, measured=together(frame.measured, strong)))
-    lab = Lab(measured, noisy, 3)
-    off: dict[str, list[float]] = {}
-    for name, z in zip(lab.summaries.names, lab.measured_plain, strict=True):
-        off.setdefault(name.feature, []).append(float(z))
-    assert max(off["strong other echoes"]) > 2.5
-    assert len(lab.measured_sights.extra_beam) > 2000
-    assert max(off["strong other echoes"]) > 1.5 * max(off["other echoes"])

@@ -22,11 +22,6 @@ _STRAY = 0.15
 """The part of the beams along an edge that a usual error of the pose leads to the other side."""
 _GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
 _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
-_USUAL_LOG_AREA, _LOG_AREA_SPREAD = 4.8, 0.6
-"""ln AREA of the echoes that noise makes, and how far it varies."""
-_STRONG = _USUAL_LOG_AREA + 2.0 * _LOG_AREA_SPREAD
-"""Echoes beyond are no noise's: where it makes thousands, a few dozen of another sensor's are lost among all, and not
-among these."""
 _MATCH_OFFSETS = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
 
 
@@ -61,7 +56,6 @@ class Strays:
             self._beside(sights),
             *(self._at_bright(sights, side) for side in range(len(SIDES))),
             _strengths(range_m, sights.extra_area[lone]),
-            _histogram(range_m[sights.extra_area[lone] > _STRONG], RANGE_EDGES_M),
         ]
         return np.concatenate(parts)
 
@@ -98,8 +92,7 @@ def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
     place = np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1
     n = len(RANGE_EDGES_M)
     count = np.bincount(place, minlength=n)
-    strength = (log_area - _USUAL_LOG_AREA) / _LOG_AREA_SPREAD
-    return np.asarray(np.bincount(place, strength, n) / np.sqrt(np.maximum(count, 1)))
+    return np.asarray(np.bincount(place, (log_area - 4.8) / 0.6, n) / np.sqrt(np.maximum(count, 1)))
 
 
 def _names() -> list[Summary]:
@@ -113,8 +106,7 @@ def _names() -> list[Summary]:
     found += [Summary(others, "at a neighbour's range", ", ".join(kind)) for kind in kinds]
     for side in SIDES:
         found += _between(others, f"at a bright target's range {side}", _MATCH_OFFSETS, "beams off")
-    found += _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
-    return found + _between("strong other echoes", "range", RANGE_EDGES_M, "m")
+    return found + _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
 
 
 def _between(feature: str, covariate: str, edges: Sequence[float], unit: str) -> list[Summary]:

@@ -92,7 +92,7 @@ class Summaries:
         ]
         values = np.array(mapped(self._sum, fresh))
         self._centre = values.mean(axis=0)
-        counted = np.array([name.feature in (*_EXTRAS, "other echoes", "strong other echoes") for name in self.names])
+        counted = np.array([name.feature in (*_EXTRAS, "other echoes") for name in self.names])
         # Counts of rare echoes are Poisson; one more than expected is no surprise where none was seen.
         least = np.where(counted, np.sqrt(np.maximum(self._centre, 0.0) + 1.0), 1.0)
         self._scale = np.maximum(least, values.std(axis=0))

@@ -41,7 +41,6 @@ _MORE = {
     "echoes without a surface": ("more echoes of beams that meet nothing", "fewer echoes of beams that meet nothing"),
     "other echoes": ("more echoes of no surface of their own beam", "fewer echoes of no surface of their own beam"),
     "strength of other echoes": ("echoes of no surface are stronger", "echoes of no surface are weaker"),
-    "strong other echoes": ("more strong echoes of no surface", "fewer strong echoes of no surface"),
 }
 # fmt: on
 _SUBJECT = {
@@ -61,7 +60,6 @@ _SUBJECT = {
     "echoes without a surface": "echoes without a surface",
     "other echoes": "echoes of no surface",
     "strength of other echoes": "the strength of echoes of no surface",
-    "strong other echoes": "strong echoes of no surface",
 }  # fmt: skip
 
 
