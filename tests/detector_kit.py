@@ -49,8 +49,8 @@ def follow(
 
     def run(start: int) -> None:
         stream = streams.new_stream(seed, "spads", frame)
-        stop = min(start + chunk, len(beams))
-        simulate_chunk(detectors, numbers, stream, keys, per_bin, pulses, start, stop, echoes)
+        order = np.arange(start, min(start + chunk, len(beams)))
+        simulate_chunk(detectors, numbers, stream, keys, per_bin, pulses, order, echoes)
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, range(0, len(beams), chunk)))

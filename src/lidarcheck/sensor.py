@@ -84,7 +84,8 @@ class NonIdeal:
     `afterpulse`: probability that an avalanche sets off a later one in its SPAD; it comes an exponential time of mean
     `afterpulse_ns` behind the end of the dead time, for the share `afterpulse_slow_share` of them of mean
     `afterpulse_slow_ns`. `dead_spread_ns`: standard deviation of the dead time from avalanche to avalanche;
-    `dead_recovery_ns`: mean of an exponential time that is added to it.
+    `dead_recovery_ns`: mean of an exponential time that is added to it. `threshold_dither`: share of the beams, drawn
+    anew for each frame, whose threshold is one detector higher.
     """
 
     crosstalk_sides: float = 0.0
@@ -95,6 +96,7 @@ class NonIdeal:
     afterpulse_slow_ns: float = 1.0
     dead_spread_ns: float = 0.0
     dead_recovery_ns: float = 0.0
+    threshold_dither: float = 0.0
 
     @property
     def any(self) -> bool:

@@ -141,7 +141,7 @@ _FREE: dict[str, tuple[Free, ...]] = {
     "range_offset": (Free("offset_m", 0.005),),
     "range_scale": (Free("fraction", 0.0001),),
     "walk_error": (Free("per_decade_m", 0.01), Free("bend_m", 0.01)),
-    "threshold": (Free("shift", 1.0, whole=True),),
+    "threshold": (Free("shift", 1.0),),
     "boresight": (Free("yaw_deg", 0.03), Free("pitch_deg", 0.015)),
     "beam_divergence": (Free("vertical_deg", _LOG, log=True), Free("horizontal_deg", _LOG, log=True)),
     "incidence_falloff": (Free("exponent", 0.1),),

@@ -1,7 +1,8 @@
-"""Numbers that act in whole bins, or whole SPADs: fitted step by step, the others anew at each.
+"""Numbers that act in whole bins, or are most often whole: fitted step by step, the others anew at each.
 
-Between two such steps nothing changes, and at one all does at once. A fit of all numbers together goes by slopes, which
-are those of a whole step or none, and ends where the others have made up for the wrong one.
+Between two bins nothing changes, and at one all does at once. A fit of all numbers together goes by slopes, which are
+those of a whole step or none, and ends where the others have made up for the wrong one. A threshold between two whole
+numbers is dithered; most are not, and a whole one that comes as near is the plainer answer.
 """
 
 from __future__ import annotations

@@ -260,7 +260,6 @@ def chain_echoes(
     beams = streams.beam_keys(light.layer, light.point)
     per_bin = light.background_per_ns * sensor.bin_ns
     pulses = pulses_of(light, sensor, numbers, among)
-    follow = _follower(sensor, numbers) if sensor.nonideal.any else None
     one_background = n == 0 or per_bin.min() == per_bin.max()
     order = np.arange(n) if one_background else np.argsort(per_bin, kind="stable")
     if device == "cuda":
@@ -270,29 +269,48 @@ def chain_echoes(
         simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
         return echoes
 
-    idle: list[kernel.Scratch] = []
+    follow = _follower(sensor, numbers) if sensor.nonideal.any else None
+    chunks = _chunks(sensor, light, order, seed, frame)
+    beams_done = np.cumsum([len(rows) for _, rows in chunks])
+    idle: dict[int, list[kernel.Scratch]] = {threshold: [] for threshold, _ in chunks}
 
-    def run(start: int) -> None:
-        stop = min(start + _CHUNK, n)
-        stream = streams.new_stream(seed, "spads", frame)
+    def run(chunk: int) -> None:
+        threshold, rows = chunks[chunk]
+        asked, stream = numbers._replace(threshold=threshold), streams.new_stream(seed, "spads", frame)
         if follow is not None:
-            follow(numbers, stream, beams, per_bin, pulses, start, stop, echoes)
+            follow(asked, stream, beams, per_bin, pulses, rows, echoes)
             return
         try:
-            scratch = idle.pop()
+            scratch = idle[threshold].pop()
         except IndexError:
-            scratch = kernel.new_scratch(numbers)
-        kernel.simulate_beams(numbers, stream, beams, per_bin, pulses, order[start:stop], scratch, echoes)
-        idle.append(scratch)
+            scratch = kernel.new_scratch(asked)
+        kernel.simulate_beams(asked, stream, beams, per_bin, pulses, rows, scratch, echoes)
+        idle[threshold].append(scratch)
 
-    share(run, range(0, n, _CHUNK), threads, lambda chunks: progress and progress(min(chunks * _CHUNK, n), n))
+    share(run, range(len(chunks)), threads, lambda done: progress and progress(int(beams_done[done - 1]), n))
     return echoes
+
+
+def _chunks(
+    sensor: Sensor, light: Light, order: npt.NDArray[np.int64], seed: int, frame: int
+) -> list[tuple[int, npt.NDArray[np.int64]]]:
+    """What threads take at a time: a threshold and beams of `order` that have it."""
+    parts = [(sensor.threshold, order)]
+    if sensor.nonideal.threshold_dither > 0.0:
+        from lidarcheck.model import streams
+
+        drawn = streams.uniforms(seed, "threshold", frame, light.layer, light.point)[order, 0]
+        higher = drawn < sensor.nonideal.threshold_dither
+        parts = [(sensor.threshold, order[~higher]), (sensor.threshold + 1, order[higher])]
+    return [(threshold, rows[at : at + _CHUNK]) for threshold, rows in parts for at in range(0, len(rows), _CHUNK)]
 
 
 def _refuse_disturbed(sensor: Sensor) -> None:
     if sensor.nonideal.any:
         what = "crosstalk, afterpulsing and a dead time that varies are followed detector by detector, not on a GPU"
         raise UsageError(what, fix="use the device cpu")
+    if sensor.nonideal.threshold_dither > 0.0:
+        raise UsageError("a threshold between two whole numbers is not simulated on a GPU", fix="use the device cpu")
 
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:

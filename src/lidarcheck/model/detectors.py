@@ -75,16 +75,15 @@ def simulate_beams(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    start: int,
-    stop: int,
+    order: IntArray,
     scratch: Scratch,
     echoes: Echoes,
 ) -> None:
-    """Simulate the beams `start` ... `stop - 1`, independent of each other, into `echoes`; see `kernel.simulate_beams`.
+    """Simulate the beams of `order`, independent of each other, into `echoes`; see `kernel.simulate_beams`.
 
     `scratch.size[1]` counts afterpulses that found no room: there must be none, see `simulate_chunk`.
     """
-    for i in range(start, stop):
+    for i in order:
         follow(numbers, detectors, stream, scratch, beams[i], per_bin[i], pulses, i)
         begin, end = _busy(numbers, scratch)
         find_echoes(numbers, scratch.counts, begin, end, i, echoes)
@@ -98,13 +97,12 @@ def simulate_chunk(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    start: int,
-    stop: int,
+    order: IntArray,
     echoes: Echoes,
 ) -> None:
     """`simulate_beams` in a work space of its own; `UsageError` where more afterpulses wait than it has room for."""
     scratch = new_scratch(numbers, detectors)
-    simulate_beams(numbers, detectors, stream, beams, per_bin, pulses, start, stop, scratch, echoes)
+    simulate_beams(numbers, detectors, stream, beams, per_bin, pulses, order, scratch, echoes)
     _check_room(scratch)
 
 

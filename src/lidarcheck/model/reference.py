@@ -150,6 +150,8 @@ def reference_echoes(
 
 def _echoes_of_beam(light: Light, beam: int, sensor: Sensor, rng: np.random.Generator) -> list[Any]:
     background = float(light.background_per_ns[beam]) * sensor.bin_ns
+    if sensor.nonideal.threshold_dither > 0.0:
+        sensor = replace(sensor, threshold=sensor.threshold + int(rng.random() < sensor.nonideal.threshold_dither))
     return echoes_of_trace(detector_trace(_rates(light, beam, sensor), background, sensor, rng), sensor)
 
 

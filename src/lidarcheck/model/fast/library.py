@@ -17,7 +17,7 @@ from lidarcheck.model.fast.fill import Block, Source, fill_block
 from lidarcheck.model.fast.grid import lowest_octave, spans
 from lidarcheck.model.numbers import numbers_of
 from lidarcheck.model.pulse_form import form_of
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SENSOR_BOUNDS
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SENSOR_BOUNDS, NonIdeal
 
 __all__ = ["Library", "Samples", "affordable", "library_of"]
 
@@ -126,7 +126,7 @@ def affordable(source: Source) -> bool:
     """Whether a library can stand in for the exact chain: see docs/performance.md."""
     sensor = source.sensor
     numbers = numbers_of(sensor)
-    if sensor.nonideal.any or numbers.dead <= numbers.on or numbers.threshold > _MOST_THRESHOLD:
+    if sensor.nonideal != NonIdeal() or numbers.dead <= numbers.on or numbers.threshold > _MOST_THRESHOLD:
         return False
     if numbers.detectors > _MOST_DETECTORS:
         return False
