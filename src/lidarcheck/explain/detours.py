@@ -7,6 +7,7 @@ of another sensor for those of crosstalk and of drops. Beside it the right ones 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, are_kin, onward
@@ -55,9 +56,10 @@ def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: 
     ways = _others(found, first)
     for i, trial in enumerate(ways):
         told("detour", i, len(ways))
-        way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, silent)
-        way.fit = backward(bench, way.fit, silent)
-        yield way
+        if id(trial) not in bench.ways:
+            way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, silent)
+            bench.ways[id(trial)] = replace(way, fit=backward(bench, way.fit, silent))
+        yield replace(bench.ways[id(trial)])
 
 
 def _others(found: Search, first: Trial) -> list[Trial]:
