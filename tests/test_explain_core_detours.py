@@ -1,5 +1,7 @@
 """Other ways through the search, and fits that go on to their end, so that nothing is named for what they left open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -141,15 +143,29 @@ def test_each_other_way_is_told_with_its_own_trials_alone(
 ) -> None:
     search = misled(both)
     right = search.trials[1]
+    others = [right, replace(right)]
 
     def one_more(_bench: Bench, found: Search, *_: object) -> Search:
         found.trials += [right]
         return found
 
-    monkeypatch.setattr(detouring, "_others", lambda *_: [right, right])
+    monkeypatch.setattr(detouring, "_others", lambda *_: others)
     monkeypatch.setattr(detouring, "onward", one_more)
     monkeypatch.setattr(detouring, "accept", lambda _bench, found, _trial: found)
     monkeypatch.setattr(detouring, "backward", lambda _bench, now, _told: now)
     ways = [*other_ways(both, search, screened, lambda *_: None)]
     began = sum(t.round == 1 for t in search.trials)
     assert [len(way.trials) for way in ways] == [began + 1, began + 1]
+
+
+def test_a_way_is_searched_once_and_told_as_it_was_found(
+    both: Bench, screened: list[Screened], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, search = replace(both, ways=[]), misled(both)
+    [way] = other_ways(bench, search, screened, lambda *_: None)
+    found = way.fit
+    way.fit = search.first  # what is made of it later changes nothing
+    monkeypatch.setattr(detouring, "onward", unasked)
+    [again] = other_ways(bench, search, screened, lambda *_: None)
+    assert again.fit is found
+    assert again.trials is way.trials

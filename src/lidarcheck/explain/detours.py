@@ -56,10 +56,12 @@ def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: 
     ways = _others(found, first)
     for i, trial in enumerate(ways):
         told("detour", i, len(ways))
-        if id(trial) not in bench.ways:
+        way = next((known for begun, known in bench.ways if begun is trial), None)
+        if way is None:
             way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, silent)
-            bench.ways[id(trial)] = replace(way, fit=backward(bench, way.fit, silent))
-        yield replace(bench.ways[id(trial)])
+            way.fit = backward(bench, way.fit, silent)
+            bench.ways.append((trial, way))
+        yield replace(way)
 
 
 def _others(found: Search, first: Trial) -> list[Trial]:

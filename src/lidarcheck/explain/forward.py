@@ -96,8 +96,8 @@ SMALL = 4.0
 @dataclass(frozen=True)
 class Bench:
     """The frames to fit on and the frames to select on, how large a gain by chance can be, and how far the fit's frames
-    are at the start; `least_part` of that above the floor is worth a name. `ways`: what has been found by detours, by
-    the trial that each begins with."""
+    are at the start; `least_part` of that above the floor is worth a name. `ways`: what detours have
+    led to, with the trial that each began with."""
 
     lab: Lab
     select: Lab
@@ -105,7 +105,7 @@ class Bench:
     start: float
     crew: Crew = field(default_factory=Crew)
     least_part: float = LEAST_PART
-    ways: dict[int, Search] = field(default_factory=dict)
+    ways: list[tuple[Trial, Search]] = field(default_factory=list)
 
     @property
     def worth(self) -> float:
