@@ -105,6 +105,15 @@ def test_the_special_case_that_explains_nearly_as_much_is_the_better_name(gain: 
 
 
 @pytest.mark.parametrize(
+    ("variant", "gain", "name"),
+    [("wander", 900.0, "motion"), ("wander", 700.0, "vibration"), ("", 900.0, "vibration")],
+    ids=["nearly as much", "much less", "a view that shakes"],
+)
+def test_a_turn_that_lasts_is_the_better_name_for_a_view_that_wanders(variant: str, gain: float, name: str) -> None:
+    assert best_of([trial("vibration", 1000.0, variant), trial("motion", gain)]).name == name
+
+
+@pytest.mark.parametrize(
     ("distances", "ends_at"), [([900.0, 700.0, 690.0], 700.0), ([900.0, 890.0], 900.0), ([900.0, 700.0, 500.0], 500.0)]
 )
 def test_numbers_and_nuisances_are_fitted_in_turn_while_that_brings_much(

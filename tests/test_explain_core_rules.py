@@ -10,7 +10,8 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain import second_look
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN, KIN_PART, RANDOM_KIN_PART, Search, Trial, are_kin, beside_kin
+from lidarcheck.explain.forward import KIN_PART, RANDOM_KIN_PART, Search, Trial, beside_kin
+from lidarcheck.explain.kin import KIN, are_kin
 from lidarcheck.explain.located_ranges import _walks
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.trials import tried

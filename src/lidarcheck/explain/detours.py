@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, are_kin, onward
+from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward
+from lidarcheck.explain.kin import are_kin
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.search import backward, without

@@ -12,6 +12,7 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit_nuisance
+from lidarcheck.explain.kin import AT_RANDOM, are_kin, enough_for
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
 from lidarcheck.explain.nuisances import is_usual_error
@@ -21,7 +22,6 @@ from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.trials import finished, select_shown, to_the_end, tried
 
 __all__ = [
-    "SPECIAL_CASES",
     "Bench",
     "Search",
     "Told",
@@ -46,26 +46,12 @@ NEARLY = 0.35
 LEAST_PART, MOST_OF_LEFT = 0.05, 0.6
 """An effect that explains less of the distance than this is not worth a name, unless it explains most of what others
 leave: squares make a second effect a small part of what a strong one does."""
-KIN = (
-    {"range_offset", "range_scale", "walk_error", "motion"},
-    {"signal_gain", "material_reflectance", "incidence_falloff", "layer_gain", "blockage"},
-    {"ambient_light", "dark_counts", "threshold", "afterpulsing"},
-    {"boresight", "vibration", "motion", "beam_divergence"},
-    {"crosstalk", "afterpulsing", "dead_time", "pulse_shape", "signal_gain"},
-)
-"""Effects that change the same features in the same way, more or less."""
 KIN_PART = 0.12
 """An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
 an effect must explain this part of what that one does."""
-SPECIAL_CASES = {"layer_gain": "signal_gain", "vibration": "boresight"}
-"""Effects that can do all that another one does, and more: gains that are alike in all layers, a view that is turned
-alike in all columns. They also take up what is not quite right elsewhere."""
-_NEARLY_ALL = 0.85
-"""Where the special case explains this part of what the other does, it is the better name."""
-AT_RANDOM = ("random", "wander", "free phase")
 RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
-"""Kinds of start that turn the view otherwise in every frame. These explain a little of whatever is not quite right at
-edges: they need this part beside their kin, and so many times the usual least part, though no more than half of all."""
+"""What strikes at random explains a little of whatever is not quite right at edges: it needs this part beside its kin,
+and so many times the usual least part, though no more than half of all."""
 PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
 _UNSEEN, _HARMLESS = 0.08, 0.02
@@ -237,7 +223,8 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
 def best_of(passing: Sequence[Trial]) -> Trial:
     """The trial of the largest merit, or one of its special case that explains nearly as much."""
     best = max(passing, key=lambda t: t.merit)
-    special = [t for t in passing if t.name == SPECIAL_CASES.get(best.name) and t.merit > _NEARLY_ALL * best.merit]
+    kind = best.name, best.probe.variant
+    special = [t for t in passing if t.merit > enough_for(t.name, *kind) * best.merit]
     return max(special, key=lambda t: t.merit, default=best)
 
 
@@ -327,11 +314,6 @@ def beside_kin(probe: Probe, found: Search) -> float:
     """What an effect must explain beside its kin among those that were accepted."""
     gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(probe.name, t.name)]
     return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)
-
-
-def are_kin(one: str, other: str) -> bool:
-    """Whether two effects change the same features in the same way."""
-    return one != other and any(one in kin and other in kin for kin in KIN)
 
 
 def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:

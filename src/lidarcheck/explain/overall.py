@@ -13,8 +13,8 @@ import numpy.typing as npt
 from lidarcheck.crew import Crew
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Gap
-from lidarcheck.explain.forward import are_kin
 from lidarcheck.explain.gap import PARTS, Scale
+from lidarcheck.explain.kin import are_kin
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.model.spec import Model
 

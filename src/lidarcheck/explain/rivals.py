@@ -13,8 +13,9 @@ import numpy as np
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import SPECIAL_CASES, Bench, Trial, accepted
+from lidarcheck.explain.forward import Bench, Trial, accepted
 from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.kin import SPECIAL_CASES
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.polish import Judged, judged, polished
 from lidarcheck.explain.threads import done_by

@@ -16,10 +16,10 @@ from lidarcheck.explain.forward import (
     Bench,
     Search,
     Told,
-    are_kin,
     forward,
     start_fit,
 )
+from lidarcheck.explain.kin import are_kin
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import done_by

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import AT_RANDOM, CHANCE, MOST_EFFECTS, Bench, Search, Trial, beside_kin, run_round
+from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, beside_kin, run_round
 from lidarcheck.explain.gap import Scale
+from lidarcheck.explain.kin import AT_RANDOM
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
