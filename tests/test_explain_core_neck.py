@@ -104,6 +104,15 @@ def test_the_special_case_that_explains_nearly_as_much_is_the_better_name(gain: 
     assert best_of(trials).name == name
 
 
+def test_beside_a_view_that_wanders_what_lasts_is_fitted_to_the_end(ended: list[tuple[str, str]]) -> None:
+    """A turn past edges, or one that lasts, is fitted less well at first than what follows every column."""
+    names = {"boresight": 6000.0, "motion": 5900.0, "beam_divergence": 6100.0}
+    trials = [trial("vibration", 9000.0, "wander"), *(trial(name, gain) for name, gain in names.items())]
+    found = neck_and_neck(BENCH, Search(NOTHING, NOTHING), trials)
+    assert ended == [("vibration", "wander"), ("boresight", ""), ("motion", "")]
+    assert best_of(found).name == "vibration"
+
+
 @pytest.mark.parametrize(
     ("variant", "gain", "name"),
     [("wander", 900.0, "motion"), ("wander", 700.0, "vibration"), ("", 900.0, "vibration")],

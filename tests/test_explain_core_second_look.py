@@ -8,6 +8,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.crew import Crew
 from lidarcheck.effects import Effect, make
+from lidarcheck.explain import needless
 from lidarcheck.explain import second_look as looking
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
@@ -211,6 +212,25 @@ def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_s
     assert again.fit is found.fit
     one = Search(found.fit, without(bench.lab, found.fit, 1))
     assert without_needless(bench, seen, one, 7) is one
+
+
+@pytest.mark.parametrize(
+    ("random_deg", "of_all", "names"),
+    [(0.045, 0.15, ("boresight",)), (0.045, 0.0, ("boresight", "vibration")), (0.1, 0.15, ("boresight", "vibration"))],
+    ids=["little", "little is enough", "much"],
+)
+def test_what_strikes_at_random_must_close_much_beside_its_special_case(
+    random_deg: float, of_all: float, names: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A view that wanders makes up for what lies behind the edges past which a turned one looks."""
+    monkeypatch.setattr(needless, "_OF_ALL", of_all)
+    shaken = make("vibration", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": random_deg})
+    bench = bench_of(make("boresight", {"yaw_deg": 0.2, "pitch_deg": 0.05}), shaken)
+    random = next(probe for probe in fixed_probes(["vibration"]) if probe.variant == "random")
+    probes = [fixed_probes(["boresight"])[0], random]
+    both = fit(bench.lab, probes, [probe.start() for probe in probes], rounds=5)
+    found = without_needless(bench, seen_of(bench), Search(both, both), 7)
+    assert found.fit.names() == names
 
 
 def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -69,8 +70,9 @@ _LISTED = 0.1
 """A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
 """So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
-_PLAIN_NEAR = 0.75
-"""So is one name of the best one's kin that has fewer numbers, from this part on."""
+_PLAIN_NEAR, _STEADY_NEAR, _PLAIN = 0.75, 0.65, 2
+"""So are as many names of the best one's kin that have fewer numbers, or do not strike at random as it does, from these
+parts on."""
 _OVERTAKES = 1.02
 """There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
 CHANCE = 250.0
@@ -245,7 +247,7 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
         there = replace(t, fit=end, end=end, gain=gain, select_after=after, select_change=change)
         ended.append(replace(there, along_edges=edges, own=own))
     first, *others = ended
-    overtaken = any(t.passes and t.merit > (1.0 if _plainer(t, first) else _OVERTAKES) * first.merit for t in others)
+    overtaken = any(t.passes and t.merit > _enough(t, first) * first.merit for t in others)
     now = ended if overtaken else [replace(t, end=its.end) for t, its in zip(close, ended, strict=True)]
     by_trial = {id(t): its for t, its in zip(close, now, strict=True)}
     return [by_trial.get(id(t), t) for t in trials]
@@ -262,13 +264,26 @@ def _close(passing: Sequence[Trial]) -> list[Trial]:
         return []
     first = ranked[0]
     close = [t for t in ranked if t.merit > _NEAR_THE_BEST * first.merit][:_CLOSE]
-    plain = [t for t in ranked if t.merit > _PLAIN_NEAR * first.merit and _plainer(t, first) and t not in close]
-    return close + plain[:1]
+    plain = [t for t in ranked if _is_near(t, first) and t not in close]
+    return close + plain[:_PLAIN]
 
 
 def _plainer(one: Trial, other: Trial) -> bool:
     """Whether a trial is of an effect of the same kin with fewer free numbers."""
     return are_kin(one.name, other.name) and len(one.probe.free) < len(other.probe.free)
+
+
+def _is_near(one: Trial, first: Trial) -> bool:
+    """Whether a plainer name comes near enough to the first one to be fitted to the end."""
+    special = math.isfinite(enough_for(one.name, first.name, first.probe.variant))
+    if special and first.probe.variant in AT_RANDOM:
+        return one.merit > _STEADY_NEAR * first.merit
+    return one.merit > _PLAIN_NEAR * first.merit and _plainer(one, first)
+
+
+def _enough(one: Trial, first: Trial) -> float:
+    """What part of the first one's merit another one that is fitted to the end must have to count as it is then."""
+    return min(1.0 if _plainer(one, first) else _OVERTAKES, enough_for(one.name, first.name, first.probe.variant))
 
 
 def accept(bench: Bench, found: Search, trial: Trial) -> Search:

@@ -35,6 +35,7 @@ def are_kin(one: str, other: str) -> bool:
 def enough_for(name: str, other: str, variant: str) -> float:
     """What part of what another effect explains, started in such a way, is enough to be the better name: infinite for
     one that is no special case of it."""
-    if name == SPECIAL_CASES.get(other):
-        return _NEARLY_ALL
-    return _MOST if variant in AT_RANDOM and name == _LASTING.get(other) else math.inf
+    at_random = variant in AT_RANDOM
+    if name == SPECIAL_CASES.get(other) or (at_random and name == _LASTING.get(other)):
+        return _MOST if at_random else _NEARLY_ALL
+    return math.inf

@@ -8,12 +8,14 @@ beam than they do.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale, excesses
+from lidarcheck.explain.kin import AT_RANDOM, enough_for
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
 from lidarcheck.explain.second_look import worth_by_beams
@@ -21,6 +23,9 @@ from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.verdict import closure
 
 __all__ = ["without_any", "without_needless"]
+
+_OF_ALL = 0.15
+"""What strikes at random beside an effect that is a special case of it must close this part of the whole gap."""
 
 
 def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
@@ -33,9 +38,16 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
     while len(found.fit.probes) > 1:
         own = found.own or judged(seen, case, found.fit, seed)
         found = replace(found, own=own)
-        fits = [now for now in _fewer(bench, found.fit) if _explains(bench, found.fit, now)]
-        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now in fits])
-        enough = [(now, its) for now, its in zip(fits, judgements, strict=True) if _closes(own, its, whole)]
+        doubtful = [_follows_another(found.fit, at) for at in range(len(found.fit.probes))]
+        asked = [
+            (now, _OF_ALL * whole if doubt else 0.0)
+            for now, doubt in zip(_fewer(bench, found.fit), doubtful, strict=True)
+            if doubt or _explains(bench, found.fit, now)
+        ]
+        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _ in asked])
+        enough = [
+            (now, its) for (now, least), its in zip(asked, judgements, strict=True) if _closes(own, its, whole, least)
+        ]
         if not enough:
             break
         now, its = min(enough, key=lambda one: one[1].left)
@@ -69,8 +81,15 @@ def _explains(bench: Bench, now: Fit, fewer: Fit) -> bool:
     return fewer.distance - now.distance < bench.worth_beside(fewer.distance)
 
 
-def _closes(own: Judged, fewer: Judged, whole: float) -> bool:
-    """Whether they close the gap nearly as well, with nuisances that are no less usual."""
+def _follows_another(now: Fit, at: int) -> bool:
+    """Whether an effect strikes at random beside one that it can do the most of, and makes up for how that one's fit
+    lacks what lies behind edges."""
+    name, variant = now.probes[at].name, now.probes[at].variant
+    return variant in AT_RANDOM and any(math.isfinite(enough_for(other, name, variant)) for other in now.names())
+
+
+def _closes(own: Judged, fewer: Judged, whole: float, least: float) -> bool:
+    """Whether they close the gap nearly as well, but for `least`, with nuisances that are no less usual."""
     if own.last.nuisance.usual and not fewer.last.nuisance.usual:
         return False
-    return fewer.left - own.left < worth_by_beams(fewer.left, whole, fewer.chance)
+    return fewer.left - own.left < max(least, worth_by_beams(fewer.left, whole, fewer.chance))
