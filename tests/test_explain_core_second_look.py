@@ -1,6 +1,7 @@
 """Effects that hide beside strong ones, and closure beam by beam where summaries say that too much is open."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -231,6 +232,28 @@ def test_what_strikes_at_random_must_close_much_beside_its_special_case(
     both = fit(bench.lab, probes, [probe.start() for probe in probes], rounds=5)
     found = without_needless(bench, seen_of(bench), Search(both, both), 7)
     assert found.fit.names() == names
+
+
+@pytest.mark.parametrize(
+    ("name", "gain", "chance", "left", "closes"),
+    [
+        ("interference", 700.0, 0.003, 0.007, True),
+        ("interference", 500.0, 0.003, 0.007, False),
+        ("afterpulsing", 700.0, 0.003, 0.007, False),
+        ("interference", 700.0, 0.003, 0.0085, False),
+        ("interference", 700.0, 0.002, 0.007, False),
+        ("interference", 500.0, 0.001, 0.004, True),
+    ],
+    ids=["most", "too little", "kin", "closes nothing", "beams can tell and do not", "beams can tell"],
+)
+def test_where_noise_hides_it_beam_by_beam_the_summaries_tell(
+    name: str, gain: float, chance: float, left: float, closes: bool
+) -> None:
+    """Crosstalk leaves 1000 of the summaries and 0.009 of the gap, which with its noise may be chance."""
+    last = SimpleNamespace(distance=1600.0, nuisance=Nuisance(), names=lambda: ("crosstalk",))
+    own = SimpleNamespace(left=0.009, chance=chance, last=last, lab=SimpleNamespace(floor_distance=600.0))
+    one = SimpleNamespace(name=name, gain=gain, fit=SimpleNamespace(nuisance=Nuisance()))
+    assert looking._closes(own, one, left, 0.4) == closes  # type: ignore[arg-type]
 
 
 def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:

@@ -18,7 +18,7 @@ from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, beside_kin, run_round
 from lidarcheck.explain.gap import Scale
-from lidarcheck.explain.kin import AT_RANDOM
+from lidarcheck.explain.kin import AT_RANDOM, are_kin
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.nuisances import Nuisance
@@ -40,6 +40,8 @@ _LIKELY = 0.08
 _LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, _SURE = 0.15, 0.03, 0.5, 4.0
 """Beam by beam it must close this part of the gap that the others leave, this one of the gap that there was or else
 most of what the others leave, and so many standard deviations of chance."""
+_MOST_EXPLAINED = 0.6
+"""Where less is left than that chance, it must explain this part of what the summaries have left."""
 _AS_MUCH = 2.0
 """A gap larger by so many standard deviations of chance is as large."""
 _STILL = 0.5
@@ -197,32 +199,48 @@ def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]
 
 def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) -> Search | None:
     """The search with the candidate that closes most of what is left beam by beam; None where none closes enough."""
-    best: dict[str, Fit] = {}
+    best: dict[str, Trial] = {}
     for trial in sorted((t for t in trials if t.passes), key=lambda t: t.merit):
         best.pop(trial.name, None)
-        best[trial.name] = trial.fit
+        best[trial.name] = trial
     tried = [*best.values()][-_MOST:]
     own = search.own
     if not tried or own is None:
         return None
     case = bench.lab.model
-    models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in tried)]
+    models = [(seen.held, case, Nuisance()), *((seen.held, one.fit.model(case), one.fit.nuisance) for one in tried)]
     whole, *left = (excess for excess, _ in bench.crew.map(Scale.excess, models))
     closing = [(there, one) for there, one in zip(left, tried, strict=True) if _closes(own, one, there, whole)]
     if not closing:
         return None
-    found = min(closing, key=lambda both: both[0])[1]
+    found = min(closing, key=lambda both: both[0])[1].fit
     # Told as one of the first bench, whose frames and summaries all that follows is in.
     now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
     return Search(search.first, now, [*search.trials, *trials])
 
 
-def _closes(own: Judged, one: Fit, left: float, whole: float) -> bool:
+def _closes(own: Judged, one: Trial, left: float, whole: float) -> bool:
     """Whether a fit with one more effect closes enough of the gap beam by beam, of which it leaves `left`; or as much
     as before with nuisances that are usual, where those before were at their limits."""
-    if one.nuisance.usual and not own.last.nuisance.usual:
+    if one.fit.nuisance.usual and not own.last.nuisance.usual:
         return left < own.left + _AS_MUCH * own.chance
-    return own.left - left >= worth_by_beams(own.left, whole, own.chance)
+    closed = own.left - left
+    if _beams_cannot_tell(own) and _explains_most(own, one):
+        return closed >= _LEAST_CLOSED * own.left
+    return closed >= worth_by_beams(own.left, whole, own.chance)
+
+
+def _beams_cannot_tell(own: Judged) -> bool:
+    """Whether less is left beam by beam than the chance that is asked of one more effect: noise hides it there, from
+    which summaries tell it."""
+    return own.left < _SURE * own.chance
+
+
+def _explains_most(own: Judged, one: Trial) -> bool:
+    """Whether an effect explains most of what the summaries have left, and no other is its kin, whose form might leave
+    as much."""
+    left = own.last.distance - own.lab.floor_distance
+    return one.gain > _MOST_EXPLAINED * left and not any(are_kin(one.name, name) for name in own.last.names())
 
 
 def worth_by_beams(left: float, whole: float, chance: float) -> float:
