@@ -2,7 +2,7 @@
 
 Between two bins nothing changes, and at one all does at once. A fit of all numbers together goes by slopes, which are
 those of a whole step or none, and ends where the others have made up for the wrong one. A threshold between two whole
-numbers is dithered; most are not, and a whole one that comes as near is the plainer answer.
+numbers is dithered; most are not, and whole ones are tried as well.
 """
 
 from __future__ import annotations
