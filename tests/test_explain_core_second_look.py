@@ -256,6 +256,30 @@ def test_where_noise_hides_it_beam_by_beam_the_summaries_tell(
     assert looking._closes(own, one, left, 0.4) == closes  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("beside", "left_there", "least", "needless_"),
+    [
+        (None, 0.0, 0.0, True),
+        (("vibration",), 0.012, 0.0, False),
+        (("vibration",), 0.012, 0.02, True),
+        (("vibration",), 0.018, 0.0, True),
+        (("fog",), 0.012, 0.0, True),
+    ],
+    ids=["not asked", "asked", "more is asked of it", "less is left now", "asked beside another"],
+)
+def test_what_the_second_look_found_is_needless_only_if_the_others_have_come_nearer(
+    beside: tuple[str, ...] | None, left_there: float, least: float, needless_: bool
+) -> None:
+    """Without interference 0.015 is left and with it 0.008, which the noise of four standard deviations could be."""
+
+    def alone(left: float, *names: str) -> SimpleNamespace:
+        return SimpleNamespace(left=left, chance=0.003, last=SimpleNamespace(nuisance=Nuisance(), names=lambda: names))
+
+    own, fewer = alone(0.008, "vibration", "interference"), alone(0.015, "vibration")
+    known = alone(left_there, *beside) if beside else None
+    assert needless._closes(own, fewer, 0.4, least, known) == needless_  # type: ignore[arg-type]
+
+
 def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:
     bench = bench_of(JITTER)
     far = replace(bench, start=bench.lab.floor_distance + 100_000.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +12,7 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit_nuisance
-from lidarcheck.explain.kin import AT_RANDOM, are_kin, enough_for
+from lidarcheck.explain.kin import AT_RANDOM, are_kin, enough_for, is_special_case
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
 from lidarcheck.explain.nuisances import is_usual_error
@@ -184,13 +183,15 @@ class Search:
     """What the search found: the accepted effects together, and every candidate that was fitted.
 
     `first`: before any effect, with the nuisances fitted where they may be all that is wrong. `own`: how the accepted
-    effects were judged beam by beam, where they were.
+    effects were judged beam by beam, where they were; `beside`: how those were beside which the second look found the
+    last one.
     """
 
     first: Fit
     fit: Fit
     trials: list[Trial] = field(default_factory=list)
     own: Judged | None = None
+    beside: Judged | None = None
 
 
 def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:
@@ -275,7 +276,7 @@ def _plainer(one: Trial, other: Trial) -> bool:
 
 def _is_near(one: Trial, first: Trial) -> bool:
     """Whether a plainer name comes near enough to the first one to be fitted to the end."""
-    special = math.isfinite(enough_for(one.name, first.name, first.probe.variant))
+    special = is_special_case(one.name, first.name, first.probe.variant)
     if special and first.probe.variant in AT_RANDOM:
         return one.merit > _STEADY_NEAR * first.merit
     return one.merit > _PLAIN_NEAR * first.merit and _plainer(one, first)

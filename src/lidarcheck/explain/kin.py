@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["AT_RANDOM", "KIN", "SPECIAL_CASES", "are_kin", "enough_for"]
+__all__ = ["AT_RANDOM", "KIN", "SPECIAL_CASES", "are_kin", "enough_for", "is_special_case"]
 
 KIN = (
     {"range_offset", "range_scale", "walk_error", "motion"},
@@ -32,10 +32,14 @@ def are_kin(one: str, other: str) -> bool:
     return one != other and any(one in kin and other in kin for kin in KIN)
 
 
+def is_special_case(name: str, other: str, variant: str) -> bool:
+    """Whether another effect, started in such a way, can do all or most of what this one does."""
+    return name == SPECIAL_CASES.get(other) or (variant in AT_RANDOM and name == _LASTING.get(other))
+
+
 def enough_for(name: str, other: str, variant: str) -> float:
     """What part of what another effect explains, started in such a way, is enough to be the better name: infinite for
     one that is no special case of it."""
-    at_random = variant in AT_RANDOM
-    if name == SPECIAL_CASES.get(other) or (at_random and name == _LASTING.get(other)):
-        return _MOST if at_random else _NEARLY_ALL
-    return math.inf
+    if not is_special_case(name, other, variant):
+        return math.inf
+    return _MOST if variant in AT_RANDOM else _NEARLY_ALL

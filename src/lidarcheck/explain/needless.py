@@ -8,14 +8,13 @@ beam than they do.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale, excesses
-from lidarcheck.explain.kin import AT_RANDOM, enough_for
+from lidarcheck.explain.kin import AT_RANDOM, is_special_case
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
 from lidarcheck.explain.second_look import worth_by_beams
@@ -46,7 +45,9 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
         ]
         judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _ in asked])
         enough = [
-            (now, its) for (now, least), its in zip(asked, judgements, strict=True) if _closes(own, its, whole, least)
+            (now, its)
+            for (now, least), its in zip(asked, judgements, strict=True)
+            if _closes(own, its, whole, least, found.beside)
         ]
         if not enough:
             break
@@ -85,11 +86,17 @@ def _follows_another(now: Fit, at: int) -> bool:
     """Whether an effect strikes at random beside one that it can do the most of, and makes up for how that one's fit
     lacks what lies behind edges."""
     name, variant = now.probes[at].name, now.probes[at].variant
-    return variant in AT_RANDOM and any(math.isfinite(enough_for(other, name, variant)) for other in now.names())
+    return variant in AT_RANDOM and any(is_special_case(other, name, variant) for other in now.names())
 
 
-def _closes(own: Judged, fewer: Judged, whole: float, least: float) -> bool:
-    """Whether they close the gap nearly as well, but for `least`, with nuisances that are no less usual."""
+def _closes(own: Judged, fewer: Judged, whole: float, least: float, beside: Judged | None) -> bool:
+    """Whether they close the gap nearly as well, but for `least`, with nuisances that are no less usual.
+
+    What the second look found `beside` the others has closed enough of what they left there; it is asked about again
+    only if they leave less now.
+    """
     if own.last.nuisance.usual and not fewer.last.nuisance.usual:
         return False
-    return fewer.left - own.left < max(least, worth_by_beams(fewer.left, whole, fewer.chance))
+    known = beside is not None and set(beside.last.names()) == set(fewer.last.names()) and fewer.left >= beside.left
+    worth = 0.0 if known else worth_by_beams(fewer.left, whole, fewer.chance)
+    return fewer.left - own.left < max(least, worth)

@@ -216,7 +216,7 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
     found = min(closing, key=lambda both: both[0])[1].fit
     # Told as one of the first bench, whose frames and summaries all that follows is in.
     now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
-    return Search(search.first, now, [*search.trials, *trials])
+    return Search(search.first, now, [*search.trials, *trials], beside=own)
 
 
 def _closes(own: Judged, one: Trial, left: float, whole: float) -> bool:
