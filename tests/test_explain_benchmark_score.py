@@ -7,11 +7,13 @@ import textwrap
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import explain_report_kit as kit
 from lidarcheck.cli import main
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.explain.benchmark import find_generator, load_generator, run_benchmark
+from lidarcheck.explain.benchmark import _told_apart, find_generator, load_generator, run_benchmark
 from lidarcheck.explain.benchmark_score import Answer, Share, score
 from lidarcheck.explain.benchmark_text import figures, table_markdown, table_text
 
@@ -161,6 +163,17 @@ def test_the_gap_and_the_time():
     assert found.seconds[1] == pytest.approx(4.0 + 0.6 * 26.0)
 
 
+def test_what_a_classifier_tells_apart_is_of_cases_that_hide_something():
+    told = [(0.8, 0.5), (0.9, 0.6), (0.6, 0.52), (math.nan, math.nan)]
+    answers = [answer("single", ["fog"], told_before=before, told_after=after) for before, after in told]
+    answers.append(answer("single", ["fog"], shows=False, told_before=0.5, told_after=0.5))
+    answers += 2 * [answer("alien", ["x"], verdict="unknown", told_before=0.99, told_after=0.99)]
+    found = score(answers)
+    assert found.told == pytest.approx((0.8, 0.52))
+    assert found.to_dict()["told_apart"] == {"before": pytest.approx(0.8), "after": pytest.approx(0.52)}
+    assert score(answers[3:4]).to_dict()["told_apart"] == {"before": None, "after": None}
+
+
 def test_an_error_is_wrong_everywhere():
     broken = [
         replace(answer(kind, effects, verdict="error"), number=i, error="broke", closed=math.nan)
@@ -184,6 +197,7 @@ def test_wilson_interval():
 
 def test_an_answer_survives_json():
     one = answer("pair", ["fog", "rain"], [said("fog", extinction=0.1)], comparable={"fog.x": 0.1}, closed=math.nan)
+    assert one.to_dict()["told_after"] is None
     assert Answer.of(json.loads(json.dumps(one.to_dict()))).to_dict() == one.to_dict()
     assert math.isnan(Answer.of(one.to_dict()).closed)
 
@@ -305,6 +319,17 @@ def test_processes_give_the_same(bench):
     assert [replace(a, seconds=0.0).to_dict() for a in one.answers] == [
         replace(a, seconds=0.0).to_dict() for a in two.answers
     ]
+
+
+def test_a_classifier_is_asked_about_frames_that_no_fit_has_seen():
+    many = kit.case(numbers=(0, 1, 2, 5), every=5)
+    before, after = _told_apart(many, kit.explanation())
+    assert before > 0.55
+    assert after == pytest.approx(0.5, abs=0.06)
+    nothing = _told_apart(kit.case(kit.MODEL, numbers=(0, 1, 2, 5), every=5), kit.explanation("no_gap"))
+    assert nothing[0] == nothing[1] == pytest.approx(0.5, abs=0.06)
+    for case, found in ((None, kit.explanation()), (many, None), (many, "an answer of another kind")):
+        assert np.isnan(_told_apart(case, found)).all()
 
 
 def test_an_interrupted_benchmark_goes_on(bench):

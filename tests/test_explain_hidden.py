@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from lidarcheck.explain.case import load_case
+from lidarcheck.explain.classifier import told_apart
 from lidarcheck.explain.explanation import Explanation
 from lidarcheck.explain.workflow import explain
 from lidarcheck.model.file import load_model
@@ -52,6 +53,9 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks(name: str, tmp_path: Path)
     assert [one.name for one in found.findings] == list(truth.effects)
     assert found.gap.after.value < found.gap.before.value
     assert found.gap.closed > 0.6
+    case = load_case(tmp_path / "case")
+    before, after = (told_apart(case.frames, found.split["verify"], one) for one in (case.model, found.model))
+    assert after < 0.5 + 0.3 * (before - 0.5)
     assert [effect.name for effect in found.model.effects if effect.name != "boresight"] == [name]
     json.dumps(found.to_dict(), allow_nan=True)
 

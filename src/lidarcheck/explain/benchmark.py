@@ -24,11 +24,15 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lidarcheck.crew.waiting import as_they_end
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.explain.benchmark_score import Answer, Score, score
+from lidarcheck.explain.explanation import Explanation
+
+if TYPE_CHECKING:
+    from lidarcheck.explain.case import Case
 
 __all__ = ["KINDS", "Benchmark", "find_generator", "load_generator", "run_benchmark"]
 
@@ -218,14 +222,18 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         start = time.perf_counter()
         error = ""
         report: dict[str, Any] = {"verdict": "unknown", "effects": [], "gap": {}}
+        case = found = None
         try:
             run = getattr(importlib.import_module(name), function)
-            report = plain(run(load_case(Path(scratch) / "case"), exclude=order.exclude, jobs=1).to_dict())
+            case = load_case(Path(scratch) / "case")
+            found = run(case, exclude=order.exclude, jobs=1)
+            report = plain(found.to_dict())
         except LidarcheckError as problem:
             error = " ".join(problem.lines()).replace(scratch, "").strip()
         except Exception as problem:  # noqa: BLE001 - a case that fails is a wrong answer, not the end of the benchmark
             error = f"{type(problem).__name__}: {problem}"
         seconds = time.perf_counter() - start
+    told = _told_apart(case, found)
     gc.collect()  # labs and what crews hold of them refer to each other: some 200 MB a case
     truth = sealed.open(report)
     closed = report["gap"].get("closed")
@@ -242,12 +250,26 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         found=tuple(report["effects"]),
         closed=math.nan if closed is None else float(closed),
         seconds=seconds,
+        told_before=told[0],
+        told_after=told[1],
         z=_by_effect(truth.z, truth.effects),
         exclude=tuple(order.exclude),
         error=error,
         gap=report["gap"],
         steps=tuple(report.get("steps", ())),
     )
+
+
+def _told_apart(case: Case | None, found: Any) -> tuple[float, float]:
+    """How well a classifier tells measured from simulated echoes on frames that no fit has seen: with the case's model
+    and with the explained one; NaN where there is no answer that says which frames these are."""
+    from lidarcheck.explain.classifier import told_apart
+
+    if case is None or not isinstance(found, Explanation):
+        return math.nan, math.nan
+    unseen = found.split["verify"]
+    before = told_apart(case.frames, unseen, case.model)
+    return before, before if found.model is case.model else told_apart(case.frames, unseen, found.model)
 
 
 def _by_effect(values: Any, effects: Sequence[str]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ CONFIDENT = 0.5
 """A wrong name with at least this confidence is said, not suspected."""
 STRENGTHS = ("weak", "medium", "strong")
 NULLS, HIDDEN, OUTSIDE = ("null", "null_nuisance"), ("single", "pair"), ("left_out", "alien")
+_FIGURES = ("closed", "told_before", "told_after")
 _EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 
@@ -28,8 +29,9 @@ class Answer:
     """One case: what was hidden, and what was found.
 
     `effects`: the names that were hidden; `observable`: which of them stand out of the noise; `comparable`: true values
-    by "effect.parameter". `found`, `gap`, `steps`: as `report.json` has them. `error`: why there is no answer; empty
-    else.
+    by "effect.parameter". `told_before`, `told_after`: how well a classifier tells measured from simulated echoes with
+    the case's model and with the explained one, areas under ROC curves. `found`, `gap`, `steps`: as `report.json` has
+    them. `error`: why there is no answer; empty else.
     """
 
     number: int
@@ -44,6 +46,8 @@ class Answer:
     found: tuple[Mapping[str, Any], ...]
     closed: float
     seconds: float
+    told_before: float = math.nan
+    told_after: float = math.nan
     z: Mapping[str, float] = field(default_factory=dict)
     exclude: tuple[str, ...] = ()
     error: str = ""
@@ -56,14 +60,13 @@ class Answer:
         parts = dict(row)
         for name in ("effects", "found", "exclude", "steps"):
             parts[name] = tuple(parts.get(name, ()))
-        parts["closed"] = math.nan if parts["closed"] is None else parts["closed"]
+        parts |= {name: math.nan for name in _FIGURES if parts.get(name) is None}
         return cls(**parts)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values; what is not a number is None."""
         row = asdict(self)
-        row["closed"] = _or_none(self.closed)
-        return row
+        return row | {name: _or_none(row[name]) for name in _FIGURES}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -121,7 +124,8 @@ class Bin:
 class Score:
     """All figures. `shares` and `all_shares` by name: of the cases whose effects stand out, and of all cases.
 
-    `closed`: median share of the gap closed where something stands out. `brier`: mean squared difference of confidence
+    `closed`: median share of the gap closed where something stands out; `told`: medians, there, of how well a
+    classifier tells measured from simulated echoes, before and after. `brier`: mean squared difference of confidence
     and outcome. `seconds`: median and 90th percentile. `errors`: cases without an answer, by number.
     """
 
@@ -129,6 +133,7 @@ class Score:
     shares: Mapping[str, Share]
     all_shares: Mapping[str, Share]
     closed: float
+    told: tuple[float, float]
     calibration: tuple[Bin, ...]
     brier: float
     seconds: tuple[float, float]
@@ -144,11 +149,18 @@ class Score:
             "observable": {name: share.to_dict() for name, share in self.shares.items()},
             "all": {name: share.to_dict() for name, share in self.all_shares.items()},
             "closed": _or_none(self.closed),
+            "told_apart": {"before": _or_none(self.told[0]), "after": _or_none(self.told[1])},
             "calibration": bins,
             "brier": _or_none(self.brier),
             "seconds": {"median": _or_none(self.seconds[0]), "p90": _or_none(self.seconds[1])},
             "errors": {str(number): why for number, why in self.errors.items()},
         }
+
+
+def _median(values: Iterable[float]) -> float:
+    """The median of those that are numbers; NaN where none is."""
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.median(known)) if known else math.nan
 
 
 def _or_none(value: float) -> float | None:
@@ -158,14 +170,15 @@ def _or_none(value: float) -> float | None:
 def score(answers: Sequence[Answer]) -> Score:
     """Judge a benchmark's answers."""
     showing = [a for a in answers if a.shows]
-    hidden = [a for a in showing if a.kind in HIDDEN and not math.isnan(a.closed)]
+    hidden = [a for a in showing if a.kind in HIDDEN]
     seconds = [a.seconds for a in answers if not a.error]
     said = [(_confidence(one), one["name"] in a.effects) for a in answers for one in a.found if _is_name(one)]
     return Score(
         cases=len(answers),
         shares=_shares(showing),
         all_shares=_shares(answers),
-        closed=float(np.median([a.closed for a in hidden])) if hidden else math.nan,
+        closed=_median(a.closed for a in hidden),
+        told=(_median(a.told_before for a in hidden), _median(a.told_after for a in hidden)),
         calibration=_calibration(said),
         brier=float(np.mean([(p - right) ** 2 for p, right in said])) if said else math.nan,
         seconds=(float(np.median(seconds)), float(np.quantile(seconds, 0.9))) if seconds else (math.nan, math.nan),

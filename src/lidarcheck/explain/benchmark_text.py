@@ -35,6 +35,8 @@ def figures(result: Benchmark) -> list[tuple[str, str, str, str, str]]:
     ]
     plain = {
         "median closed share of the gap": _number(score.closed, ".3f"),
+        "classifier's AUC before, median": _number(score.told[0], ".3f"),
+        "classifier's AUC after, median": _number(score.told[1], ".3f"),
         "Brier score of the confidence": _number(score.brier, ".3f"),
         "seconds a case, median": _number(score.seconds[0], ".1f"),
         "seconds a case, 90 % are below": _number(score.seconds[1], ".1f"),
