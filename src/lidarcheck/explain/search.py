@@ -22,6 +22,7 @@ from lidarcheck.explain.forward import (
 from lidarcheck.explain.kin import are_kin
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.screen import Screened
+from lidarcheck.explain.taking_over import others_of
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.trials import TO_THE_END, finished, select_distance
 
@@ -102,8 +103,7 @@ def backward(bench: Bench, now: Fit, told: Told) -> Fit:
 
 def without(lab: Lab, now: Fit, left_out: int) -> Fit:
     """The others fitted again: what is left out may have made up for what their fits had left open."""
-    rest = [j for j in range(len(now.probes)) if j != left_out]
-    probes, x = [now.probes[j] for j in rest], [now.x[j] for j in rest]
+    probes, x = others_of(now, left_out)
     fewer = fit(lab, probes, x, rounds=TO_THE_END, nuisance=now.nuisance)
     small = fewer.distance < SMALL * lab.floor_distance
     return fit_nuisance(lab, fewer, rounds=4 if small else 1)

@@ -1,0 +1,91 @@
+"""A walk that takes over an offset which is left out: the same shifts at all amplitudes, where its curve can."""
+
+import numpy as np
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import make
+from lidarcheck.effects.walk_error import WalkError
+from lidarcheck.explain.candidates import Free, Probe, fixed_probes, free_of
+from lidarcheck.explain.fit import Fit, fit
+from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.search import without
+from lidarcheck.explain.taking_over import others_of
+
+AREA = np.geomspace(10.0, 5000.0, 40)
+REFERENCE = Free("reference_area", 0.1, log=True)
+
+
+def walk_probe(**settings: object) -> Probe:
+    power = float(settings.pop("power", 0.0))  # type: ignore[arg-type]
+    free = (*free_of("walk_error")[: 1 if power else 2], REFERENCE)
+    return Probe("walk_error", {"bend_m": 0.0, **settings}, free, {"power": power} if power else {})
+
+
+def beside_an_offset(probe: Probe, offset_m: float) -> Fit:
+    offset = Probe("range_offset", {"offset_m": offset_m}, free_of("range_offset"))
+    probes = (offset, probe)
+    return Fit(probes, tuple(one.start() for one in probes), 0.0, np.zeros((1, 1)))
+
+
+def shifts(probe: Probe, x: np.ndarray) -> np.ndarray:
+    return WalkError(**probe.effect(x).settings()).shift_m(AREA)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"per_decade_m": 0.178, "reference_area": 843.0},
+        {"per_decade_m": -0.05, "reference_area": 300.0},
+        {"per_decade_m": 0.2, "bend_m": 0.03, "reference_area": 843.0},
+        {"per_decade_m": 0.2, "bend_m": -0.02, "reference_area": 500.0, "shifts_m": (0.0, 0.01, 0.02)},
+        {"per_decade_m": 0.15, "reference_area": 843.0, "power": -0.3},
+        {"per_decade_m": 0.15, "reference_area": 843.0, "power": 0.4},
+    ],
+    ids=["logarithm", "falling", "bent", "with a table", "power below 0", "power above 0"],
+)
+@pytest.mark.parametrize("offset_m", [-0.1, 0.08])
+def test_the_walk_shifts_as_both_did(settings: dict[str, object], offset_m: float) -> None:
+    probe = walk_probe(**settings)
+    [alone], [x] = others_of(beside_an_offset(probe, offset_m), 0)
+    np.testing.assert_allclose(shifts(alone, x), offset_m + shifts(probe, probe.start()), atol=1e-9)
+    assert alone.free == probe.free
+    assert alone.effect().settings()["reference_area"] != probe.effect().settings()["reference_area"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "offset_m"),
+    [
+        ({"per_decade_m": 0.01, "reference_area": 843.0}, 0.5),
+        ({"per_decade_m": 0.1, "bend_m": 0.1, "reference_area": 843.0}, 1.0),
+        ({"per_decade_m": 0.1, "reference_area": 843.0, "power": -0.5}, -0.5),
+        ({"per_decade_m": 0.0, "reference_area": 843.0}, 0.1),
+        ({"per_decade_m": 0.0, "reference_area": 843.0, "power": 0.5}, 0.1),
+    ],
+    ids=["beyond its range", "zero nowhere", "a power that is zero nowhere", "none", "no power"],
+)
+def test_where_its_curve_cannot_it_stays_as_it_is(settings: dict[str, object], offset_m: float) -> None:
+    probe = walk_probe(**settings)
+    [alone], [x] = others_of(beside_an_offset(probe, offset_m), 0)
+    assert alone == probe
+    assert x.tolist() == probe.start().tolist()
+
+
+def test_others_are_left_alone() -> None:
+    gain = fixed_probes(["signal_gain"])[0]
+    walk = walk_probe(per_decade_m=0.1, reference_area=300.0)
+    both = Fit((gain, walk), (gain.start(), walk.start()), 0.0, np.zeros((1, 1)))
+    assert others_of(both, 0)[0] == [walk]
+    assert others_of(both, 1)[0] == [gain]
+    assert others_of(beside_an_offset(walk, 0.1), 1)[0][0].name == "range_offset"
+
+
+def test_an_offset_beside_a_walk_is_left_out_at_no_loss() -> None:
+    """The walk of two fits is zero at an AREA of 843, the sensor's at 6400, which no fit with a fixed one could be."""
+    true = model(make("walk_error", {"per_decade_m": 0.178, "reference_area": 6430.0}))
+    lab = Lab(frames(true, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), 3)
+    now = beside_an_offset(walk_probe(per_decade_m=0.178, reference_area=843.0), -0.157)
+    both = fit(lab, now.probes, now.x, rounds=0)
+    alone = without(lab, both, 0)
+    assert alone.names() == ("walk_error",)
+    assert alone.distance < both.distance + 5.0
