@@ -16,6 +16,9 @@ __all__ = ["others_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
+_LARGEST = 1e6
+"""The largest reference of a walk, an AREA."""
+
 
 def others_of(now: Fit, left_out: int) -> tuple[list[Probe], list[FloatArray]]:
     """The effects without one of them, as probes with their points; a walk takes over an offset, which is a walk about
@@ -49,11 +52,14 @@ def _about_its_zero(walk: WalkError, offset_m: float) -> dict[str, float] | None
     if abs(power) >= 1e-6:
         if bend != 0.0 or slope == 0.0:
             return None
-        # slope (u - 1) / (q ln 10) + offset, u = (AREA / reference)^q, is zero at this u.
-        zero = 1.0 - offset_m * power * math.log(10.0) / slope
-        if zero <= 0.0:
-            return None
-        return {"per_decade_m": slope * zero, "reference_area": walk.reference_area * zero ** (1.0 / power)}
+        # slope (u - 1) / (q ln 10) + offset, u = (AREA / reference)^q, is zero at this u. Without one the curve ends at
+        # a level of its own, and the reference is taken far off: a power with nothing beside it has none.
+        zero = max(1.0 - offset_m * power * math.log(10.0) / slope, 1e-6)
+        reference = float(np.clip(walk.reference_area * zero ** (1.0 / power), 1.0, _LARGEST))
+        return {
+            "per_decade_m": slope * (reference / walk.reference_area) ** power,
+            "reference_area": reference,
+        }
     roots = np.roots([bend, slope, offset_m])
     real = roots[np.abs(roots.imag) < 1e-9].real
     if not len(real):
