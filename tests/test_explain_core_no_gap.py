@@ -94,7 +94,9 @@ def test_what_only_tables_at_their_limits_would_explain_keeps_its_name(gain: flo
         ((), "vibration", False),
         ((make("dropout", {"share": 0.012}),), "dropout", True),
         ((make("vibration", {"yaw_deg": 0.06, "frequency_hz": 30.0}),), "vibration", True),
+        ((make("beam_divergence", {"vertical_deg": 0.05, "horizontal_deg": 0.15}),), "incidence_falloff", True),
     ],
+    ids=["usual errors are all", "beams are lost", "a view that shakes", "usual errors leave all other echoes"],
 )
 def test_a_name_that_comes_no_nearer_beam_by_beam_than_usual_errors_is_none(
     hidden: tuple[Effect, ...], name: str, kept: bool

@@ -15,11 +15,13 @@ from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale, excesses
 from lidarcheck.explain.kin import AT_RANDOM, is_special_case
+from lidarcheck.explain.overall import Open, carries_over
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
 from lidarcheck.explain.second_look import worth_by_beams
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.verdict import closure
+from lidarcheck.model.spec import Model
 
 __all__ = ["without_any", "without_needless"]
 
@@ -57,8 +59,8 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
 
 
 def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
-    """The search without a name where usual errors alone explain the case, and come as near beam by beam; asked only
-    where the gap is small enough to be theirs."""
+    """The search without a name where usual errors alone explain the case, come as near beam by beam and leave no part
+    of the gap open; asked only where the gap is small enough to be theirs."""
     if not search.fit.probes or bench.start > DOUBTFUL * bench.lab.floor_distance:
         return search
     off = start_fit(bench.lab, nuisances=True)
@@ -67,9 +69,16 @@ def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
     case = bench.lab.model
     own = search.own or judged(seen, case, search.fit, seed)
     alone = judged(seen, case, off, seed)
-    if alone.last.nuisance.usual and alone.left <= own.left:
+    if alone.last.nuisance.usual and alone.left <= own.left and carries_over(_open(seen, case, alone)):
         return Search(off, off, search.trials, alone)
     return replace(search, own=own)
+
+
+def _open(seen: Scale, case: Model, alone: Judged) -> Open:
+    """What usual errors leave of each part of the gap: there may be one that they leave as it was."""
+    before, noise = seen.excess_by_part(case)
+    after, noise_after = seen.excess_by_part(case, alone.last.nuisance)
+    return Open(before, after, noise, noise_after)
 
 
 def _fewer(bench: Bench, now: Fit) -> Iterator[Fit]:
