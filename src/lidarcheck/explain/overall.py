@@ -38,9 +38,9 @@ of the widths; a rain, whose drops close before a road count as its echoes, 0.33
 closes one part and leaves another as it was, or wider."""
 _MOST = 0.4
 """Of no feature of the echoes more than so many of its standard deviations, however far it was off, but for what shows
-at edges: of 163 gaps that
-right names closed, one left more, beside which a second effect was missing; one left 0.35 of the ranges, and none more
-than 0.24 of anything else. A rain with a gain per layer in the place of fog left 0.55 of the ranges."""
+at edges: of 163 gaps that right names closed, one left more, beside which a second effect was missing; one left 0.35 of
+the ranges, and none more than 0.24 of anything else. A rain with a gain per layer in the place of fog left 0.55 of the
+ranges."""
 _SHARE_AT_EDGES = 0.45
 """As large a part where all that shows is at edges: of a true divergence 0.36 of the widths stayed."""
 _ONE_FORM = {
