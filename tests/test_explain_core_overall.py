@@ -90,10 +90,11 @@ def test_where_there_is_no_gap_nothing_can_fail_to_close() -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "carries"), [(("vibration",), True), (("fog",), False), (("vibration", "fog"), False)]
+    ("names", "carries"),
+    [(("vibration",), True), (("fog",), False), (("vibration", "fog"), False), (("beam_divergence", "fog"), True)],
 )
 def test_what_lies_past_edges_is_not_asked_of_effects_that_turn_beams(names: tuple[str, ...], carries: bool) -> None:
-    """Of a large gap in other echoes nothing closes, of the rest nearly all."""
+    """Of a large gap in other echoes nothing closes, of the rest nearly all; of a footprint whatever is beside it."""
     scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
     parts = {part: (9.0, 9.0, 0.0) if part == "other echoes" else (1.0, 0.1, 0.0) for part in PARTS}
     mean = [sum(values) / len(PARTS) for values in zip(*parts.values(), strict=True)]

@@ -135,6 +135,23 @@ def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: 
     assert "signal_gain" not in [one.name for one in beside]
 
 
+@pytest.mark.parametrize(
+    ("explained", "left", "found"),
+    [(500.0, 1000.0, ["range_scale"]), (90.0, 1000.0, []), (500.0, 100.0, [])],
+    ids=["overlooked", "explained less", "little is left"],
+)
+def test_a_name_that_explained_more_in_an_earlier_round_is_tried_where_much_is_left(
+    bench: Bench, explained: float, left: float, found: list[str]
+) -> None:
+    """Beside the first effect, whose fit has taken up a part of its own, it explained less than the second one."""
+    first, second, other = (trial(bench, name, 600.0) for name in ("signal_gain", "range_offset", "range_scale"))
+    both = fit(bench.lab, [*first.fit.probes, *second.fit.probes], [*first.fit.x, *second.fit.x], rounds=1)
+    now = replace(both, distance=bench.lab.floor_distance + left)
+    second = replace(second, fit=both, round=2, gain=200.0, select_after=900.0)
+    trials = [first, replace(other, gain=explained, select_after=1000.0 - explained), second]
+    assert [one.name for one in rivals(bench, now, trials, lambda *_: None) if one.place == 1] == found
+
+
 def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: Bench) -> None:
     scale = Scale.of(bench.select.frames, model(), 5)
     now, other = fitted(bench.lab, "range_offset"), fitted(bench.lab, "range_scale")

@@ -27,6 +27,9 @@ __all__ = ["without_any", "without_needless"]
 
 _OF_ALL = 0.15
 """What strikes at random beside an effect that is a special case of it must close this part of the whole gap."""
+_MANY, _OF_ALL_BESIDE_MANY = 3, 0.08
+"""Where there are so many names, each must close that part of it if the others leave no more of any feature than their
+forms may: what two forms leave is soon explained by a third effect."""
 
 
 def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
@@ -39,17 +42,15 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
     while len(found.fit.probes) > 1:
         own = found.own or judged(seen, case, found.fit, seed)
         found = replace(found, own=own)
-        doubtful = [_follows_another(found.fit, at) for at in range(len(found.fit.probes))]
-        asked = [
-            (now, _OF_ALL * whole if doubt else 0.0)
-            for now, doubt in zip(_fewer(bench, found.fit), doubtful, strict=True)
-            if doubt or _explains(bench, found.fit, now)
-        ]
+        many = len(found.fit.probes) >= _MANY
+        fewer = [(now, _least(bench, found.fit, at, now)) for at, now in enumerate(_fewer(bench, found.fit))]
+        asked = [(now, least) for now, least in fewer if many or least is not None]
         judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _ in asked])
         enough = [
             (now, its)
             for (now, least), its in zip(asked, judgements, strict=True)
-            if _closes(own, its, whole, least, found.beside)
+            if (least is not None and _closes(own, its, whole, least, found.beside))
+            or (many and _closes(own, its, whole, _OF_ALL_BESIDE_MANY, found.beside) and _closes_all(seen, case, its))
         ]
         if not enough:
             break
@@ -69,16 +70,17 @@ def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
     case = bench.lab.model
     own = search.own or judged(seen, case, search.fit, seed)
     alone = judged(seen, case, off, seed)
-    if alone.last.nuisance.usual and alone.left <= own.left and carries_over(_open(seen, case, alone)):
+    if alone.last.nuisance.usual and alone.left <= own.left and _closes_all(seen, case, alone):
         return Search(off, off, search.trials, alone)
     return replace(search, own=own)
 
 
-def _open(seen: Scale, case: Model, alone: Judged) -> Open:
-    """What usual errors leave of each part of the gap: there may be one that they leave as it was."""
+def _closes_all(seen: Scale, case: Model, its: Judged) -> bool:
+    """Whether no part of the gap stays open, with effects or with usual errors alone: there may be one that they leave
+    as it was."""
     before, noise = seen.excess_by_part(case)
-    after, noise_after = seen.excess_by_part(case, alone.last.nuisance)
-    return Open(before, after, noise, noise_after)
+    after, noise_after = seen.excess_by_part(its.last.model(case), its.last.nuisance)
+    return carries_over(Open(before, after, noise, noise_after), its.last.names())
 
 
 def _fewer(bench: Bench, now: Fit) -> Iterator[Fit]:
@@ -91,6 +93,14 @@ def _explains(bench: Bench, now: Fit, fewer: Fit) -> bool:
     return fewer.distance - now.distance < bench.worth_beside(fewer.distance)
 
 
+def _least(bench: Bench, now: Fit, at: int, fewer: Fit) -> float | None:
+    """The part of the whole gap that one of the effects must close besides what the second look asks of one more; None
+    where the summaries need it."""
+    if _follows_another(now, at):
+        return _OF_ALL
+    return 0.0 if _explains(bench, now, fewer) else None
+
+
 def _follows_another(now: Fit, at: int) -> bool:
     """Whether an effect strikes at random beside one that it can do the most of, and makes up for how that one's fit
     lacks what lies behind edges."""
@@ -99,7 +109,7 @@ def _follows_another(now: Fit, at: int) -> bool:
 
 
 def _closes(own: Judged, fewer: Judged, whole: float, least: float, beside: Judged | None) -> bool:
-    """Whether they close the gap nearly as well, but for `least`, with nuisances that are no less usual.
+    """Whether they close the gap nearly as well, but for the part `least` of it, with nuisances that are no less usual.
 
     What the second look found `beside` the others has closed enough of what they left there; it is asked about again
     only if they leave less now.
@@ -108,4 +118,4 @@ def _closes(own: Judged, fewer: Judged, whole: float, least: float, beside: Judg
         return False
     known = beside is not None and set(beside.last.names()) == set(fewer.last.names()) and fewer.left >= beside.left
     worth = 0.0 if known else worth_by_beams(fewer.left, whole, fewer.chance)
-    return fewer.left - own.left < max(least, worth)
+    return fewer.left - own.left < max(least * whole, worth)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.crew import Crew
-from lidarcheck.explain.edges import AT_EDGES
+from lidarcheck.explain.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.explain.explanation import Gap
 from lidarcheck.explain.gap import PARTS, Scale
 from lidarcheck.explain.kin import are_kin
@@ -127,12 +127,14 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     """Whether a good part of the gap closes, and of each of its parts; `names`: the effects that close it.
 
     Where there is no gap beyond chance, this cannot be asked. What a beam meets that looks past an edge is nowhere in
-    the ideal scan: of effects that are of nothing else, the other echoes are left out, as are images of such things.
+    the ideal scan: of effects that are of nothing else, and of a footprint beside whatever else, the other echoes are
+    left out, as are images of such things.
     """
     if _scatters_too_much(open_):
         return False
     at_edges = _only_at_edges(names)
-    parts = [part for part in PARTS if part != "other echoes" or not (at_edges or open_.images)]
+    unplaced = at_edges or open_.images or any(name in FOOTPRINTS for name in names)
+    parts = [part for part in PARTS if part != "other echoes" or not unplaced]
     whole, left, chance = open_.mean_of(parts)
     if whole <= _SURE * chance:
         return True

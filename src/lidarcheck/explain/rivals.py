@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench, Trial, accepted
+from lidarcheck.explain.forward import CHANCE, Bench, Trial, accepted
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.kin import SPECIAL_CASES
 from lidarcheck.explain.lab import Lab
@@ -29,6 +29,8 @@ Told = Callable[[str, int, int], object]
 _NEAR_MERIT = 0.85
 _MOST = 3
 """So many names beside the accepted one are looked at, those that explain most."""
+_MOST_OVERLOOKED = 2
+"""So many names of earlier rounds are tried in an effect's place."""
 _NEAR, _NEAR_PART = 300.0, 0.06
 """A rival's distance is larger by no more than this, or this part of what it explains."""
 _MOST_EQUAL = 2
@@ -70,9 +72,15 @@ class Polished:
 
 
 def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
-    """The effects that explained nearly as much as an accepted one, in its place; the nearest first."""
+    """The effects that explained nearly as much as an accepted one, in its place; the nearest first.
+
+    Where more than chance is left, also those that explained more in an earlier round than it did in its own: beside
+    another effect whose fit has taken up a part of theirs, they explain less than they do when all is fitted together.
+    """
     names = now.names()
     near = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
+    if now.distance - bench.lab.floor_distance > CHANCE:
+        near += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
     tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in near)
     found = []
@@ -93,6 +101,20 @@ def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Tria
         if near and (t.name not in best or t.merit > best[t.name].merit):
             best[t.name] = t
     return sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+
+
+def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of earlier rounds that explained more than an effect did in the round that accepted it, the best of
+    each name that none of the later rounds brought near it."""
+    last, best = accepted(name, trials), dict[str, Trial]()
+    if last is None:
+        return []
+    near = {*names, *(one.name for one in _near(name, names, trials))}
+    for t in sorted(trials, key=lambda t: t.merit):
+        if t.round < last.round and t.passes and t.name not in near and t.merit > last.merit:
+            best.pop(t.name, None)
+            best[t.name] = t
+    return [*best.values()][: -_MOST_OVERLOOKED - 1 : -1]
 
 
 def _swapped(lab: Lab, select: Lab, now: Fit, place: int, trial: Trial) -> tuple[Fit, float]:
