@@ -8,6 +8,7 @@ import pytest
 from explain_core_kit import PANEL, ROAD, WALL, frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain import fit as fitting
+from lidarcheck.explain import needless
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import Bench, Search
@@ -108,3 +109,31 @@ def test_a_name_that_comes_no_nearer_beam_by_beam_than_usual_errors_is_none(
     named = fit(lab, [probe], [probe.start()], rounds=4)
     found = without_any(bench, Scale.of(measured, model(), 5), Search(named, named), 7)
     assert found.fit.names() == ((name,) if kept else ())
+
+
+@pytest.mark.parametrize(
+    ("off", "usual", "conceivable"),
+    [
+        ({1: 1.2, 2: 1.2}, True, True),
+        ({1: 1.7, 2: 1.7}, False, True),
+        ({1: 2.3, 2: 2.3}, False, False),
+        ({1: 1.7, 2: 1.7, 3: 1.7, 4: 1.7, 5: 1.7, 6: 1.7}, False, False),
+        ({1: 2.5, 2: -2.5}, False, False),
+    ],
+    ids=["a gain's error", "two of a kind", "too much for two", "too much for six", "at the limit"],
+)
+def test_few_reflectances_may_be_off_to_one_side_by_more_than_many(
+    off: dict[int, float], usual: bool, conceivable: bool
+) -> None:
+    found = Nuisance(materials=off)
+    assert (found.usual, found.conceivable) == (usual, conceivable)
+
+
+@pytest.mark.parametrize(
+    ("names", "may"),
+    [(("vibration",), True), (("signal_gain",), False), (("vibration", "layer_gain"), False)],
+    ids=["another", "the same", "its kin"],
+)
+def test_reflectances_off_to_one_side_may_be_all_where_no_name_says_the_same(names: tuple[str, ...], may: bool) -> None:
+    assert needless._may_be(Nuisance(materials={1: 1.7, 2: 1.7}), names) == may
+    assert needless._may_be(Nuisance(materials={1: 1.2, 2: 1.2}), names)

@@ -159,3 +159,49 @@ def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: 
     assert found.fit is now
     assert found.compared == {}
     assert found.behind == {"range_offset": {"range_scale": 900.0}}
+
+
+@pytest.mark.parametrize(("name", "found"), [("range_offset", ["range_offset"]), ("walk_error", [])])
+def test_the_same_error_of_range_of_another_kind_is_a_rival(bench: Bench, name: str, found: list[str]) -> None:
+    """Whether echoes are moved or the light is, the summaries hardly tell."""
+    trials = [trial(bench, name, 1000.0)]
+    for t in [*trials]:
+        probes = (replace(t.fit.probes[0], variant="light"),)
+        trials.append(replace(t, gain=990.0, fit=replace(t.fit, probes=probes)))
+    assert [one.name for one in rivals(bench, trials[0].fit, trials, lambda *_: None)] == found
+
+
+@pytest.mark.parametrize(("left", "takes"), [(0.02, True), (0.095, False)], ids=["nearer", "by chance"])
+def test_an_effect_of_another_kind_stands_for_it_where_it_is_nearer(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, left: float, takes: bool
+) -> None:
+    """Another name is then compared with that."""
+    plain = fitted(bench.lab, "range_offset")
+    light = replace(plain, probes=(replace(plain.probes[0], variant="light"),))
+    walk = fitted(bench.lab, "walk_error")
+    verdicts = {"": left, "light": 0.1}
+
+    def judge(_scale: Scale, _model: object, fit: Fit, _seed: int) -> Judged:
+        of = 0.03 if fit.names() == ("walk_error",) else verdicts[fit.probes[0].variant]
+        return Judged(bench.lab, fit, of, 0.005)
+
+    monkeypatch.setattr("lidarcheck.explain.rivals.judged", judge)
+    others = [Rival("range_offset", 0, plain, 0.0), Rival("walk_error", 0, walk, 1.0)]
+    found = contest(Scale.of(bench.select.frames, model(), 5), model(), light, others, 7)
+    assert (found.fit is plain) == takes
+    assert found.fit.names() == (("range_offset",) if takes else ("walk_error",))
+    alone = contest(Scale.of(bench.select.frames, model(), 5), model(), light, others[:1], 7)
+    assert (alone.fit is plain) == takes
+    assert alone.equals == {}
+    assert alone.compared == {}
+
+
+@pytest.mark.parametrize(("gain", "near"), [(1.03, False), (1.1, True)])
+def test_a_rival_that_is_no_more_than_a_usual_error_is_not_near(gain: float, near: bool) -> None:
+    measured = frames(model(make("signal_gain", {"gain": gain})), 4, **FINE)
+    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
+    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    both = [trial(bench, name, 1000.0) for name in ("range_offset", "signal_gain")]
+    [found] = rivals(bench, both[0].fit, both, lambda *_: None)
+    assert (found.name, found.near) == ("signal_gain", near)
+    assert found.farther < 0.0

@@ -8,13 +8,14 @@ beam than they do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
 from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale, excesses
-from lidarcheck.explain.kin import AT_RANDOM, is_special_case
+from lidarcheck.explain.kin import AT_RANDOM, are_kin, is_special_case
+from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, carries_over
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
@@ -64,15 +65,22 @@ def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
     of the gap open; asked only where the gap is small enough to be theirs."""
     if not search.fit.probes or bench.start > DOUBTFUL * bench.lab.floor_distance:
         return search
-    off = start_fit(bench.lab, nuisances=True)
-    if not off.nuisance.usual or not closure(bench, off).holds:
+    off, names = start_fit(bench.lab, nuisances=True), search.fit.names()
+    if not _may_be(off.nuisance, names) or not closure(bench, off).holds:
         return search
     case = bench.lab.model
     own = search.own or judged(seen, case, search.fit, seed)
     alone = judged(seen, case, off, seed)
-    if alone.last.nuisance.usual and alone.left <= own.left and _closes_all(seen, case, alone):
+    if _may_be(alone.last.nuisance, names) and alone.left <= own.left and _closes_all(seen, case, alone):
         return Search(off, off, search.trials, alone)
     return replace(search, own=own)
+
+
+def _may_be(off: Nuisance, names: Sequence[str]) -> bool:
+    """Whether errors may be all that is wrong in the place of some names: usual ones, or reflectances that are all off
+    to one side where no name says much the same."""
+    alike = any(name == "signal_gain" or are_kin(name, "signal_gain") for name in names)
+    return off.usual or (off.conceivable and not alike)
 
 
 def _closes_all(seen: Scale, case: Model, its: Judged) -> bool:

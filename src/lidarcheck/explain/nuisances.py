@@ -43,9 +43,19 @@ class Nuisance:
     @property
     def usual(self) -> bool:
         """Whether none is at its limit, and all reflectances together are off by no more than a gain may be."""
+        return self._within_limits(GAIN_ERROR)
+
+    @property
+    def conceivable(self) -> bool:
+        """Whether none is at its limit, and all reflectances together are off by no more than a gain and the mean of so
+        many of them may be."""
+        of_mean = REFLECTANCE_ERROR / np.sqrt(max(len(self.materials), 1))
+        return self._within_limits(float(np.hypot(GAIN_ERROR, of_mean)))
+
+    def _within_limits(self, common_error: float) -> bool:
         values = [self.yaw, self.pitch, *self.materials.values()]
         common = float(np.mean([*self.materials.values()])) if self.materials else 0.0
-        return max(map(abs, values)) < 0.95 * LIMIT and abs(common) * REFLECTANCE_ERROR < LIMIT * GAIN_ERROR
+        return max(map(abs, values)) < 0.95 * LIMIT and abs(common) * REFLECTANCE_ERROR < LIMIT * common_error
 
     @property
     def still(self) -> bool:

@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lidarcheck.crew import Crew
+from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import CHANCE, Bench, Trial, accepted
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.kin import SPECIAL_CASES
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged, judged, polished
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.trials import select_distance
@@ -29,6 +31,9 @@ Told = Callable[[str, int, int], object]
 _NEAR_MERIT = 0.85
 _MOST = 3
 """So many names beside the accepted one are looked at, those that explain most."""
+_TWO_KINDS = ("range_offset", "range_scale")
+"""Effects that move echoes, or the light before it is counted in bins: over a range of a bin the summaries mean both
+alike, and beams do not."""
 _MOST_OVERLOOKED = 2
 """So many names of earlier rounds are tried in an effect's place."""
 _NEAR, _NEAR_PART = 300.0, 0.06
@@ -79,6 +84,7 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     """
     names = now.names()
     near = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
+    near += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
     if now.distance - bench.lab.floor_distance > CHANCE:
         near += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
@@ -86,7 +92,9 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     found = []
     for (place, trial), (swapped, distance) in zip(near, done_by(bench.crew, _swapped, tasks), strict=True):
         farther = distance - best
-        found.append(Rival(trial.name, place, swapped, farther, farther < max(_NEAR, _NEAR_PART * trial.merit)))
+        near_it = farther < max(_NEAR, _NEAR_PART * trial.merit)
+        usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
+        found.append(Rival(trial.name, place, swapped, farther, near_it and not usual))
         told("equivalence", len(found), len(near))
     return sorted(found, key=lambda one: one.farther)
 
@@ -101,6 +109,15 @@ def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Tria
         if near and (t.name not in best or t.merit > best[t.name].merit):
             best[t.name] = t
     return sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+
+
+def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
+    """The best trial of the same effect's other kind, which the summaries hardly tell from it."""
+    last = accepted(probe.name, trials)
+    if last is None or probe.name not in _TWO_KINDS:
+        return []
+    found = [t for t in trials if t.round == last.round and t.name == probe.name and t.probe.variant != probe.variant]
+    return [t for t in sorted(found, key=lambda t: -t.merit) if t.merit > _NEAR_MERIT * last.merit][:1]
 
 
 def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
@@ -140,11 +157,12 @@ def contest(
 
     A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
     all that one does and more; or, if it is such a one's special case, where it is not much farther. Those that chance
-    may make as near are its equals, at most two. `known`: the accepted effects where they were judged already.
+    may make as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
+    `known`: the accepted effects where they were judged already.
     """
     names = now.names()
     behind = {
-        name: {one.name: one.farther for one in others if one.place == k and not one.near}
+        name: {one.name: one.farther for one in others if one.place == k and not one.near and one.name != name}
         for k, name in enumerate(names)
     }
     others = [one for one in others if one.near]
@@ -154,7 +172,12 @@ def contest(
     fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
     found = [*done_by(crew or Crew(), judged, ((scale.held, model, one, seed) for one in fits))]
     own = known or found.pop(0)
-    rest = list(zip(others[:_MOST], found, strict=True))
+    both = list(zip(others[:_MOST], found, strict=True))
+    now, own = _of_its_kind(now, own, both)
+    others = [one for one in others if one.name != names[one.place]]
+    rest = [(one, its) for one, its in both if one.name != names[one.place]]
+    if not rest:
+        return Polished(now, own.lab, own.last, {}, left=own.left, behind=behind)
     gaps = {one.name: its.left for one, its in rest}
     best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
     most = own.left + _MARGIN * own.chance
@@ -166,6 +189,14 @@ def contest(
     near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
     beaten = (names[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
     return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
+
+
+def _of_its_kind(now: Fit, own: Judged, both: Sequence[tuple[Rival, Judged]]) -> tuple[Fit, Judged]:
+    """The accepted effects, or the same ones of another kind where they are nearer."""
+    for one, its in both:
+        if one.name == now.names()[one.place] and _takes_its_place(one.name, its, one.name, own):
+            now, own = one.fit, its
+    return now, own
 
 
 def _handicap(rival: str, accepted: str) -> float:

@@ -279,7 +279,8 @@ class Run:
             return None
         found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4, known=search.own, crew=self.crew)
         if found.fit is not search.fit:
-            self.did("rivals", f"{', '.join(found.fit.names())} in the place of {', '.join(search.fit.names())}")
+            now, before = (", ".join(one.names()) for one in (found.fit, search.fit))
+            self.did("rivals", f"{now} in the place of {before}" if now != before else f"{now} of another kind")
             search.fit = found.fit
         return found
 
