@@ -12,10 +12,12 @@ from lidarcheck.effects.base import ReadoutEffect, Surroundings, list_parameter,
 from lidarcheck.effects.ranges import at_range
 from lidarcheck.scan import Scan
 
-__all__ = ["QUARTERS", "WalkError"]
+__all__ = ["LARGEST_REFERENCE", "QUARTERS", "WalkError"]
 
 FloatArray = npt.NDArray[np.float64]
 
+LARGEST_REFERENCE = 1e6
+"""The largest AREA that may be the one that is not shifted."""
 QUARTERS = 4
 """Knots of the table of shifts in a decade of AREA."""
 
@@ -40,7 +42,9 @@ class WalkError(ReadoutEffect):
 
     per_decade_m: float = parameter("m", low=-2.0, high=2.0, typical=0.05, meaning="shift per decade of AREA")
     bend_m: float = parameter("m", low=-2.0, high=2.0, typical=0.0, meaning="shift per squared decade of AREA")
-    reference_area: float = parameter("", low=1.0, high=1e6, typical=1000.0, meaning="AREA that is not shifted")
+    reference_area: float = parameter(
+        "", low=1.0, high=LARGEST_REFERENCE, typical=1000.0, meaning="AREA that is not shifted"
+    )
     power: float = parameter("", low=-2.0, high=2.0, typical=0.0, meaning="power of AREA; 0 for the logarithm")
     shifts_m: tuple[float, ...] = list_parameter(
         "m", low=-10.0, high=10.0, meaning="shifts besides, at AREA 1 and every quarter of a decade from there"

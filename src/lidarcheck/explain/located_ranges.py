@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.aiming import rays_of
+from lidarcheck.effects.walk_error import LARGEST_REFERENCE
 from lidarcheck.explain.beams import key_of
 from lidarcheck.explain.candidates import Free, Probe, free_of
 from lidarcheck.explain.lab import Lab
@@ -22,7 +23,6 @@ _BINS = 24
 _FEWEST = 200
 """Fewer beams than this do not show a curve."""
 _POWERS = (-1.0, -0.5, 0.5)
-_LARGEST_REFERENCE = 1e6
 _TRIMMED, _NOISE_M = 3, 0.01
 _USUAL_SPEEDS, _USUAL_ANGLES = (20.0, 5.0, 1.0, 30.0), (0.3, 0.3)
 """Speeds ahead, to the left and up [m/s] and to the left [deg/s], and angles [deg], that are no surprise."""
@@ -167,8 +167,8 @@ def _walks(log_area: FloatArray, shift_m: FloatArray) -> list[Probe]:
     _, power, factor, constant = best
     ratio = -constant / factor if factor else 0.0
     # factor (A / 1000)^q + constant is zero at A = 1000 ratio^(1 / q); without such an A it is taken far off.
-    far = _LARGEST_REFERENCE if power < 0.0 else 1.0
-    reference = float(np.clip(1000.0 * ratio ** (1.0 / power), 1.0, _LARGEST_REFERENCE)) if ratio > 0.0 else far
+    far = LARGEST_REFERENCE if power < 0.0 else 1.0
+    reference = float(np.clip(1000.0 * ratio ** (1.0 / power), 1.0, LARGEST_REFERENCE)) if ratio > 0.0 else far
     per_decade = factor * (reference / 1000.0) ** power * power * np.log(10.0)
     found.append(_walk(float(per_decade), 0.0, reference, power, "power"))
     return found
@@ -178,7 +178,7 @@ def _walk(per_decade_m: float, bend_m: float, reference: float, power: float, va
     settings = {
         "per_decade_m": float(np.clip(per_decade_m, -2.0, 2.0)),
         "bend_m": float(np.clip(bend_m, -2.0, 2.0)),
-        "reference_area": float(np.clip(reference, 1.0, _LARGEST_REFERENCE)),
+        "reference_area": float(np.clip(reference, 1.0, LARGEST_REFERENCE)),
     }
     bends = free_of("walk_error") if power == 0.0 else free_of("walk_error")[:1]
     fixed = {"power": power} if power else {}

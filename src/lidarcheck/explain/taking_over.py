@@ -8,16 +8,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.walk_error import WalkError
+from lidarcheck.effects.walk_error import LARGEST_REFERENCE, WalkError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit
 
 __all__ = ["others_of"]
 
 FloatArray = npt.NDArray[np.float64]
-
-_LARGEST = 1e6
-"""The largest reference of a walk, an AREA."""
 
 
 def others_of(now: Fit, left_out: int) -> tuple[list[Probe], list[FloatArray]]:
@@ -55,7 +52,7 @@ def _about_its_zero(walk: WalkError, offset_m: float) -> dict[str, float] | None
         # slope (u - 1) / (q ln 10) + offset, u = (AREA / reference)^q, is zero at this u. Without one the curve ends at
         # a level of its own, and the reference is taken far off: a power with nothing beside it has none.
         zero = max(1.0 - offset_m * power * math.log(10.0) / slope, 1e-6)
-        reference = float(np.clip(walk.reference_area * zero ** (1.0 / power), 1.0, _LARGEST))
+        reference = float(np.clip(walk.reference_area * zero ** (1.0 / power), 1.0, LARGEST_REFERENCE))
         return {
             "per_decade_m": slope * (reference / walk.reference_area) ** power,
             "reference_area": reference,
