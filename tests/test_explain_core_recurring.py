@@ -43,6 +43,19 @@ def test_columns_that_stick_are_the_same_in_every_frame(form: str) -> None:
     assert recurs(seen, model(make(name, RANDOM[form])), name, Crew())
 
 
+@pytest.mark.parametrize("columns", [1.0, 0.05], ids=["everywhere", "in columns"])
+@pytest.mark.parametrize("true", ["blooming_vertical", "interference"])
+def test_echoes_that_gather_around_a_sign_at_its_range_are_no_foreign_pulses(
+    true: str, columns: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a sign that stands elsewhere in every frame, so that no columns are struck again."""
+    monkeypatch.setattr("lidarcheck.explain.recurring._agreement", lambda _count: 0.0)
+    foreign = make("interference", {"share": 0.1, "signal": 8.0, "columns": columns, "column_span_m": 5.0})
+    cause = make("blooming_vertical", {"skirt_up": 2e-3, "skirt_down": 2e-3}) if true != "interference" else foreign
+    seen = Scale.of(frames(model(cause), 3, sign=True, **FINE, seed=3), model(), 5)
+    assert recurs(seen, model(foreign), "interference", Crew()) == (true == "blooming_vertical")
+
+
 def test_effects_that_do_not_strike_at_random_may_recur() -> None:
     seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
     assert not recurs(seen, model(make("range_offset", {"offset_m": 0.1})), "range_offset", Crew())
@@ -54,5 +67,5 @@ def test_what_recurs_speaks_against_a_name_whatever_it_closes() -> None:
     assert closes(answer)
     against = dataclasses.replace(answer, recurring=("interference",))
     assert not closes(against)
-    assert objection(against) == "interference would strike the same columns in every frame, not at random"
+    assert objection(against) == "interference would strike the same columns in every frame, or beside bright targets"
     assert objection(answer) == "too much stays open on the frames seen"

@@ -68,7 +68,9 @@ def closes(answer: Answer, gap: Gap | None = None) -> bool:
 def objection(answer: Answer, gap: Gap | None = None) -> str:
     """What speaks against the named effects, in words: on the frames seen, or with `gap` on those no fit has seen."""
     if answer.recurring:
-        return f"{' and '.join(answer.recurring)} would strike the same columns in every frame, not at random"
+        return (
+            f"{' and '.join(answer.recurring)} would strike the same columns in every frame, or beside bright targets"
+        )
     if gap is None:
         return "too much stays open on the frames seen"
     part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"

@@ -1,13 +1,15 @@
-"""What strikes at random does not strike the same place twice: a check on names of effects that do.
+"""What strikes at random strikes neither one place twice nor beside one thing: a check on names of effects that do.
 
 An effect that adds or loses echoes at random can take up as many as a fault adds or loses in the same columns of every
-frame, and the means over all frames are the same. From frame to frame they are not.
+frame, and the means over all frames are the same. From frame to frame they are not. And single columns that foreign
+pulses strike have so large a noise of their own that what a sign lights around it may be them, if it were not always
+there and at the sign's range.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -25,19 +27,50 @@ _SEEDS = 4
 _MORE, _SURE = 0.3, 4.0
 """Echoes recur in the same columns where frames agree on these better than the model's do, by so large a correlation
 and by so many of its standard deviations."""
+_MORE_BESIDE, _FEWEST = 0.25, 30
+"""They gather where such a larger part of them lies at the range of a bright target beside, and so many do."""
+_AT_RANGE_M = 2.5
 
 
 def recurs(seen: Scale, model: Model, name: str, crew: Crew) -> bool:
-    """Whether the echoes that an effect of the model is to add or lose at random are the same columns' in every frame;
-    False of effects that do not strike at random."""
+    """Whether the echoes that an effect of the model is to add or lose at random are the same columns' in every frame,
+    or those that it is to add gather beside bright targets; False of effects that do not strike at random."""
     if name not in _COUNTED:
         return False
     with_, without = crew.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
     count = _COUNTED[name]
     usual = sum(count(seen, one) for one in without) / _SEEDS
     measured, *random = (_agreement(count(seen, one) - usual) for one in (seen.measured, *with_))
-    most = np.mean(random) + max(_MORE, _SURE * float(np.std(random, ddof=1)))
-    return bool(measured > most)
+    if _is_more(measured, random, _MORE):
+        return True
+    return name in _ADDED and _gathers(seen, with_, without)
+
+
+def _is_more(measured: float, random: Sequence[float], least: float) -> bool:
+    """Whether the measurement has more of something than the model's simulations, beyond chance."""
+    return bool(measured > np.mean(random) + max(least, _SURE * float(np.std(random, ddof=1))))
+
+
+def _gathers(seen: Scale, with_: Sequence[Sights], without: Sequence[Sights]) -> bool:
+    """Whether a larger part of the measured echoes that are too many lies beside bright targets, at their range."""
+    usual = np.mean([_beside_bright(seen, one) for one in without], axis=0)
+    (beside, elsewhere), *random = (_beside_bright(seen, one) - usual for one in (seen.measured, *with_))
+    parts = [_part(*one) for one in random]
+    return beside >= _FEWEST and _is_more(_part(beside, elsewhere), parts, _MORE_BESIDE)
+
+
+def _beside_bright(seen: Scale, sights: Sights) -> FloatArray:
+    """How many of the echoes of no surface lie at the range of a bright target beside them, and how many do not."""
+    beam, beams = sights.extra_beam, seen.beams
+    range_m = sights.extra_m[:, None]
+    near = ((beams.bright[beam] > 0) & (np.abs(range_m - beams.bright_m[beam]) < _AT_RANGE_M)).any(axis=1)
+    lone = sights.extra_side < 0
+    return np.array([np.count_nonzero(near & lone), np.count_nonzero(~near & lone)], dtype=np.float64)
+
+
+def _part(beside: float, elsewhere: float) -> float:
+    """The part of both that lies beside."""
+    return max(beside, 0.0) / max(beside + elsewhere, 1.0)
 
 
 def _shown(seen: Scale, model: Model) -> list[Sights]:
@@ -71,4 +104,5 @@ def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
     return found
 
 
+_ADDED = ("interference",)
 _COUNTED: dict[str, Callable[[Scale, Sights], FloatArray]] = {"interference": _others, "dropout": _lost}

@@ -83,19 +83,19 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     another effect whose fit has taken up a part of theirs, they explain less than they do when all is fitted together.
     """
     names = now.names()
-    near = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
-    near += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
+    asked = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
+    asked += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
     if now.distance - bench.lab.floor_distance > CHANCE:
-        near += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
+        asked += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
-    tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in near)
+    tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in asked)
     found = []
-    for (place, trial), (swapped, distance) in zip(near, done_by(bench.crew, _swapped, tasks), strict=True):
+    for (place, trial), (swapped, distance) in zip(asked, done_by(bench.crew, _swapped, tasks), strict=True):
         farther = distance - best
-        near_it = farther < max(_NEAR, _NEAR_PART * trial.merit)
+        near = farther < max(_NEAR, _NEAR_PART * trial.merit)
         usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
-        found.append(Rival(trial.name, place, swapped, farther, near_it and not usual))
-        told("equivalence", len(found), len(near))
+        found.append(Rival(trial.name, place, swapped, farther, near and not usual))
+        told("equivalence", len(found), len(asked))
     return sorted(found, key=lambda one: one.farther)
 
 
