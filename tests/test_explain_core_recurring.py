@@ -20,6 +20,8 @@ RANDOM = {
     "interference in lines": {"share": 0.1, "signal": 8.0, "columns": 0.1, "column_span_m": 5.0},
     "dropout": {"share": 0.1},
     "dropout in blocks": {"share": 0.1, "block_points": 4, "block_layers": 12},
+    "vibration": {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.1, "memory_columns": 100},
+    "vibration in phase": {"pitch_deg": 0.1, "yaw_deg": 0.1, "frequency_hz": 800.0},
 }
 
 

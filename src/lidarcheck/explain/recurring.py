@@ -1,9 +1,9 @@
 """What strikes at random strikes neither one place twice nor beside one thing: a check on names of effects that do.
 
-An effect that adds or loses echoes at random can take up as many as a fault adds or loses in the same columns of every
-frame, and the means over all frames are the same. From frame to frame they are not. And single columns that foreign
-pulses strike have so large a noise of their own that what a sign lights around it may be them, if it were not always
-there and at the sign's range.
+An effect that adds or loses echoes at random, or turns the view, can take up as many as a fault adds or loses in the
+same columns of every frame, and the means over all frames are the same. From frame to frame they are not. And single
+columns that foreign pulses strike have so large a noise of their own that what a sign lights around it may be them, if
+it were not always there and at the sign's range.
 """
 
 from __future__ import annotations
@@ -105,4 +105,8 @@ def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
 
 
 _ADDED = ("interference",)
-_COUNTED: dict[str, Callable[[Scale, Sights], FloatArray]] = {"interference": _others, "dropout": _lost}
+_COUNTED: dict[str, Callable[[Scale, Sights], FloatArray]] = {
+    "interference": _others,
+    "dropout": _lost,
+    "vibration": _others,
+}
