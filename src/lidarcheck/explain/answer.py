@@ -11,6 +11,7 @@ from lidarcheck.explain.findings import candidates_table, findings_of
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.images import only_images_stay
+from lidarcheck.explain.inside import shows_inside
 from lidarcheck.explain.leftovers import ranges_follow
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, calibrated, carries_over
@@ -34,7 +35,8 @@ CALIBRATION = "gain, reflectances and pose"
 @dataclass(frozen=True)
 class Answer:
     """The verdict with its findings, and the models from the case's own to the explained one, effect by effect; of
-    names also what is open with these on the frames seen, and which of them `recurring` speaks against."""
+    names also what is open with these on the frames seen, which of them `recurring` speaks against, and whether
+    `inside` speaks against all."""
 
     verdict: str
     findings: tuple[Finding, ...]
@@ -42,6 +44,7 @@ class Answer:
     words: str
     open: Open | None = None
     recurring: tuple[str, ...] = ()
+    inside: bool = False
 
     def without_terms(self) -> Answer:
         """The same without its empirical terms."""
@@ -56,10 +59,11 @@ class Answer:
 
 def closes(answer: Answer, gap: Gap | None = None) -> bool:
     """Whether the named effects, if there are any, close the gap on the frames seen; with `gap` on the mean of these
-    and of those that no fit has seen. Not where what strikes at random is the same in every frame."""
+    and of those that no fit has seen. Not where what strikes at random is the same in every frame, nor where echoes
+    stay in the midst of surfaces of which a view that looks elsewhere has none."""
     if answer.open is None:
         return True
-    if answer.recurring:
+    if answer.recurring or answer.inside:
         return False
     names = [finding.name for finding in answer.findings]
     return carries_over(answer.open if gap is None else answer.open.beside(gap), names)
@@ -71,6 +75,8 @@ def objection(answer: Answer, gap: Gap | None = None) -> str:
         return (
             f"{' and '.join(answer.recurring)} would strike the same columns in every frame, or beside bright targets"
         )
+    if answer.inside:
+        return "echoes stay in the midst of surfaces, where no edge is"
     if gap is None:
         return "too much stays open on the frames seen"
     part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
@@ -93,7 +99,8 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
     images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
     open_ = Open(before, after, noise, noise_after, images, following)
-    return Answer("explained", tuple(findings), tuple(stages), "", open_, recurring)
+    inside = shows_inside(seen, there, [finding.name for finding in findings])
+    return Answer("explained", tuple(findings), tuple(stages), "", open_, recurring, inside)
 
 
 def by_terms(
