@@ -20,7 +20,7 @@ __all__ = ["shows_inside"]
 _APART_M, _APART = 1.0, 0.03
 """Beside an edge a neighbour's surface is so much apart, and by this part of the range."""
 _MORE, _SURE = 0.25, 4.0
-"""There are too many where the measurement has this part more than the model, and so many roots of the number. Of 14
+"""There are too many where the measurement has this part more than the model, and so many roots of the number. Of 13
 true divergences, turned and shaken views none had more than 0.07 above; foreign pulses that were taken for a view that
 shakes had 0.57, columns that report one range 1.24."""
 _SEEDS = 4
