@@ -1,6 +1,8 @@
 """The contest between names that explain the data nearly as well."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -93,20 +95,33 @@ def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
     assert found.fit.names() == (name,)
 
 
-@pytest.mark.parametrize(("moved", "name"), [(0.085, "range_offset"), (0.07, "motion")])
+@pytest.mark.parametrize(
+    ("moved", "distance", "name"),
+    [(0.085, 1000.0, "range_offset"), (0.07, 1000.0, "motion"), (0.07, 1500.0, "range_offset")],
+)
 def test_nor_does_a_motion_in_a_narrow_view(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, moved: float, name: str
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, moved: float, distance: float, name: str
 ) -> None:
-    found = judged_as(bench, monkeypatch, "range_offset", {"motion": (moved, 0.001), "range_offset": (0.1, 0.001)})
+    """Nor one that is nearer beam by beam, and farther by summaries."""
+    verdicts = {"motion": (moved, 0.001), "range_offset": (0.1, 0.001)}
+    found = judged_as(bench, monkeypatch, "range_offset", verdicts, {"motion": distance})
     assert found.fit.names() == (name,)
 
 
 def judged_as(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, verdicts: dict[str, tuple[float, float]]
+    bench: Bench,
+    monkeypatch: pytest.MonkeyPatch,
+    accepted: str,
+    verdicts: dict[str, tuple[float, float]],
+    distances: Mapping[str, float] = MappingProxyType({}),
 ) -> Polished:
-    """The contest of two names of which each is judged so: what it leaves, and by how much that varies."""
+    """The contest of two names of which each is judged so: what it leaves, and by how much that varies; and how far its
+    summaries are, 1000 where nothing is said."""
     gain = fixed_probes(["signal_gain"])[0]
-    fits = {one: Fit((replace(gain, name=one),), (gain.start(),), 1000.0, np.zeros((1, 3))) for one in verdicts}
+    fits = {
+        one: Fit((replace(gain, name=one),), (gain.start(),), distances.get(one, 1000.0), np.zeros((1, 3)))
+        for one in verdicts
+    }
     monkeypatch.setattr(
         "lidarcheck.explain.rivals.judged",
         lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
@@ -183,7 +198,7 @@ def test_an_effect_of_another_kind_stands_for_it_where_it_is_nearer(
 
     def judge(_scale: Scale, _model: object, fit: Fit, _seed: int) -> Judged:
         of = 0.03 if fit.names() == ("walk_error",) else verdicts[fit.probes[0].variant]
-        return Judged(bench.lab, fit, of, 0.005)
+        return Judged(bench.lab, replace(fit, distance=1000.0), of, 0.005)
 
     monkeypatch.setattr("lidarcheck.explain.rivals.judged", judge)
     others = [Rival("range_offset", 0, plain, 0.0), Rival("walk_error", 0, walk, 1.0)]

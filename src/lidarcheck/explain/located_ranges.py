@@ -15,7 +15,7 @@ from lidarcheck.explain.candidates import Free, Probe, free_of
 from lidarcheck.explain.lab import Lab
 from lidarcheck.rays import sweep_time_s
 
-__all__ = ["range_probes"]
+__all__ = ["driving_instead", "range_probes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -65,12 +65,27 @@ def _driving(lab: Lab) -> list[Probe]:
     """A sensor that drives ahead, and one that moves and turns, as ranges have changed when each column is fired."""
     used, residual = _range_residuals(lab)
     per_speed = _per_speed(lab)[used]
-    ahead = per_speed[:, 0] < 0.0
-    if not ahead.any():
+    forward = _ahead(per_speed, residual)
+    if forward is None:
         return []
-    forward = np.array([float(np.median(residual[ahead] / per_speed[ahead, 0])), 0.0, 0.0, 0.0])
     found = [_motion(speeds) for speeds in (forward, _best(per_speed, residual, _USUAL_SPEEDS)) if speeds.any()]
     return [Probe("motion", settings, free_of("motion")) for settings in found]
+
+
+def driving_instead(lab: Lab, offset_m: float) -> Probe | None:
+    """A sensor that drives ahead so fast that ranges are longer by an offset in the middle of the frame; None where no
+    beam looks ahead."""
+    per_speed = _per_speed(lab)
+    forward = _ahead(per_speed, np.full(len(per_speed), offset_m))
+    return None if forward is None else Probe("motion", _motion(forward), free_of("motion"))
+
+
+def _ahead(per_speed: FloatArray, residual: FloatArray) -> FloatArray | None:
+    """The speeds of a sensor that only drives ahead, which explain most beams' residuals; None where none looks so."""
+    ahead = per_speed[:, 0] < 0.0
+    if not ahead.any():
+        return None
+    return np.array([float(np.median(residual[ahead] / per_speed[ahead, 0])), 0.0, 0.0, 0.0])
 
 
 def _motion(speeds: FloatArray) -> dict[str, float]:

@@ -45,8 +45,8 @@ _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
 _ALL_ALIKE, _LESS = {("walk_error", "range_offset"), ("motion", "range_offset")}, 0.8
 """A walk read off the data can be nearly the same at all amplitudes, a motion in all columns of a narrow view: to take
-an offset's place it must leave no more than this part of what that does; where a walk or a motion was accepted it
-stays."""
+an offset's place it must leave no more than this part of what that does, and its summaries be no farther; where a walk
+or a motion was accepted it stays."""
 
 
 @dataclass(frozen=True)
@@ -212,6 +212,8 @@ def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> boo
     """Whether a rival is nearer by more than chance; a special case need only not be farther by more than chance."""
     # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
     margin = _MARGIN * max(own.chance, its.chance)
+    if (rival, accepted) in _ALL_ALIKE and its.last.distance > own.last.distance:
+        return False
     handicap = _handicap(rival, accepted)
     return handicap * its.left < own.left + (margin if handicap < 1.0 else -margin)
 
