@@ -11,8 +11,9 @@ from lidarcheck.explain import detours as detouring
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import Bench, Search, Trial, accept, start_fit
+from lidarcheck.explain.forward import Bench, Search, accept, start_fit
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.screen import Screened, screen
 from lidarcheck.explain.search import backward
 from lidarcheck.explain.trials import select_distance

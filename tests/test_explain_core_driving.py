@@ -8,9 +8,10 @@ from lidarcheck.effects import make
 from lidarcheck.effects.base import Effect
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import Bench, Trial
+from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_ranges import driving_instead
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.search import _driving_or_offset
 
 FINE = {"layers": range(220, 300), "points": range(320, 640, 8)}

@@ -11,8 +11,8 @@ from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.explanation import Finding
 from lidarcheck.explain.findings import is_doubtful
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Trial
 from lidarcheck.explain.gap import PARTS, Scale, gap_of
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.tallies import areas_between
 from lidarcheck.explain.verdict import Closure, confidence, lead
 

@@ -13,7 +13,8 @@ from lidarcheck.crew import Crew
 from lidarcheck.explain import forward, trials
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Search, Trial, accept, best_of, neck_and_neck
+from lidarcheck.explain.forward import Search, accept, best_of, neck_and_neck
+from lidarcheck.explain.merit import Trial
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 BENCH: Any = SimpleNamespace(

@@ -11,9 +11,10 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit, fit
-from lidarcheck.explain.forward import Bench, Trial
+from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 

@@ -10,9 +10,10 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain import second_look
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import KIN_PART, RANDOM_KIN_PART, Search, Trial, beside_kin
+from lidarcheck.explain.forward import KIN_PART, RANDOM_KIN_PART, Search, beside_kin
 from lidarcheck.explain.kin import KIN, are_kin
 from lidarcheck.explain.located_ranges import _walks
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.trials import tried
 from lidarcheck.model.spec import Model

@@ -14,9 +14,10 @@ from lidarcheck.explain import second_look as looking
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import Bench, Search, Trial, start_fit
+from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.needless import without_needless
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.polish import judged

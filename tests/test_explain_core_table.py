@@ -11,7 +11,8 @@ from lidarcheck.explain.candidates import Probe, fixed_probes, free_of
 from lidarcheck.explain.explanation import Candidate, Finding
 from lidarcheck.explain.findings import candidates_table
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import Search, Trial
+from lidarcheck.explain.forward import Search
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.text import report_sections
 from lidarcheck.plots.explain_report import explanation_html
 

@@ -14,6 +14,7 @@ from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import PARTS, Scale, excesses
 from lidarcheck.explain.images import only_images_stay
+from lidarcheck.explain.merit import best_of_each_name
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.verdict import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
 from lidarcheck.model.spec import Model
@@ -71,9 +72,5 @@ def _open(own: Judged) -> float:
 
 def _promising(search: Search) -> list[Fit]:
     """The first round's fits that gain enough, the best of each name."""
-    best: dict[str, tuple[float, Fit]] = {}
-    for trial in search.trials:
-        enough = trial.round == 1 and trial.gain > trial.needed
-        if enough and trial.gain > best.get(trial.name, (0.0,))[0]:
-            best[trial.name] = (trial.gain, trial.fit)
-    return [one for _, one in sorted(best.values(), key=lambda found: -found[0])[:_MOST]]
+    enough = (trial for trial in search.trials if trial.round == 1 and trial.gain > trial.needed)
+    return [trial.fit for trial in best_of_each_name(enough, by=lambda trial: trial.gain)[:_MOST]]

@@ -10,8 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lidarcheck.explain.fit import Fit
-from lidarcheck.explain.forward import CHANCE, Bench, Search, Told, Trial, accept, onward
+from lidarcheck.explain.forward import Bench, Search, Told, accept, onward
 from lidarcheck.explain.kin import are_kin
+from lidarcheck.explain.merit import CHANCE, Trial, best_of_each_name
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.search import backward, without
@@ -67,12 +68,9 @@ def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: 
 
 def _others(found: Search, first: Trial) -> list[Trial]:
     """The best trial of each other name of the first round, the best names first."""
-    best: dict[str, Trial] = {}
-    for trial in sorted(found.trials, key=lambda t: t.merit):
-        if trial.round == 1 and trial.passes and trial.name != first.name and trial.merit > _PROMISING * first.merit:
-            best.pop(trial.name, None)
-            best[trial.name] = trial
-    return [*best.values()][: -_MOST - 1 : -1]
+    least = _PROMISING * first.merit
+    others = (t for t in found.trials if t.round == 1 and t.passes and t.name != first.name and t.merit > least)
+    return best_of_each_name(others)[:_MOST]
 
 
 def _left(bench: Bench, now: Fit) -> float:

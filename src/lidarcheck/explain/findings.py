@@ -12,8 +12,9 @@ from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.explanation import Candidate, Finding
 from lidarcheck.explain.fit import Fit, with_effects
-from lidarcheck.explain.forward import Bench, Search, Trial
+from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import Trial
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.verdict import OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.words import standouts

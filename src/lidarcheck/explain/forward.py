@@ -10,12 +10,11 @@ import numpy.typing as npt
 
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
-from lidarcheck.explain.edges import AT_EDGES
 from lidarcheck.explain.fit import Fit, fit_nuisance
 from lidarcheck.explain.kin import AT_RANDOM, are_kin, enough_for, is_special_case
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_patch import from_side_to_side
-from lidarcheck.explain.nuisances import is_usual_error
+from lidarcheck.explain.merit import CHANCE, Trial, best_of_each_name
 from lidarcheck.explain.polish import Judged
 from lidarcheck.explain.relisted import read_again
 from lidarcheck.explain.screen import Screened
@@ -25,9 +24,7 @@ __all__ = [
     "Bench",
     "Search",
     "Told",
-    "Trial",
     "accept",
-    "accepted",
     "beside_kin",
     "best_of",
     "forward",
@@ -52,21 +49,6 @@ an effect must explain this part of what that one does."""
 RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
 """What strikes at random explains a little of whatever is not quite right at edges: it needs this part beside its kin,
 and so many times the usual least part, though no more than half of all."""
-PRICE, _PRICE_PART = 6.0, 0.003
-"""What a free number costs of a merit: so much, and this part of it."""
-_UNSEEN, _HARMLESS = 0.08, 0.02
-"""An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
-by that part."""
-_TO_THE_BETTER = 0.5
-"""The true effect brings select frames as much nearer as it moves them, a wrong one as much farther away."""
-_AS_FAR, _TWICE = 0.1, 2.0
-"""What is lost at random holds on a select frame that is as far, to this part, as another measurement would be, if it
-explains so many times what is needed."""
-_ALL_CLOSED, _FOUR_TIMES = 0.5, 4.0
-"""Select frames that are near their floor with an effect, to this part of what chance leaves, say nothing against it;
-where it does not turn the view, it holds then if it explains so many times what is needed."""
-_LISTED = 0.1
-"""A number of a list that was read off the data, and shrunk by its noise, counts as this part of a free one."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
 """So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
 _PLAIN_NEAR, _STEADY_NEAR, _PLAIN = 0.75, 0.65, 2
@@ -74,8 +56,6 @@ _PLAIN_NEAR, _STEADY_NEAR, _PLAIN = 0.75, 0.65, 2
 parts on."""
 _OVERTAKES = 1.02
 """There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
-CHANCE = 250.0
-"""What a fit leaves above the floor where nothing is missing: the summaries' means are of finitely many seeds."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -113,69 +93,6 @@ class Bench:
     def _gap(self) -> float:
         """How far the start is beyond the floor."""
         return max(self.start - self.lab.floor_distance, 0.0)
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames.
-
-    `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
-    brings these nearer and how far it moves them where edges may be anywhere between two beams, of footprints.
-    `own`: how far another measurement of the select frames would be if the fit were the truth, of what is lost at
-    random. `select_floor`: how far these are where nothing is missing. `end`: the fit that leads no further, nuisances
-    included, where it is known.
-    """
-
-    name: str
-    round: int
-    fit: Fit
-    gain: float
-    needed: float
-    select_before: float
-    select_after: float
-    select_change: float = float("inf")
-    along_edges: tuple[float, float] | None = None
-    own: float | None = None
-    select_floor: float = float("-inf")
-    end: Fit | None = None
-
-    @property
-    def probe(self) -> Probe:
-        """The start that it was fitted from."""
-        return next(probe for probe in self.fit.probes if probe.name == self.name)
-
-    @property
-    def merit(self) -> float:
-        """What it explains on the frames of the fit and on those of the selection, less a little for each number that
-        was free: of two that explain the same the simpler one is the better name."""
-        own = self.probe
-        both = self.gain + self.select_before - self.select_after
-        listed = (*own.settings.get("gains", ()), *own.settings.get("movers", ()))
-        numbers = len(own.free) + _LISTED * len(listed)
-        return both - numbers * (PRICE + _PRICE_PART * abs(both))
-
-    @property
-    def passes(self) -> bool:
-        """Whether it explains more than chance, more than 5 %, holds on frames that it was not fitted to, and is more
-        than a usual error."""
-        holds = self._holds(self.select_before - self.select_after, self.select_change)
-        if not holds and self.along_edges is not None:
-            holds = self._holds(*self.along_edges)
-        if not holds and self.own is not None:
-            # Half as many packets may be lost in one frame as in others, which brings it no nearer.
-            holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
-        if not holds and self.name not in AT_EDGES:
-            near = self.select_after < self.select_floor + _ALL_CLOSED * CHANCE
-            holds = near and self.gain > _FOUR_TIMES * self.needed
-        own = next(e for e in self.fit.effects() if e.name == self.name)
-        return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
-
-    def _holds(self, better: float, change: float) -> bool:
-        """Whether select frames that come so much nearer, and are moved so far, bear the gain out."""
-        # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
-        unseen = change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
-        # They may show it weakly: then most of what it changes there must be to the better.
-        return better > 0.05 * self.gain or better > _TO_THE_BETTER * change or unseen
 
 
 @dataclass
@@ -259,8 +176,7 @@ def _close(passing: Sequence[Trial]) -> list[Trial]:
 
     Numbers that turn a view or bend a walk make up at once for what the pose's error has made; an offset cannot.
     """
-    best = {t.name: t for t in sorted(passing, key=lambda t: t.merit)}
-    ranked = sorted(best.values(), key=lambda t: -t.merit)
+    ranked = best_of_each_name(passing)
     if not ranked:
         return []
     first = ranked[0]
@@ -292,12 +208,6 @@ def accept(bench: Bench, found: Search, trial: Trial) -> Search:
     another effect."""
     end = trial.end or fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
     return replace(found, fit=read_again(bench.lab, end))
-
-
-def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
-    """The trial with which an effect was accepted: its last one that passes, or else that explains enough."""
-    own = [t for t in trials if t.name == name and t.gain > t.needed]
-    return max(own, key=lambda t: (t.passes, t.round, t.merit), default=None)
 
 
 def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:

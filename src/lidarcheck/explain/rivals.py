@@ -14,10 +14,11 @@ import numpy as np
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import CHANCE, Bench, Trial, accepted
+from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.kin import SPECIAL_CASES
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import CHANCE, Trial, accepted, best_of_each_name
 from lidarcheck.explain.nuisances import is_usual_error
 from lidarcheck.explain.polish import Judged, judged, polished
 from lidarcheck.explain.threads import done_by
@@ -101,14 +102,11 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
 
 def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
     """The trials of the round in which an effect was accepted that came near it, the best of each other name."""
-    last, best = accepted(name, trials), dict[str, Trial]()
+    last = accepted(name, trials)
     if last is None:
         return []
-    for t in trials:
-        near = t.round == last.round and t.name not in names and t.merit > _NEAR_MERIT * last.merit
-        if near and (t.name not in best or t.merit > best[t.name].merit):
-            best[t.name] = t
-    return sorted(best.values(), key=lambda t: -t.merit)[:_MOST]
+    least, others = _NEAR_MERIT * last.merit, (t for t in trials if t.round == last.round and t.name not in names)
+    return best_of_each_name(t for t in others if t.merit > least)[:_MOST]
 
 
 def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
@@ -117,21 +115,18 @@ def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
     if last is None or probe.name not in _TWO_KINDS:
         return []
     found = [t for t in trials if t.round == last.round and t.name == probe.name and t.probe.variant != probe.variant]
-    return [t for t in sorted(found, key=lambda t: -t.merit) if t.merit > _NEAR_MERIT * last.merit][:1]
+    return [t for t in best_of_each_name(found) if t.merit > _NEAR_MERIT * last.merit]
 
 
 def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
     """The trials of earlier rounds that explained more than an effect did in the round that accepted it, the best of
     each name that none of the later rounds brought near it."""
-    last, best = accepted(name, trials), dict[str, Trial]()
+    last = accepted(name, trials)
     if last is None:
         return []
     near = {*names, *(one.name for one in _near(name, names, trials))}
-    for t in sorted(trials, key=lambda t: t.merit):
-        if t.round < last.round and t.passes and t.name not in near and t.merit > last.merit:
-            best.pop(t.name, None)
-            best[t.name] = t
-    return [*best.values()][: -_MOST_OVERLOOKED - 1 : -1]
+    earlier = (t for t in trials if t.round < last.round and t.passes and t.name not in near)
+    return best_of_each_name(t for t in earlier if t.merit > last.merit)[:_MOST_OVERLOOKED]
 
 
 def _swapped(lab: Lab, select: Lab, now: Fit, place: int, trial: Trial) -> tuple[Fit, float]:

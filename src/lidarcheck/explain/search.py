@@ -8,21 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import (
-    CHANCE,
-    KIN_PART,
-    PRICE,
-    SMALL,
-    Bench,
-    Search,
-    Told,
-    Trial,
-    forward,
-    start_fit,
-)
+from lidarcheck.explain.forward import KIN_PART, SMALL, Bench, Search, Told, forward, start_fit
 from lidarcheck.explain.kin import are_kin
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located_ranges import driving_instead
+from lidarcheck.explain.merit import CHANCE, PRICE, Trial
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.taking_over import others_of
 from lidarcheck.explain.threads import done_by

@@ -16,11 +16,12 @@ import numpy.typing as npt
 from lidarcheck.crew import Crew
 from lidarcheck.explain.candidates import Probe, fixed_probes
 from lidarcheck.explain.fit import Fit, fit, fit_nuisance
-from lidarcheck.explain.forward import CHANCE, MOST_EFFECTS, Bench, Search, Trial, beside_kin, run_round
+from lidarcheck.explain.forward import MOST_EFFECTS, Bench, Search, beside_kin, run_round
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.kin import AT_RANDOM, are_kin
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
+from lidarcheck.explain.merit import CHANCE, Trial, best_of_each_name
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.progress import silent
@@ -167,12 +168,10 @@ def _alike(search: Search) -> list[tuple[Probe, FloatArray]]:
     for t in search.trials:
         if t.name in names and t.passes:
             accepted_gain[t.round] = max(t.gain, accepted_gain.get(t.round, 0.0))
-    best: dict[str, Trial] = {}
-    for t in sorted(search.trials, key=lambda t: t.gain):
-        if t.name not in names and t.passes and t.gain > _ALIKE * accepted_gain.get(t.round, float("inf")):
-            best.pop(t.name, None)
-            best[t.name] = t
-    return [(t.fit.probes[-1], t.fit.x[-1]) for t in [*best.values()][-_MOST:]]
+    passed = (t for t in search.trials if t.name not in names and t.passes)
+    near = (t for t in passed if t.gain > _ALIKE * accepted_gain.get(t.round, float("inf")))
+    best = best_of_each_name(near, by=lambda t: t.gain)[:_MOST]
+    return [(t.fit.probes[-1], t.fit.x[-1]) for t in best]
 
 
 def _joined(lab: Lab, now: Fit, needed: float, probe: Probe, x: FloatArray) -> Fit:
@@ -199,11 +198,7 @@ def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]
 
 def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) -> Search | None:
     """The search with the candidate that closes most of what is left beam by beam; None where none closes enough."""
-    best: dict[str, Trial] = {}
-    for trial in sorted((t for t in trials if t.passes), key=lambda t: t.merit):
-        best.pop(trial.name, None)
-        best[trial.name] = trial
-    tried = [*best.values()][-_MOST:]
+    tried = best_of_each_name(t for t in trials if t.passes)[:_MOST]
     own = search.own
     if not tried or own is None:
         return None

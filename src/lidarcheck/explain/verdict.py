@@ -14,8 +14,9 @@ from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
-from lidarcheck.explain.forward import Bench, Trial, accepted, start_fit
+from lidarcheck.explain.forward import Bench, start_fit
 from lidarcheck.explain.lab import Lab, Metric
+from lidarcheck.explain.merit import Trial, accepted
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
 from lidarcheck.explain.threads import mapped
