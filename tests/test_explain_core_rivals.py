@@ -98,12 +98,19 @@ def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
 
 @pytest.mark.parametrize(
     ("moved", "distance", "name"),
-    [(0.085, 1000.0, "range_offset"), (0.07, 1000.0, "motion"), (0.07, 1500.0, "range_offset")],
+    [
+        (0.085, 1000.0, "range_offset"),
+        (0.07, 1000.0, "motion"),
+        (0.07, 1500.0, "range_offset"),
+        (0.095, 700.0, "motion"),
+        (0.105, 700.0, "range_offset"),
+    ],
 )
 def test_nor_does_a_motion_in_a_narrow_view(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, moved: float, distance: float, name: str
 ) -> None:
-    """Nor one that is nearer beam by beam, and farther by summaries."""
+    """Nor one that is nearer beam by beam, and farther by summaries; one that is much nearer by these must only leave
+    no more."""
     verdicts = {"motion": (moved, 0.001), "range_offset": (0.1, 0.001)}
     found = judged_as(bench, monkeypatch, "range_offset", verdicts, {"motion": distance})
     assert found.fit.names() == (name,)
