@@ -116,6 +116,18 @@ def test_nor_does_a_motion_in_a_narrow_view(
     assert found.fit.names() == (name,)
 
 
+@pytest.mark.parametrize(
+    ("left", "distance", "name"),
+    [(0.09, 1200.0, "fog"), (0.09, 1300.0, "rain"), (0.07, 1300.0, "fog"), (0.105, 700.0, "rain")],
+)
+def test_a_rival_whose_summaries_are_farther_must_leave_much_less(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, left: float, distance: float, name: str
+) -> None:
+    """Farther by more than 250 than the accepted one's 1000: less than 0.8 of its 0.1."""
+    verdicts = {"fog": (left, 0.001), "rain": (0.1, 0.001)}
+    assert judged_as(bench, monkeypatch, "rain", verdicts, {"fog": distance}).fit.names() == (name,)
+
+
 def judged_as(
     bench: Bench,
     monkeypatch: pytest.MonkeyPatch,

@@ -47,7 +47,8 @@ _MUCH_LESS = 0.6
 _ALL_ALIKE, _LESS = {("walk_error", "range_offset"), ("motion", "range_offset")}, 0.8
 """A walk read off the data can be nearly the same at all amplitudes, a motion in all columns of a narrow view: to take
 an offset's place it must leave no more than this part of what that does, and its summaries be no farther; where a walk
-or a motion was accepted it stays. A motion whose summaries are nearer by more than chance must only leave no more."""
+or a motion was accepted it stays. A motion whose summaries are nearer by more than chance must only leave no more. Any
+rival whose summaries are farther by more than chance must leave no more than this part, too."""
 
 
 @dataclass(frozen=True)
@@ -207,13 +208,15 @@ def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> boo
     """Whether a rival is nearer by more than chance; a special case need only not be farther by more than chance."""
     # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
     margin = _MARGIN * max(own.chance, its.chance)
+    nearer = _beyond_floor(own) - _beyond_floor(its)
     if (rival, accepted) in _ALL_ALIKE:
-        nearer = _beyond_floor(own) - _beyond_floor(its)
         if nearer < 0.0:
             return False
         if rival == "motion" and nearer > CHANCE:
             return its.left < own.left
     handicap = _handicap(rival, accepted)
+    if handicap == 1.0 and rival != accepted and nearer < -CHANCE:
+        handicap = 1.0 / _LESS
     return handicap * its.left < own.left + (margin if handicap < 1.0 else -margin)
 
 
