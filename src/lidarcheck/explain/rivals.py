@@ -152,8 +152,9 @@ def contest(
     """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
 
     A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
-    all that one does and more; or, if it is such a one's special case, where it is not much farther. Those that chance
-    may make as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
+    all that one does and more, or if its summaries are farther; or, if it is such a one's special case, where it is not
+    much farther, and so a motion with much nearer summaries in an offset's place. Those that chance may make
+    as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
     `known`: the accepted effects where they were judged already.
     """
     names = now.names()
@@ -205,7 +206,9 @@ def _handicap(rival: str, accepted: str) -> float:
 
 
 def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> bool:
-    """Whether a rival is nearer by more than chance; a special case need only not be farther by more than chance."""
+    """Whether a rival is nearer beam by beam by more than chance, and by much where its summaries say the opposite; a
+    special case need only not be farther by more than chance, a motion with much nearer summaries only be no farther
+    than an offset."""
     # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
     margin = _MARGIN * max(own.chance, its.chance)
     nearer = _beyond_floor(own) - _beyond_floor(its)
