@@ -1,4 +1,5 @@
-"""Fog is looked for with either rise of the overlap: what the receiver sees of the air close by tells them apart."""
+"""Fog is looked for with either rise of the overlap, rain with drops of either kind: what the receiver sees of the air
+close by tells them apart."""
 
 import numpy as np
 import pytest
@@ -25,3 +26,21 @@ def test_an_overlap_that_rises_smoothly_has_starts_of_its_own(mor_m: float) -> N
     assert best.probes[0].variant.startswith("smooth")
     assert best.distance < linear.distance - 200.0, [(fit.probes[0].variant, fit.distance) for fit in fits]
     assert best.effects()[0].settings()["overlap_full_m"] == pytest.approx(9.0, rel=0.3)
+
+
+def test_rain_of_few_small_drops_has_a_start_of_its_own() -> None:
+    drops = {
+        "beam_diameter_m": 0.001,
+        "divergence_mrad": 2.0,
+        "drop_shape": 2.0,
+        "drop_echo": 6.0,
+        "drop_density": 0.15,
+    }
+    lab = Lab(frames(model(make("rain", drops | {"rate_mm_h": 12.0})), 2, **FINE), model(), 3)
+    nothing = np.zeros((1, len(lab.measured)))
+    now = Fit((), (), lab.distance(nothing), nothing)
+    fits = [tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["rain"])]
+    best = min(fits, key=lambda fit: fit.distance)
+    plain = min((fit for fit in fits if not fit.probes[0].variant), key=lambda fit: fit.distance)
+    assert best.probes[0].variant == "large drops"
+    assert best.distance < plain.distance - 50.0, [(fit.probes[0].variant, fit.distance) for fit in fits]

@@ -205,7 +205,8 @@ def expected_drops(setting: dict[str, float], floor: float, near_m: float, far_m
     divergence = value.get("divergence_mrad", 1.4)
     alpha = 3.65e-4 * value["rate_mm_h"] ** 0.63
     diameter = (np.arange(6000) + 0.5) * 1e-3
-    per_m3 = 8000 * np.exp(-4.1 * value["rate_mm_h"] ** -0.21 * diameter) * 1e-3
+    per_m3 = 8000 * diameter ** value.get("drop_shape", 0.0) * 1e-3
+    per_m3 *= np.exp(-4.1 * value["rate_mm_h"] ** -0.21 * diameter)
     ranges = near_m + (np.arange(4000) + 0.5) * (far_m - near_m) / 4000
     total = 0.0
     for range_m in ranges:
@@ -222,6 +223,8 @@ def expected_drops(setting: dict[str, float], floor: float, near_m: float, far_m
         {},
         {"rate_mm_h": 80.0, "drop_echo": 1.0, "drop_density": 0.1},
         {"beam_diameter_m": 0.001, "divergence_mrad": 0.0, "drop_density": 1.0},
+        {"drop_shape": 1.0},
+        {"drop_shape": 2.5, "drop_echo": 8.0, "drop_density": 0.03},
     ],
 )
 def test_drops_are_poisson_of_the_mean_that_their_sizes_give(setting: dict[str, float]) -> None:
@@ -241,16 +244,20 @@ def test_drops_are_poisson_of_the_mean_that_their_sizes_give(setting: dict[str, 
         assert found == pytest.approx(part, abs=4 * math.sqrt(part / beams) + 0.005 * part + 1e-12)
 
 
-def test_a_drop_s_size_is_marshall_and_palmer_s_at_its_range() -> None:
+@pytest.mark.parametrize("shape", [0.0, 1.0, 3.5])
+def test_a_drop_s_size_is_its_distribution_s_at_its_range(shape: float) -> None:
     setting = {"divergence_mrad": 0.0, "beam_diameter_m": 0.02, "extinction_coefficient": 0.0, "drop_density": 0.02}
     around = Around(wall(60_000, 0.0))
-    _, range_m, signal = drops_of(lit(effects.make("rain", setting), around), plain(around))
+    _, range_m, signal = drops_of(lit(effects.make("rain", setting | {"drop_shape": shape}), around), plain(around))
     diameter = 20.0 * np.sqrt(signal * range_m**2 / (60 * 6000 * (0.33 / 2.33) ** 2))
     smallest = 20.0 * np.sqrt(0.1 * 10 / 135 * range_m**2 / (60 * 6000 * (0.33 / 2.33) ** 2))
-    slope = 4.1 * 25.0**-0.21
-    near, far, at = (np.exp(-slope * d) for d in (smallest, 6.0, diameter))
+    # The distribution function by a sum over small steps of the diameter.
+    step = np.linspace(0.0, 6.0, 60_001)
+    number = step**shape * np.exp(-4.1 * 25.0**-0.21 * step)
+    below = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]))])
+    near, at = (np.interp(d, step, below) for d in (smallest, diameter))
     assert len(signal) > 3000
-    assert stats.kstest((near - at) / (near - far), "uniform").pvalue > 1e-3
+    assert stats.kstest((at - near) / (below[-1] - near), "uniform").pvalue > 1e-3
 
 
 def test_drops_lie_in_front_of_what_the_beam_meets() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.air import STEP_M, with_haze
+from lidarcheck.effects.air_patches import patches_of
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.draws import check_interval
 from lidarcheck.scan import Light
@@ -38,9 +39,15 @@ class Fog(LightEffect):
     2011; Hahner et al., "Fog simulation on real lidar point clouds", ICCV 2021, with beta = 0.046 / MOR, 0.023 ...
     0.092 in their droplet distributions, and an overlap from 0.9 m to 1 m).
 
-    Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter; the fog does not change over the
-    frame. Extinction takes its toll of all light that stands before this effect, and of what the air sends back also
-    where that comes later.
+    With `patchiness` s > 0 the air is denser here and thinner there, by exp(s g - s^2 / 2), mean 1: g is a Gaussian
+    field of standard deviation 1 over range and azimuth, another in every frame, whose correlation falls by sqrt(e)
+    over `patch_m` and over `patch_deg`. What the air sends back from close by then differs between directions and
+    frames, and so does the light that surfaces lose.
+
+    Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter, and for patches larger than the
+    few metres that most backscatter comes from; the fog does not change over the frame. Extinction takes its toll of
+    all light that stands before this effect, and of what the air sends back also where that comes later; there, and of
+    other air's light, the mean extinction counts.
     Identity at mor_m 1e6, clear air, where extinction would take 0.2 % at 300 m.
     """
 
@@ -59,6 +66,20 @@ class Fog(LightEffect):
     )
 
     overlap_power: float = parameter("", low=0.0, high=10.0, typical=0.0, meaning="how the overlap rises; 0: linearly")
+    patchiness: float = parameter(
+        "",
+        low=0.0,
+        high=2.0,
+        typical=0.0,
+        meaning="standard deviation of the density's logarithm; 0: even",
+        option=True,
+    )
+    patch_m: float = parameter(
+        "m", low=1.0, high=1000.0, typical=15.0, meaning="size of the patches along the range", option=True
+    )
+    patch_deg: float = parameter(
+        "deg", low=0.5, high=1000.0, typical=15.0, meaning="size of the patches in azimuth", option=True
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,7 +94,21 @@ class Fog(LightEffect):
         # What took its toll before, as rain in the same air, takes it from the fog's own light as well.
         extinction_per_m = self.extinction_per_m + light.extinction_per_m
         density = self._density_per_m(strength, extinction_per_m, around.sensor.max_range_m)
-        return with_haze(light.attenuated(self.extinction_per_m), around.ideal, density)
+        even = with_haze(light.attenuated(self.extinction_per_m), around.ideal, density)
+        return even if self.patchiness == 0.0 else self._in_patches(even, light, around, density)
+
+    def _in_patches(self, even: Light, light: Light, around: Surroundings, density_per_m: FloatArray) -> Light:
+        """What even fog makes of the light, with patches in the fog."""
+        patches = patches_of(around, self.patchiness, self.patch_m, self.patch_deg)
+        point = np.repeat(light.point, np.diff(light.first_pulse))
+        depth_m = patches.depth_m(point, light.pulse_range_m)
+        haze = even.haze
+        if haze is not None and len(density_per_m):
+            bright = patches.brightness(light.point, density_per_m, STEP_M, self.extinction_per_m)
+            haze = replace(haze, row_share=haze.row_share * np.repeat(bright, np.diff(haze.first_row)))
+        return replace(
+            even, pulse_signal=light.pulse_signal * np.exp(-2.0 * self.extinction_per_m * depth_m), haze=haze
+        )
 
     @property
     def extinction_per_m(self) -> float:

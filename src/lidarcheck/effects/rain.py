@@ -61,6 +61,14 @@ class Rain(LightEffect):
     beam_diameter_m: float = parameter("m", low=1e-4, high=1.0, typical=0.01, meaning="beam's diameter at the sensor")
     divergence_mrad: float = parameter("mrad", low=0.0, high=100.0, typical=1.4, meaning="full angle of the beam")
     nearest_m: float = parameter("m", low=0.1, high=100.0, typical=1.0, meaning="range from which on drops are seen")
+    drop_shape: float = parameter(
+        "",
+        low=0.0,
+        high=10.0,
+        typical=0.0,
+        meaning="power of the diameter in the number of drops; 0: exponential",
+        option=True,
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Attenuate what there is and add the pulses of drops."""
@@ -93,13 +101,36 @@ class Rain(LightEffect):
         used = np.arange(most) < count[:, None]
         range_m = np.interp(uniform[:, ::2][used] * expected[-1], expected, grid_m)
         smallest_mm = np.minimum(self._smallest_mm(range_m, around.sensor, floor), LARGEST_MM)
-        near, far = np.exp(-self._slope_per_mm * smallest_mm), math.exp(-self._slope_per_mm * LARGEST_MM)
-        diameter_mm = -np.log(near - uniform[:, 1::2][used] * (near - far)) / self._slope_per_mm
+        diameter_mm = self._diameter_mm(smallest_mm, uniform[:, 1::2][used])
         return np.repeat(struck, count), range_m, self._signal(range_m, diameter_mm, around.sensor)
 
     @property
     def _slope_per_mm(self) -> float:
         return 4.1 * float(self.rate_mm_h**-0.21)
+
+    @property
+    def _whole_per_m3(self) -> float:
+        """Drops of any size."""
+        power = self.drop_shape + 1.0
+        return 8000.0 * math.gamma(power) / float(self._slope_per_mm**power)
+
+    def _larger(self, diameter_mm: FloatArray) -> FloatArray:
+        """The part of the drops that are larger; same shape."""
+        if self.drop_shape == 0.0:
+            return np.asarray(np.exp(-self._slope_per_mm * diameter_mm))
+        from scipy.special import gammaincc
+
+        return np.asarray(gammaincc(self.drop_shape + 1.0, self._slope_per_mm * diameter_mm))
+
+    def _diameter_mm(self, smallest_mm: FloatArray, uniform: FloatArray) -> FloatArray:
+        """Diameters of drops above the smallest ones, by the inverse of the distribution function; same shape."""
+        near, far = self._larger(smallest_mm), self._larger(np.array(LARGEST_MM))
+        larger = near - uniform * (near - far)
+        if self.drop_shape == 0.0:
+            return np.asarray(-np.log(larger) / self._slope_per_mm)
+        from scipy.special import gammainccinv
+
+        return np.asarray(gammainccinv(self.drop_shape + 1.0, larger) / self._slope_per_mm)
 
     def _beam_mm(self, range_m: FloatArray) -> FloatArray:
         return 1e3 * self.beam_diameter_m + self.divergence_mrad * range_m
@@ -123,8 +154,7 @@ class Rain(LightEffect):
         cells = max(math.ceil((sensor.max_range_m - self.nearest_m) / _GRID_M), 1)
         grid_m = self.nearest_m + np.arange(cells + 1, dtype=np.float64) * _GRID_M
         smallest_mm = np.minimum(self._smallest_mm(grid_m, sensor, floor), LARGEST_MM)
-        slope = self._slope_per_mm
-        per_m3 = 8000.0 / slope * np.maximum(np.exp(-slope * smallest_mm) - math.exp(-slope * LARGEST_MM), 0.0)
+        per_m3 = self._whole_per_m3 * np.maximum(self._larger(smallest_mm) - self._larger(np.array(LARGEST_MM)), 0.0)
         per_m = self.drop_density * per_m3 * 0.25 * math.pi * (1e-3 * self._beam_mm(grid_m)) ** 2
         return grid_m, np.concatenate([[0.0], np.cumsum(0.5 * (per_m[1:] + per_m[:-1]) * _GRID_M)])
 

@@ -15,6 +15,7 @@ from lidarcheck.explain.inside import shows_inside
 from lidarcheck.explain.leftovers import ranges_follow
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, calibrated, carries_over
+from lidarcheck.explain.patchy import with_patches
 from lidarcheck.explain.recurring import recurs
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.unknown import describe
@@ -87,7 +88,8 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
     case = bench.lab.model
     [(before, noise)] = bench.crew.map(Scale.excess_by_part, [(seen.held, case)])
-    findings = findings_of(bench, search, closed, last, float(before.mean()))
+    even = findings_of(bench, search, closed, last, float(before.mean()))
+    findings = with_patches(seen, case, even, last.last.nuisance, bench.crew)
     stages, model = [("", case)], case
     for finding in findings:
         for effect in finding.effects:
@@ -100,7 +102,7 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
     open_ = Open(before, after, noise, noise_after, images, following)
     inside = shows_inside(seen, there, [finding.name for finding in findings])
-    return Answer("explained", tuple(findings), tuple(stages), "", open_, recurring, inside)
+    return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
 
 
 def by_terms(

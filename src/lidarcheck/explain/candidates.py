@@ -293,8 +293,10 @@ _SECOND = (
 _TWICE = {"stretch": 1.0, "tail_ns": 0.5, "tail_delay_ns": 9.0}
 _FALL = (*_SECOND, Free("tail_ns", 0.25, log=True))
 _SLOW = {"stretch": 1.0, "tail_ns": 1.0}
+_LARGE = {"beam_diameter_m": 0.001, "divergence_mrad": 2.0, "drop_shape": 2.0, "drop_echo": 5.0, "drop_density": 0.1}
 _FAR = {"overlap_start_m": 5.0, "overlap_full_m": 15.0}
 _SMOOTH = {"backscatter": 0.046, "overlap_power": 2.0}
+_DROPS = (*_FREE["rain"], Free("drop_shape", 0.5))
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
@@ -308,6 +310,8 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("fog", "smooth overlap", {"mor_m": 600.0, "overlap_start_m": 1.0, "overlap_full_m": 7.0} | _SMOOTH, _FREE["fog"]),
     ("fog", "smooth far overlap", {"mor_m": 150.0} | _FAR | _SMOOTH, _FREE["fog"]),
     ("fog", "smooth far overlap", {"mor_m": 600.0} | _FAR | _SMOOTH, _FREE["fog"]),
+    ("rain", "large drops", {"rate_mm_h": 10.0} | _LARGE, _DROPS),
+    ("rain", "large drops", {"rate_mm_h": 40.0} | _LARGE, _DROPS),
     ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.05}, _SECOND),
     ("pulse_shape", "second pulse", _TWICE | {"tail_share": 0.2}, _SECOND),
     ("pulse_shape", "slow fall", _SLOW | {"tail_share": 0.1, "tail_delay_ns": 2.5}, _FALL),
