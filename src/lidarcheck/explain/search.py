@@ -63,12 +63,13 @@ def _driving_or_offset(bench: Bench, now: Fit, trials: Sequence[Trial]) -> Fit:
     effects are found: summaries are blunt far from the case's own model.
     """
     lab, names = bench.lab, now.names()
-    left = now.distance - lab.floor_distance
-    if "range_offset" not in names or not any(t.name == "motion" and t.passes for t in trials) or left < CHANCE:
+    if "range_offset" not in names or "motion" in names or now.distance - lab.floor_distance < CHANCE:
+        return now
+    if not any(trial.name == "motion" and trial.passes for trial in trials):
         return now
     place = names.index("range_offset")
     driving = driving_instead(lab, float(now.effects()[place].settings()["offset_m"]))
-    if driving is None or "motion" in names:
+    if driving is None:
         return now
     probes, x = list(now.probes), list(now.x)
     probes[place], x[place] = driving, driving.start()
