@@ -170,6 +170,16 @@ def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: 
     assert "signal_gain" not in [one.name for one in beside]
 
 
+@pytest.mark.parametrize(("gain", "less", "found"), [(400.0, 180.0, 1), (400.0, 100.0, 0), (4000.0, 3300.0, 0)])
+def test_names_that_explain_less_by_no_more_than_chance_are_rivals(
+    bench: Bench, gain: float, less: float, found: int
+) -> None:
+    """However small a part of what the accepted one explains that is."""
+    both = ((name, size) for name, size in (("range_offset", gain), ("range_scale", less)))
+    trials = [replace(trial(bench, name, size), select_after=1000.0) for name, size in both]
+    assert len(rivals(bench, trials[0].fit, trials, lambda *_: None)) == found
+
+
 @pytest.mark.parametrize(
     ("explained", "left", "found"),
     [(500.0, 1000.0, ["range_scale"]), (90.0, 1000.0, []), (500.0, 100.0, [])],

@@ -18,6 +18,7 @@ from lidarcheck.explain.overall import Open, calibrated, carries_over
 from lidarcheck.explain.patchy import with_patches
 from lidarcheck.explain.recurring import recurs
 from lidarcheck.explain.rivals import Polished
+from lidarcheck.explain.splits import only_edges_stay
 from lidarcheck.explain.unknown import describe
 from lidarcheck.explain.verdict import Closure
 from lidarcheck.explain.words import depends_on
@@ -100,7 +101,8 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
         stages.append((CALIBRATION, there))
     recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
     images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
-    open_ = Open(before, after, noise, noise_after, images, following)
+    edges = only_edges_stay(seen, there, float(before.mean()))
+    open_ = Open(before, after, noise, noise_after, images, following, edges)
     inside = shows_inside(seen, there, [finding.name for finding in findings])
     return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lidarcheck.explain.beams import Beams, key_of
 from lidarcheck.explain.sights import FEATURES, Sights
 
-__all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "runs_along", "runs_past", "with_beams_of"]
+__all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "at_borders", "runs_along", "runs_past", "with_beams_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -75,6 +75,11 @@ def runs_along(beams: Beams) -> list[IndexArray]:
         order = np.argsort(runs, kind="stable")
         found += np.split(at[order], np.cumsum(np.bincount(runs))[:-1]) if len(at) else []
     return [run for run in _disjoint(found, len(beams)) if len(run) >= _LONG]
+
+
+def at_borders(beams: Beams) -> Flags:
+    """Beams next to which another surface is, nothing, or no beam; shape (n,)."""
+    return np.asarray(_borders(beams).any(axis=1))
 
 
 def _surface(beams: Beams) -> IndexArray:

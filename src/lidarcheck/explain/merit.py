@@ -17,6 +17,8 @@ PRICE, _PRICE_PART = 6.0, 0.003
 _UNSEEN, _HARMLESS = 0.08, 0.02
 """An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
 by that part."""
+_FEW_EDGES, _HARMLESS_THERE = 0.3, 0.1
+"""The same of footprints where edges may be anywhere: a frame has few."""
 _TO_THE_BETTER = 0.5
 """The true effect brings select frames as much nearer as it moves them, a wrong one as much farther away."""
 _AS_FAR, _TWICE = 0.1, 2.0
@@ -76,7 +78,9 @@ class Trial:
         than a usual error."""
         holds = self._holds(self.select_before - self.select_after, self.select_change)
         if not holds and self.along_edges is not None:
-            holds = self._holds(*self.along_edges)
+            better, change = self.along_edges
+            few = change < _FEW_EDGES * self.gain and better > -_HARMLESS_THERE * self.gain
+            holds = few or self._holds(better, change)
         if not holds and self.own is not None:
             # Half as many packets may be lost in one frame as in others, which brings it no nearer.
             holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed

@@ -70,7 +70,8 @@ _WIDER = 0.03
 class Open:
     """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
     the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own. `images`: of
-    other echoes only what `only_images_stay` speaks of stays open; `following`: of ranges, what `ranges_follow` does.
+    other echoes only what `only_images_stay` speaks of stays open; `following`: of ranges, what `ranges_follow` does;
+    `edges`: what stays is at edges that split echoes.
     """
 
     before: FloatArray
@@ -79,6 +80,7 @@ class Open:
     noise_after: FloatArray
     images: bool = False
     following: bool = False
+    edges: bool = False
 
     def beside(self, gap: Gap) -> Open:
         """The mean of these frames and of others, of which the gap is known."""
@@ -133,6 +135,8 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     if _scatters_too_much(open_):
         return False
     at_edges = _only_at_edges(names)
+    if at_edges and open_.edges:
+        return True
     unplaced = at_edges or open_.images or any(name in FOOTPRINTS for name in names)
     parts = [part for part in PARTS if part != "other echoes" or not unplaced]
     whole, left, chance = open_.mean_of(parts)

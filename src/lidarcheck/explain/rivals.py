@@ -102,11 +102,13 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
 
 
 def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
-    """The trials of the round in which an effect was accepted that came near it, the best of each other name."""
+    """The trials of the round in which an effect was accepted that came near it, the best of each other name. Merits
+    that differ by less than chance leaves of a fit say nothing."""
     last = accepted(name, trials)
     if last is None:
         return []
-    least, others = _NEAR_MERIT * last.merit, (t for t in trials if t.round == last.round and t.name not in names)
+    least = min(_NEAR_MERIT * last.merit, last.merit - CHANCE)
+    others = (t for t in trials if t.round == last.round and t.name not in names)
     return best_of_each_name(t for t in others if t.merit > least)[:_MOST]
 
 
