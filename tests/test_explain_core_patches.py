@@ -12,7 +12,7 @@ from lidarcheck.explain.explanation import Finding, Interval
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Frame
 from lidarcheck.explain.nuisances import Nuisance
-from lidarcheck.explain.patchy import patchiness_of, with_patches
+from lidarcheck.explain.patchy import patches_in, patchiness_of, with_patches
 from lidarcheck.model import simulate
 from lidarcheck.scan import Scan
 
@@ -92,6 +92,8 @@ def test_a_name_of_fog_gets_the_patches_with_their_interval() -> None:
     patchiness, mor = found.parameters["patchiness"], found.parameters["mor_m"]
     assert settings["patchiness"] == pytest.approx(patchiness.value, abs=1e-4)
     assert settings["mor_m"] == 300.0
+    assert patches_in([finding()]) == ""
+    assert "differs by 4" in patches_in([found])
     # Four frames tell the mean density less well than the fit thinks.
     assert mor.low < 270.0
     assert mor.high > 335.0

@@ -21,7 +21,7 @@ from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import Sights
 from lidarcheck.model.spec import Model
 
-__all__ = ["Patchiness", "patchiness_of", "with_patches"]
+__all__ = ["Patchiness", "patches_in", "patchiness_of", "with_patches"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -69,6 +69,16 @@ def with_patches(
     if there >= left:
         return tuple(findings)
     return (*findings[:at], _found(findings[at], patchy, found), *findings[at + 1 :])
+
+
+def patches_in(findings: Sequence[Finding]) -> str:
+    """The patches of the fog among the findings, in words; empty without any."""
+    for effect in (effect for one in findings if one.name == "fog" for effect in one.effects):
+        settings = effect.settings()
+        if settings["patchiness"] > 0.0:
+            spread, size = 100.0 * settings["patchiness"], settings["patch_deg"]
+            return f"fog: its density differs by {spread:.0f} % between patches of {size:.1f} deg, and between frames"
+    return ""
 
 
 def patchiness_of(seen: Scale, even: Model, fog: Effect, off: Nuisance, crew: Crew) -> Patchiness | None:

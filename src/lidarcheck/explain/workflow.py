@@ -35,6 +35,7 @@ from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
 from lidarcheck.explain.needless import without_any, without_needless
 from lidarcheck.explain.overall import widening
+from lidarcheck.explain.patchy import patches_in
 from lidarcheck.explain.progress import deaf, silent, tell_fit
 from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
 from lidarcheck.explain.screen import Screened, chance_level, screen, weaker_starts
@@ -315,6 +316,8 @@ class Run:
             answer = Answer("no_gap", (), (("", self.model),), "")
         else:
             answer = by_names(bench, seen, search, closed, last)
+            if patches := patches_in(answer.findings):
+                self.did("patches", patches)
             if is_doubtful(answer.findings[0]):
                 first = answer.findings[0]
                 self.did("withdrawn", f"{first.name}: its lead is too small, {100.0 * first.confidence:.0f} % sure")
