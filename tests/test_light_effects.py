@@ -96,6 +96,14 @@ def test_the_signal_goes_with_that_power_of_the_cosine(exponent: float) -> None:
     assert light.pulse_signal == pytest.approx(6000 * 0.4 / 400 * np.cos(np.deg2rad(angle)) ** exponent)
 
 
+def test_a_falloff_that_levels_off_keeps_the_factor_that_it_has_there() -> None:
+    angle = np.array([0.0, 30.0, 60.0, 70.0, 85.0, 89.9])
+    table = dataclasses.replace(wall(6), incidence_deg=angle)
+    level = lit(effects.make("incidence_falloff", {"exponent": 1.8, "level_from_deg": 60.0}), Around(table))
+    factor = level.pulse_signal / plain(Around(table)).pulse_signal
+    assert factor == pytest.approx(np.cos(np.deg2rad(np.minimum(angle, 60.0))) ** 0.8, rel=1e-9)
+
+
 def test_a_table_of_factors_stands_on_top_of_the_power() -> None:
     """At whole tens of degrees its own numbers, linear in the angle between, the last one beyond its end."""
     table = dataclasses.replace(wall(5, 20.0), incidence_deg=np.array([0.0, 10.0, 15.0, 20.0, 70.0]))

@@ -27,8 +27,9 @@ class IncidenceFalloff(LightEffect):
     Retro-reflectors, which have no cosine, stay as they are, and so does light that no surface returned. Light
     scattered into other beams falls with the incidence on the surface that it comes from.
 
-    What no power has, a gloss that is seen straight on, say, a table tells: `factors` on top, at 0, 10, ... 90 degrees,
-    linearly between; the last one goes on.
+    From `level_from_deg` on the factor stays what it is there, as where the facets of a rough surface that is met at
+    grazing incidence face the sensor. What no power has, a gloss that is seen straight on, say, a table tells:
+    `factors` on top, at 0, 10, ... 90 degrees, linearly between; the last one goes on.
 
     Valid for 0 <= exponent <= 10 at any incidence: at grazing incidence S stays finite. Identity at exponent 1 without
     factors.
@@ -40,6 +41,14 @@ class IncidenceFalloff(LightEffect):
     factors: tuple[float, ...] = list_parameter(
         "", low=0.0, high=10.0, meaning="factors besides, at an incidence of 0, 10, ... 90 degrees"
     )
+    level_from_deg: float = parameter(
+        "deg",
+        low=0.0,
+        high=90.0,
+        typical=90.0,
+        meaning="incidence from which on the power changes no more",
+        option=True,
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale the pulses of Lambertian surfaces."""
@@ -49,7 +58,8 @@ class IncidenceFalloff(LightEffect):
         ideal = around.ideal
         lambertian = by_material(ideal, around.materials, lambda material: float(material.kind == "lambertian"), 0.0)
         # A mirror shows a surface at another incidence than its row's: none may become brighter without bound.
-        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), _LEAST_COSINE, 1.0)
+        least = max(_LEAST_COSINE, float(np.cos(np.deg2rad(self.level_from_deg))))
+        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), least, 1.0)
         factor = cosine ** (self.exponent - 1.0)
         if self.factors:
             factor = factor * np.interp(ideal.incidence_deg / STEP_DEG, np.arange(len(self.factors)), self.factors)

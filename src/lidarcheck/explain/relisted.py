@@ -112,8 +112,9 @@ def _factors(lab: Lab, shown: list[Sights], probe: Probe, x: FloatArray) -> tupl
     step = np.clip(beams.incidence_deg[used] / STEP_DEG, 0.0, _ANGLES - 1.0)
     more = _at_knots(step, dimming.log_gain[used], dimming.weight[used], _ANGLES)
     seen = np.quantile(beams.incidence_deg[used], [0.01, 0.99]) if len(used) else np.zeros(2)
-    power = abs(float(probe.effect(x).settings()["exponent"]) - 1.0)
-    most = _BESIDES * power * float(np.ptp(np.log(np.maximum(np.cos(np.deg2rad(seen)), 1e-3))))
+    law = probe.effect(x).settings()
+    cosine = np.cos(np.deg2rad(np.minimum(seen, law["level_from_deg"])))
+    most = _BESIDES * abs(law["exponent"] - 1.0) * float(np.ptp(np.log(np.maximum(cosine, 1e-3))))
     table = np.log(np.asarray(probe.settings.get("factors") or np.ones(_ANGLES))) + more
     return tuple(np.round(np.exp(np.clip(table, -most, most)), 4).tolist())
 

@@ -1,5 +1,5 @@
-"""Fog is looked for with either rise of the overlap, rain with drops of either kind: what the receiver sees of the air
-close by tells them apart."""
+"""Effects of several kinds have starts of each: fog with either rise of the overlap, rain with drops of either kind, a
+fall-off with incidence that levels off or does not."""
 
 import numpy as np
 import pytest
@@ -44,3 +44,16 @@ def test_rain_of_few_small_drops_has_a_start_of_its_own() -> None:
     plain = min((fit for fit in fits if not fit.probes[0].variant), key=lambda fit: fit.distance)
     assert best.probes[0].variant == "large drops"
     assert best.distance < plain.distance - 50.0, [(fit.probes[0].variant, fit.distance) for fit in fits]
+
+
+def test_a_sheen_is_a_falloff_that_levels_off() -> None:
+    angle = np.deg2rad(np.arange(0.0, 91.0, 10.0))
+    sheen = {"exponent": 1.0, "factors": tuple((0.5 + 0.5 * np.cos(angle) ** 3).tolist())}
+    lab = Lab(frames(model(make("incidence_falloff", sheen)), 2, **FINE), model(), 3)
+    nothing = np.zeros((1, len(lab.measured)))
+    now = Fit((), (), lab.distance(nothing), nothing)
+    fits = [tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["incidence_falloff"])]
+    best = min(fits, key=lambda fit: fit.distance)
+    plain = min((fit for fit in fits if not fit.probes[0].variant), key=lambda fit: fit.distance)
+    assert best.probes[0].variant == "levelling"
+    assert best.distance - lab.floor_distance < 0.3 * (plain.distance - lab.floor_distance)
