@@ -299,6 +299,19 @@ def test_what_the_second_look_found_is_needless_only_if_the_others_have_come_nea
     assert needless._closes(own, fewer, 0.4, least, known) == needless_  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("within", [True, False])
+def test_what_another_effect_can_do_exactly_is_needless_though_reflectances_are_then_at_their_limit(
+    within: bool,
+) -> None:
+    def alone(left: float, nuisance: Nuisance) -> SimpleNamespace:
+        return SimpleNamespace(left=left, chance=0.0006, last=SimpleNamespace(nuisance=nuisance, names=tuple))
+
+    own, fewer = alone(0.011, Nuisance()), alone(0.013, Nuisance(yaw=9.0))
+    assert not fewer.last.nuisance.usual
+    closes = needless._closes(own, fewer, 0.43, 0.0, None, within=within)  # type: ignore[arg-type]
+    assert closes == within
+
+
 def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:
     bench = bench_of(JITTER)
     far = replace(bench, start=bench.lab.floor_distance + 100_000.0)

@@ -1,4 +1,5 @@
-"""A walk that takes over an offset which is left out: the same shifts at all amplitudes, where its curve can."""
+"""What is left out is taken over where another effect can do exactly that: by a walk an offset, the same shifts at all
+amplitudes, and by the gains of all layers the gain of all."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from lidarcheck.explain.candidates import Free, Probe, fixed_probes, free_of
 from lidarcheck.explain.fit import Fit, fit
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.search import without
-from lidarcheck.explain.taking_over import others_of
+from lidarcheck.explain.taking_over import is_within_another, others_of
 
 AREA = np.geomspace(10.0, 5000.0, 40)
 REFERENCE = Free("reference_area", 0.1, log=True)
@@ -98,3 +99,18 @@ def test_an_offset_beside_a_walk_is_left_out_at_no_loss() -> None:
     alone = without(lab, both, 0)
     assert alone.names() == ("walk_error",)
     assert alone.distance < both.distance + 5.0
+
+
+@pytest.mark.parametrize("gain", [0.7, 1.2])
+def test_gains_of_all_layers_take_over_a_gain_of_all(gain: float) -> None:
+    common = Probe("signal_gain", {"gain": gain}, free_of("signal_gain"))
+    settings = {"gain": 1.0, "gains": (0.9, 1.0, 1.1, 9.5)}
+    layers = Probe("layer_gain", settings, free_of("layer_gain"), {"first_layer": 230, "last_layer": 233, "every": 1})
+    both = Fit((common, layers), (common.start(), layers.start()), 0.0, np.zeros((1, 1)))
+    [alone], [x] = others_of(both, 0)
+    assert [is_within_another(both, at) for at in (0, 1)] == [True, False]
+    assert alone.effect(x).settings()["gains"] == pytest.approx(np.minimum(gain * np.array(settings["gains"]), 10.0))
+    assert alone.free == layers.free
+    # Of the two the gains of layers can do all, and not the reverse.
+    [common_alone], _ = others_of(both, 1)
+    assert common_alone is common

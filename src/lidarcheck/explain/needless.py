@@ -20,6 +20,7 @@ from lidarcheck.explain.overall import Open, carries_over
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
 from lidarcheck.explain.second_look import worth_by_beams
+from lidarcheck.explain.taking_over import is_within_another
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.verdict import closure
 from lidarcheck.model.spec import Model
@@ -44,13 +45,16 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
         own = found.own or judged(seen, case, found.fit, seed)
         found = replace(found, own=own)
         many = len(found.fit.probes) >= _MANY
-        fewer = [(now, _least(bench, found.fit, at, now)) for at, now in enumerate(_fewer(bench, found.fit))]
-        asked = [(now, least) for now, least in fewer if many or least is not None]
-        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _ in asked])
+        fewer = [
+            (now, _least(bench, found.fit, at, now), is_within_another(found.fit, at))
+            for at, now in enumerate(_fewer(bench, found.fit))
+        ]
+        asked = [one for one in fewer if many or one[1] is not None]
+        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _, _ in asked])
         enough = [
             (now, its)
-            for (now, least), its in zip(asked, judgements, strict=True)
-            if (least is not None and _closes(own, its, whole, least, found.beside))
+            for (now, least, within), its in zip(asked, judgements, strict=True)
+            if (least is not None and _closes(own, its, whole, least, found.beside, within=within))
             or (many and _closes(own, its, whole, _OF_ALL_BESIDE_MANY, found.beside) and _closes_all(seen, case, its))
         ]
         if not enough:
@@ -116,13 +120,16 @@ def _follows_another(now: Fit, at: int) -> bool:
     return variant in AT_RANDOM and any(is_special_case(other, name, variant) for other in now.names())
 
 
-def _closes(own: Judged, fewer: Judged, whole: float, least: float, beside: Judged | None) -> bool:
-    """Whether they close the gap nearly as well, but for the part `least` of it, with nuisances that are no less usual.
+def _closes(
+    own: Judged, fewer: Judged, whole: float, least: float, beside: Judged | None, *, within: bool = False
+) -> bool:
+    """Whether they close the gap nearly as well, but for the part `least` of it, with nuisances that are no less usual,
+    unless the one that is left out is `within` another.
 
     What the second look found `beside` the others has closed enough of what they left there; it is asked about again
     only if they leave less now.
     """
-    if own.last.nuisance.usual and not fewer.last.nuisance.usual:
+    if own.last.nuisance.usual and not fewer.last.nuisance.usual and not within:
         return False
     known = beside is not None and set(beside.last.names()) == set(fewer.last.names()) and fewer.left >= beside.left
     worth = 0.0 if known else worth_by_beams(fewer.left, whole, fewer.chance)

@@ -12,22 +12,34 @@ from lidarcheck.effects.walk_error import LARGEST_REFERENCE, WalkError
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.fit import Fit
 
-__all__ = ["others_of"]
+__all__ = ["is_within_another", "others_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
 
 def others_of(now: Fit, left_out: int) -> tuple[list[Probe], list[FloatArray]]:
     """The effects without one of them, as probes with their points; a walk takes over an offset, which is a walk about
-    another amplitude."""
+    another amplitude, and the gains of all layers what all have in common."""
     probes, x = list(now.probes), list(now.x)
     gone, at = probes.pop(left_out), x.pop(left_out)
-    if gone.name == "range_offset":
-        offset_m = float(gone.effect(at).settings()["offset_m"])
-        for i, probe in enumerate(probes):
-            if probe.name == "walk_error":
-                probes[i], x[i] = _shifted(probe, x[i], offset_m)
+    settings = gone.effect(at).settings()
+    for i, probe in enumerate(probes):
+        if gone.name == "range_offset" and probe.name == "walk_error":
+            probes[i], x[i] = _shifted(probe, x[i], float(settings["offset_m"]))
+        if gone.name == "signal_gain" and "gains" in probe.settings:
+            probes[i] = _brighter(probe, float(settings["gain"]))
     return probes, x
+
+
+def is_within_another(now: Fit, at: int) -> bool:
+    """Whether what one of the effects does is no more than a factor on another one's list of gains."""
+    return now.probes[at].name == "signal_gain" and any("gains" in probe.settings for probe in now.probes)
+
+
+def _brighter(probe: Probe, gain: float) -> Probe:
+    """A gain for every layer that makes all so many times as bright, where it can."""
+    gains = np.asarray(probe.settings["gains"]) * gain
+    return replace(probe, settings={**probe.settings, "gains": tuple(np.round(np.minimum(gains, 10.0), 4).tolist())})
 
 
 def _shifted(probe: Probe, x: FloatArray, offset_m: float) -> tuple[Probe, FloatArray]:
