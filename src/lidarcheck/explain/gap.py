@@ -94,16 +94,19 @@ class Scale:
         beyond, noise = self.excess_by_part(model, nuisance)
         return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
 
-    def excess_by_part(self, model: Model, nuisance: Nuisance | None = None) -> tuple[FloatArray, FloatArray]:
+    def excess_by_part(
+        self, model: Model, nuisance: Nuisance | None = None, weight: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """The same for each of `PARTS`, shape (n_parts,), and some draws of the noise, shape (n_draws, n_parts).
+        `weight` (n_beams,): how much each beam counts, all alike where None.
 
         A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
         scatters more than the sensor.
         """
         shown = self.simulated(model, 9300, _SEEDS, nuisance)
         others = self.simulated(model, 9400, _FLOORS, nuisance)
-        noise = np.array([self.distance(other, shown) for other in others])
-        return np.abs(self.distance(self.measured, shown) - noise.mean(axis=0)), noise
+        noise = np.array([self.distance(other, shown, weight) for other in others])
+        return np.abs(self.distance(self.measured, shown, weight) - noise.mean(axis=0)), noise
 
     def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""

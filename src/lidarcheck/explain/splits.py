@@ -11,7 +11,6 @@ import numpy as np
 
 from lidarcheck.explain.edges import FOOTPRINTS, at_borders
 from lidarcheck.explain.gap import Scale
-from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.sights import Sights
 from lidarcheck.model.spec import Model
 
@@ -23,7 +22,6 @@ _PART = 0.3
 """As large a part of the model's must have been measured, and the reverse."""
 _OPEN = 0.15
 """Of the gap, so large a part may be open away from edges."""
-_SEEDS, _FLOORS = 4, 6
 
 
 def only_edges_stay(seen: Scale, model: Model, before: float) -> bool:
@@ -51,6 +49,4 @@ def _split(sights: Sights) -> int:
 def _off_edges(seen: Scale, model: Model) -> float:
     """The gap that a model leaves beyond chance of beams that no border is next to."""
     inner = (~at_borders(seen.beams)).astype(np.float64)
-    shown, others = (seen.simulated(model, *seeds, Nuisance()) for seeds in ((9300, _SEEDS), (9400, _FLOORS)))
-    chance = np.mean([seen.distance(other, shown, inner) for other in others], axis=0)
-    return float(np.abs(seen.distance(seen.measured, shown, inner) - chance).mean())
+    return float(seen.excess_by_part(model, weight=inner)[0].mean())
