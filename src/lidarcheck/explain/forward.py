@@ -34,6 +34,7 @@ __all__ = [
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
+_Start = tuple[float, Screened]
 
 MOST_EFFECTS = 4
 REFINED = 5
@@ -56,6 +57,8 @@ _PLAIN_NEAR, _STEADY_NEAR, _PLAIN = 0.75, 0.65, 2
 parts on."""
 _OVERTAKES = 1.02
 """There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
+_FAR_BEHIND = 4.0
+"""What leaves so many times what chance does, where another name leaves no more than the floor, is far behind."""
 SMALL = 4.0
 """A distance of up to so many floors may be all nuisance; these are then fitted before the search."""
 
@@ -211,29 +214,55 @@ def accept(bench: Bench, found: Search, trial: Trial) -> Search:
 
 
 def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:
-    """Fit the most promising candidates on top of what was accepted."""
-    lab, now = bench.lab, found.fit
-    order = _promising(bench, now, screened)
-    shown = select_shown(bench.select, now)
-    before = bench.select.distance(shown)
+    """Fit the most promising candidates on top of what was accepted: one kind of each name, then the other kinds of
+    those that may still be the nearest."""
+    order = _promising(bench, found.fit, screened)
+    shown = select_shown(bench.select, found.fit)
+    first: dict[str, _Start] = {}
+    for start in order:
+        first.setdefault(start[1].probe.name, start)
 
-    probes = [one.probe.scaled(scale) for scale, one in order]
-    trials = []
+    def fitted(some: Sequence[_Start], done: int) -> list[Trial]:
+        return _fitted(bench, found, shown, some, number, lambda i: told(f"round {number}", done + i, len(order)))
+
+    trials = fitted([*first.values()], 0)
+    others = [start for start in order if start is not first[start[1].probe.name]]
+    others = [start for start in others if not _outrun(bench.lab, start[1].probe.name, trials)]
+    return trials + fitted(others, len(first))
+
+
+def _outrun(lab: Lab, name: str, trials: Sequence[Trial]) -> bool:
+    """Whether one kind of a name left much of what another name has explained to the floor."""
+    own = [t.fit.distance for t in trials if t.name == name]
+    nearest = min((t.fit.distance for t in trials if t.name != name), default=np.inf)
+    return bool(own) and nearest < lab.floor_distance and min(own) > lab.floor_distance + _FAR_BEHIND * CHANCE
+
+
+def _fitted(
+    bench: Bench, found: Search, shown: FloatArray, starts: Sequence[_Start], number: int, told: Callable[[int], object]
+) -> list[Trial]:
+    """The trials of starts, `shown` what the accepted show of the select frames; not those that no sensor can have."""
+    lab, now, floor = bench.lab, found.fit, bench.select.floor_distance
+    before = bench.select.distance(shown)
     least = max(1.3 * bench.level, bench.worth)
-    found_so_far = bench.crew.map(tried, ((lab.held, bench.select.held, now, shown, least, one) for one in probes))
-    for i, (alone, after, change, edges, own) in enumerate(found_so_far):
-        one = order[i][1]
+    probes = (one.probe.scaled(scale) for scale, one in starts)
+    fits = bench.crew.map(tried, ((lab.held, bench.select.held, now, shown, least, probe) for probe in probes))
+    trials = []
+    for i, ((_, one), (alone, after, change, edges, own)) in enumerate(zip(starts, fits, strict=True), 1):
         if not alone.possible or from_side_to_side(lab, alone.effects()[-1]):
             continue
-        worth = bench.worth_of(one.probe.variant)
-        if now.probes and one.probe.variant not in AT_RANDOM:
-            worth = bench.worth_beside(now.distance)
-        needed = max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
-        gain = now.distance - alone.distance
-        floor = bench.select.floor_distance
+        gain, needed = now.distance - alone.distance, _needed(bench, found, one)
         trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own, floor))
-        told(f"round {number}", i + 1, len(order))
+        told(i)
     return trials
+
+
+def _needed(bench: Bench, found: Search, one: Screened) -> float:
+    """What a start must gain on top of what was accepted."""
+    worth = bench.worth_of(one.probe.variant)
+    if found.fit.probes and one.probe.variant not in AT_RANDOM:
+        worth = bench.worth_beside(found.fit.distance)
+    return max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
 
 
 def beside_kin(probe: Probe, found: Search) -> float:
@@ -242,7 +271,7 @@ def beside_kin(probe: Probe, found: Search) -> float:
     return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)
 
 
-def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[tuple[float, Screened]]:
+def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[_Start]:
     """The best start of each kind of each of the best effects, with the factor on its strength.
 
     Every kind of an effect that is fitted at all: what one that strikes at random changes with one seed says little of
