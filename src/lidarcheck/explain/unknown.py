@@ -85,7 +85,7 @@ def describe(bench: Bench, seen: Scale, seed: int, told: Told) -> Description:
     left = seen.excess(model)[0]
     kept: list[tuple[_Spec, Effect]] = []
     for spec in specs:
-        found = next((e for one, e in _terms(lab, model, {e.name for _, e in kept}) if one == spec), None)
+        found = _again(lab, model, spec)
         if found is None:
             continue
         nearer = _with(model, found)
@@ -128,6 +128,14 @@ def _terms(lab: Lab, model: Model, taken: set[str]) -> Iterator[tuple[_Spec, Eff
             yield from _fitted(lab, residual)
     if "empirical_extra" not in taken:
         yield from _extras(lab, model)
+
+
+def _again(lab: Lab, model: Model, spec: _Spec) -> Effect | None:
+    """A kind of term fitted anew, or None where there is nothing left to fit it to."""
+    if spec.term == "empirical_extra":
+        return next((effect for one, effect in _extras(lab, model) if one == spec), None)
+    residual = next(one for one in _residuals(lab, model) if one.term == spec.term)
+    return _term(lab, residual, spec)[1] if residual.weight.sum() > 0.0 else None
 
 
 def _residuals(lab: Lab, model: Model) -> Iterator[_Residual]:
