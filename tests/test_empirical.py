@@ -21,7 +21,7 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
 
 NAMES = list(effects.empirical())
-READOUT = [name for name in NAMES if name != "empirical_signal"]
+OF_LIGHT = ("empirical_signal", "empirical_flicker")
 COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
 ANYWHERE = {"range_from": "sensor", "range_knots": [0, 300], "range_density": [1]}
 STRENGTH = {"peak_quantiles": [10, 30], "area_quantiles": [20, 300], "width_quantiles": [2, 14]}
@@ -44,7 +44,7 @@ def test_they_stand_apart_from_the_catalogue_and_are_known_to_models() -> None:
     assert len(effects.catalogue()) == 28
     assert not set(NAMES) & set(effects.catalogue())
     assert sorted(NAMES) == [
-        f"empirical_{word}" for word in ("amplitude", "extra", "loss", "range", "signal", "spread")
+        f"empirical_{word}" for word in ("amplitude", "extra", "flicker", "loss", "range", "signal", "spread")
     ]
     for name in NAMES:
         assert effects.find(name).empirical
@@ -59,7 +59,7 @@ def test_they_stand_apart_from_the_catalogue_and_are_known_to_models() -> None:
 def test_zero_values_return_the_very_same_table(name: str) -> None:
     around = Around(wall(100))
     for effect in (zero(name), effects.make(name, {})):
-        if name == "empirical_signal":
+        if name in OF_LIGHT:
             light = plain(around)
             assert effect.light(light, around) is light  # type: ignore[attr-defined]
         else:
@@ -229,6 +229,75 @@ def test_amplitudes_scale_on_average_and_stay_what_a_sensor_reports() -> None:
     assert (faint.area == 10).all()
 
 
+def test_peak_area_and_width_have_functions_of_their_own() -> None:
+    n = 20_000
+    around = Around(wall(n, 40.0))
+    beams = [divmod(i, 960) for i in range(n)]
+    peaks = np.where(np.arange(n) % 2 == 0, 20.0, 60.0)
+    scan = dataclasses.replace(echoes(beams, [1] * n, [40.0] * n, [400.0] * n), peak=peaks, width_ns=peaks / 10.0)
+    low, high = np.log10([20.0, 60.0])
+    by_peak = {"covariate_peak": "peak_log10", "knots_peak": [low, high], "values_peak": [np.log(1.5), 0.0]}
+    found = out("empirical_amplitude", around, scan, **by_peak)
+    assert np.array_equal(np.unique(found.peak), [30, 60])
+    assert found.area.tobytes() == scan.area.tobytes()
+    assert found.width_ns.tobytes() == scan.width_ns.tobytes()
+    by_width = {"covariate_area": "width_ns", "knots_area": [2, 6], "values_area": [0.0, np.log(2.0)]}
+    found = out("empirical_amplitude", around, scan, **by_width)
+    assert np.array_equal(found.area, np.where(peaks == 20.0, 400.0, 800.0))
+    assert found.peak.tobytes() == scan.peak.tobytes()
+
+
+def test_a_function_may_repeat_beyond_its_knots() -> None:
+    term = Term("range_m", (10.0, 12.0, 14.0), (0.0, 1.0, 0.0), repeats=True)
+    assert term.at(np.array([10.0, 11.0, 12.0, 14.0, 15.0, 16.5, 2.0, 0.5, np.nan])) == pytest.approx(
+        [0.0, 0.5, 1.0, 0.0, 0.5, 0.75, 0.0, 0.75, 0.0], abs=1e-12
+    )
+    steps = {"covariate": "range_m", "knots": [-0.25, 0.25], "values": [0.25, -0.25], "beyond": "repeats"}
+    around = Around(wall(400, np.linspace(5, 90, 400)))
+    found = out("empirical_range", around, scan_of(around), **steps).range_m
+    assert found == pytest.approx(0.5 * np.round(found / 0.5), abs=1e-9)
+    fixed = out("empirical_range", around, scan_of(around), **{**steps, "beyond": "constant"}).range_m
+    assert fixed == pytest.approx(scan_of(around).range_m - 0.25)
+
+
+@pytest.mark.parametrize(
+    ("covariate", "knots", "says"),
+    [("layer", [3], "a single knot has no"), ("material_id", [1, 2], "a material's number")],
+)
+def test_what_has_no_period_cannot_repeat(covariate: str, knots: list[int], says: str) -> None:
+    settings = {"covariate": covariate, "knots": knots, "values": [0.1] * len(knots), "beyond": "repeats"}
+    with pytest.raises(UsageError, match=says):
+        effects.make("empirical_range", settings)
+
+
+def test_the_signal_flickers_from_beam_to_beam_with_the_function_s_standard_deviation() -> None:
+    n = 20_000
+    around = Around(wall(n, np.where(np.arange(n) < n // 2, 20.0, 60.0)))
+    settings = {"covariate": "range_m", "knots": [20, 60], "values": [0.1, 0.4]}
+    ratio = np.log(lit(effects.make("empirical_flicker", settings), around).pulse_signal / plain(around).pulse_signal)
+    near, far = ratio[: n // 2], ratio[n // 2 :]
+    for some, sigma in ((near, 0.1), (far, 0.4)):
+        assert some.mean() == pytest.approx(0.0, abs=4 * sigma / np.sqrt(len(some)))
+        assert some.std() == pytest.approx(sigma, rel=4 / np.sqrt(2 * len(some)))
+    assert np.corrcoef(near[:-1], near[1:])[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(len(near)))
+
+
+def test_beams_may_gain_several_echoes_each_of_its_own_range_and_strength() -> None:
+    n = 5_000
+    around = Around(wall(n, 0.0))
+    scan = scan_of(around).take(np.zeros(0, dtype=int))
+    shape = {"covariate": "layer", "knots": [0], **ANYWHERE, **STRENGTH}
+    found = out("empirical_extra", around, scan, **shape, values=[1.3])
+    count = np.bincount(found.layer * 960 + found.point, minlength=n)
+    assert set(count.tolist()) == {1, 2}
+    assert (count == 2).mean() == pytest.approx(0.3, abs=4 * np.sqrt(0.21 / n))
+    one = out("empirical_extra", around, scan, **shape, values=[1.0])
+    assert np.isin(one.range_m.round(9), found.range_m.round(9)).all()
+    two = found.range_m[np.repeat(count == 2, count)].reshape(-1, 2)
+    assert (two[:, 0] < two[:, 1]).all()
+    assert two.mean() == pytest.approx(150.0, abs=4 * 300 / np.sqrt(24 * len(two)))
+
+
 def test_extra_echoes_come_as_often_and_from_where_they_should() -> None:
     n = 20_000
     around = Around(wall(n, np.where(np.arange(n) < n // 2, 20.0, 60.0)))
@@ -360,7 +429,7 @@ def terms(draw: st.DrawFn) -> effects.Effect:
     for suffix in kind.suffixes:
         knots = draw(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=4, unique=True))
         if draw(st.booleans()):
-            known = COVARIATES if name == "empirical_signal" else ECHO_COVARIATES
+            known = COVARIATES if name in OF_LIGHT else ECHO_COVARIATES
             values[f"covariate{suffix}"] = draw(st.sampled_from(known))
             values[f"knots{suffix}"] = sorted(knots)
             values[f"values{suffix}"] = draw(st.lists(st.floats(-1, 1), min_size=len(knots), max_size=len(knots)))

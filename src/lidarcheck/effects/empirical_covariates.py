@@ -2,7 +2,8 @@
 
 `range_m`, `layer` and `point` are of the pulse or echo itself. `incidence_deg`, `material_id` and `signal_log10` are
 of the surface that a pulse comes from, or of the one on the echo's beam that is nearest to it in range; `signal_log10`
-is the logarithm of S by the range equation, before any effect. `area_log10` is of the echo itself.
+is the logarithm of S by the range equation, before any effect. `area_log10`, `peak_log10` and `width_ns` are of the
+echo itself.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from lidarcheck.scan import IdealScan, Light, Scan
 __all__ = [
     "COVARIATES",
     "ECHO_COVARIATES",
+    "FEATURES",
     "BeamColumns",
     "EchoColumns",
     "PulseColumns",
@@ -27,7 +29,9 @@ FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 
 COVARIATES = ("range_m", "layer", "point", "incidence_deg", "material_id", "signal_log10")
-ECHO_COVARIATES = (*COVARIATES, "area_log10")
+FEATURES = ("area_log10", "peak_log10", "width_ns")
+"""What only an echo has."""
+ECHO_COVARIATES = (*COVARIATES, *FEATURES)
 
 _FAINTEST = 1e-9
 """The S of a surface that returns nothing: faint beyond every knot, yet with a logarithm."""
@@ -63,8 +67,8 @@ class EchoColumns:
             return scan.range_m
         if name in ("layer", "point"):
             return np.asarray(getattr(scan, name), dtype=np.float64)
-        if name == "area_log10":
-            return np.log10(np.maximum(scan.area, 1.0))
+        if name in FEATURES:
+            return _feature(name, scan)
         if self._rows is None:
             self._rows = nearest_rows(scan, self._around.ideal)
         return _of_rows(name, self._rows, self._around)
@@ -73,8 +77,8 @@ class EchoColumns:
 class BeamColumns:
     """The covariates of all beams of an ideal scan in ascending (layer, point), by name; shape (n_beams,).
 
-    `rows`: of the surface that returns most of each beam's light; `range_m` is that surface's, and `area_log10` that
-    of the beam's largest echo, NaN where there is none.
+    `rows`: of the surface that returns most of each beam's light; `range_m` is that surface's, and what only
+    an echo has is of the beam's largest echo, NaN where there is none.
     """
 
     def __init__(self, scan: Scan, around: Surroundings) -> None:
@@ -97,18 +101,28 @@ class BeamColumns:
             return self.range_m
         if name in ("layer", "point"):
             return np.asarray(getattr(self, name), dtype=np.float64)
-        if name == "area_log10":
-            return self._largest()
+        if name in FEATURES:
+            return self._of_largest(_feature(name, self._scan))
         return _of_rows(name, self.rows, self._around)
 
-    def _largest(self) -> FloatArray:
-        beam = np.searchsorted(self.keys, keys_of(self._scan))
+    def _of_largest(self, values: FloatArray) -> FloatArray:
+        """Each beam's value of its echo of the largest AREA, of the first of several."""
+        scan = self._scan
+        key = keys_of(scan)
+        order = np.lexsort((-scan.echo_number.astype(np.int64), scan.area, key))
+        last = order[np.flatnonzero(np.append(key[order][1:] != key[order][:-1], True)[: len(order)])]
+        beam = np.searchsorted(self.keys, key[last])
         fired = beam < len(self.keys)
-        fired[fired] = self.keys[beam[fired]] == keys_of(self._scan)[fired]
-        area = np.full(len(self.keys), -np.inf)
-        np.maximum.at(area, beam[fired], self._scan.area[fired])
-        found = np.isfinite(area)
-        return np.where(found, np.log10(np.where(found, np.maximum(area, 1.0), 1.0)), np.nan)
+        fired[fired] = self.keys[beam[fired]] == key[last][fired]
+        found = np.full(len(self.keys), np.nan)
+        found[beam[fired]] = values[last[fired]]
+        return found
+
+
+def _feature(name: str, scan: Scan) -> FloatArray:
+    if name == "width_ns":
+        return np.asarray(scan.width_ns, dtype=np.float64)
+    return np.asarray(np.log10(np.maximum(getattr(scan, name.removesuffix("_log10")), 1.0)))
 
 
 def keys_of(table: Scan | IdealScan) -> IndexArray:

@@ -1,4 +1,4 @@
-"""Empirical: beams gain an echo with a probability that follows a function."""
+"""Empirical: beams gain echoes, as many as a function says on average."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ def _quantiles(unit: str, low: float, high: float, meaning: str, example: tuple[
 
 @dataclass(frozen=True)
 class EmpiricalExtra(Additive, ReadoutEffect):
-    """Empirical: beams gain an echo with a probability that follows a function of the beam or its surface.
+    """Empirical: beams gain echoes, as many as a function of the beam or its surface says on average.
 
-    A beam gains one echo with probability f(u) + g(v), cut to 0 ... 1, by its own draw; f and g are linear between
-    knots and constant outside, and a beam's covariates are those of the surface that returns most of its light and of
-    its largest echo. The echo's range comes from a density that is constant between `range_knots`: by `range_from` in
-    metres from the sensor (`sensor`), in metres behind the surface (`surface`), or in multiples of the surface's range
-    (`ratio`). PEAK, AREA and WIDTH come together from quantiles at equal steps from the least to the largest. It
-    describes and does not explain.
+    A beam gains f(u) + g(v) echoes on average: their whole part, and one more with the rest as its probability, by the
+    beam's own draw; none below 0. f and g are linear between knots and constant outside, and a beam's covariates are
+    those of the surface that returns most of its light and of its largest echo. An echo's range comes from a density
+    that is constant between `range_knots`: by `range_from` in metres from the sensor (`sensor`), in metres behind the
+    surface (`surface`), or in multiples of the surface's range (`ratio`). PEAK, AREA and WIDTH come together from
+    quantiles at equal steps from the least to the largest. It describes and does not explain.
 
     A beam that meets nothing gains no echo by a surface, and none gains one outside of the sensor's range. Of more
-    echoes than the sensor reports, those of smallest AREA fall out. The new echo merges with no other. Identity at
+    echoes than the sensor reports, those of smallest AREA fall out. New echoes merge with no other. Identity at
     values 0.
     """
 
@@ -48,10 +48,10 @@ class EmpiricalExtra(Additive, ReadoutEffect):
 
     covariate: str | None = covariate_parameter("what f depends on", example="range_m")
     knots: tuple[float, ...] = knots_parameter("where f has its values", example=(10.0, 60.0))
-    values: tuple[float, ...] = values_parameter("", 1.0, "f there, a probability", example=(0.2, 0.2))
+    values: tuple[float, ...] = values_parameter("", 10.0, "f there, a mean number", example=(0.2, 0.2))
     covariate_2: str | None = covariate_parameter("what g depends on")
     knots_2: tuple[float, ...] = knots_parameter("where g has its values")
-    values_2: tuple[float, ...] = values_parameter("", 1.0, "g there, added to it")
+    values_2: tuple[float, ...] = values_parameter("", 10.0, "g there, added to it")
     range_from: str | None = choice_parameter(
         ("sensor", "surface", "ratio"), meaning="what range_knots are counted from", example="surface"
     )
@@ -86,15 +86,19 @@ class EmpiricalExtra(Additive, ReadoutEffect):
         if self.is_zero():
             return scan
         beams = BeamColumns(scan, around)
-        uniform = around.uniforms(beams.layer, beams.point, 3)
-        lit = np.flatnonzero(uniform[:, 0] < self.total(beams, len(beams.keys)))
-        range_m = self._range_m(uniform[lit, 1], beams.range_m[lit])
+        mean = np.maximum(self.total(beams, len(beams.keys)), 0.0)
+        most = int(np.ceil(mean.max(initial=0.0)))
+        uniform = around.uniforms(beams.layer, beams.point, 1 + 2 * most)
+        count = (np.floor(mean) + (uniform[:, 0] < mean % 1.0)).astype(np.int64)
+        lit = np.repeat(np.arange(len(count)), count)
+        own = np.arange(len(lit)) - np.repeat(np.cumsum(count) - count, count)
+        range_m = self._range_m(uniform[lit, 1 + 2 * own], beams.range_m[lit])
         inside = (range_m >= 0.0) & (range_m <= around.sensor.max_range_m)
-        lit, range_m = lit[inside], range_m[inside]
+        lit, own, range_m = lit[inside], own[inside], range_m[inside]
         if len(lit) == 0:
             return scan
         columns = {"layer": beams.layer[lit], "point": beams.point[lit]}
-        added = _added(scan, columns, range_m, self._features(uniform[lit, 2], around))
+        added = _added(scan, columns, range_m, self._features(uniform[lit, 2 + 2 * own], around))
         touched = np.isin(keys_of(scan), beams.keys[lit])
         changed = _most(renumbered(_joined(scan.take(touched), added)), around.sensor.max_echoes)
         result = _joined(scan.take(~touched), changed)

@@ -17,7 +17,15 @@ from lidarcheck.effects.base import Effect, choice_parameter, list_parameter
 from lidarcheck.effects.empirical_covariates import COVARIATES, ECHO_COVARIATES
 from lidarcheck.errors import UsageError
 
-__all__ = ["Additive", "Column", "Term", "covariate_parameter", "knots_parameter", "values_parameter"]
+__all__ = [
+    "Additive",
+    "Column",
+    "Term",
+    "beyond_parameter",
+    "covariate_parameter",
+    "knots_parameter",
+    "values_parameter",
+]
 
 FloatArray = npt.NDArray[np.float64]
 Column = Callable[[str], FloatArray]
@@ -28,7 +36,7 @@ _KNOT_LIMIT = 2.2e9
 
 
 def covariate_parameter(meaning: str, *, echo: bool = True, example: str | None = None) -> Any:
-    """Declare which covariate a function is of; `echo`: the AREA of an echo is one too."""
+    """Declare which covariate a function is of; `echo`: what only an echo has is one too."""
     return choice_parameter(ECHO_COVARIATES if echo else COVARIATES, meaning=meaning, example=example)
 
 
@@ -43,17 +51,24 @@ def values_parameter(unit: str, limit: float, meaning: str, *, example: tuple[fl
     return list_parameter(unit, low=-limit, high=limit, meaning=meaning, example=example)
 
 
+def beyond_parameter() -> Any:
+    """Declare how f goes on outside of its knots."""
+    return choice_parameter(("constant", "repeats"), meaning="how f goes on beyond its knots", option=True)
+
+
 @dataclass(frozen=True, slots=True)
 class Term:
     """A function of one covariate: `values` at `knots`, shapes (n,) with n >= 1, the knots ascending.
 
-    Linear between the knots and constant outside; of materials, whose numbers have no order, the value of that very
-    number and 0 for all others. 0 where the covariate is not known.
+    Linear between the knots and constant outside, or, if it `repeats`, the same over and over, with the distance of the
+    last knot from the first as its period; of materials, whose numbers have no order, the value of that very number and
+    0 for all others. 0 where the covariate is not known.
     """
 
     covariate: str
     knots: tuple[float, ...]
     values: tuple[float, ...]
+    repeats: bool = False
 
     def at(self, covariate: FloatArray) -> FloatArray:
         """The function there, same shape."""
@@ -61,11 +76,16 @@ class Term:
         if self.covariate == "material_id":
             place = np.minimum(np.searchsorted(knots, covariate), len(knots) - 1)
             return np.where(knots[place] == covariate, values[place], 0.0)
+        if self.repeats:
+            covariate = knots[0] + np.mod(covariate - knots[0], knots[-1] - knots[0])
         return np.where(np.isnan(covariate), 0.0, np.interp(covariate, knots, values))
 
 
 class Additive(Effect):
-    """An empirical term: f(u) + g(v) from the fields `covariate`, `knots`, `values` and those with `_2` behind them."""
+    """An empirical term: f(u) + g(v) from the fields `covariate`, `knots`, `values` and those with `_2` behind them.
+
+    f repeats beyond its knots where a field `beyond` says so.
+    """
 
     empirical = True
     suffixes: ClassVar[tuple[str, ...]] = ("", "_2")
@@ -75,11 +95,16 @@ class Additive(Effect):
         super().__post_init__()
         for suffix in self.suffixes:
             self._check(suffix)
+        first = self.term("")
+        if first is not None and first.repeats and (len(first.knots) < 2 or first.covariate == "material_id"):
+            what = "a material's number" if first.covariate == "material_id" else "a single knot"
+            raise UsageError(f"{self.name}: {what} has no period to repeat", fix="leave beyond out, or give two knots")
 
     def term(self, suffix: str) -> Term | None:
         """The function whose fields have this suffix; None where the model has none."""
         covariate, knots, values = (getattr(self, f"{part}{suffix}") for part in ("covariate", "knots", "values"))
-        return Term(covariate, knots, values) if knots else None
+        repeats = not suffix and getattr(self, "beyond", None) == "repeats"
+        return Term(covariate, knots, values, repeats) if knots else None
 
     def is_zero(self) -> bool:
         """Whether all functions are 0 everywhere."""

@@ -113,7 +113,8 @@ def by_terms(
     """What the residual depends on, and empirical terms; `left`: the part that no name explains."""
     found = describe(bench, seen, seed, told)
     depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
-    finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), depends, "", found.effects)
+    said = f"{depends}; described as {found.words.replace('; ', ', ')}" if found.effects else depends
+    finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), said, "", found.effects)
     described = bench.lab.model
     for effect in found.effects:
         described = described.with_(effect)
