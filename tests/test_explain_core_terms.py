@@ -72,9 +72,9 @@ def test_the_steps_of_a_coarse_scale_are_found(step_m: float, first_m: float) ->
     coarse = first_m + step_m * np.round((range_m - first_m) / step_m)
     found = steps_of(coarse)
     assert found is not None
-    assert found[1] == pytest.approx(step_m, rel=1e-3)
+    assert found[1] == pytest.approx(step_m, rel=1e-9)
     off = (coarse - found[0]) / found[1]
-    assert np.abs(off - np.round(off)).max() < 0.2
+    assert np.abs(off - np.round(off)).max() < 1e-6
 
 
 def test_ranges_on_no_steps_but_those_of_a_file_have_none() -> None:

@@ -39,6 +39,10 @@ class Residual:
     is_variance: bool = False
     all_values: tuple[FloatArray, FloatArray] | None = None
 
+    def explained_by_mean(self) -> float:
+        """What the same value everywhere explains, in squares of standard deviations."""
+        return float((self.weight * self.value).sum() ** 2 / max(self.weight.sum(), 1e-9))
+
 
 def covariate(lab: Lab, name: str) -> FloatArray:
     """A covariate of all beams of a lab, (n_beams,)."""

@@ -17,6 +17,7 @@ _CELLS = {"range_m": 0.05, "layer": 1.0, "point": 1.0}
 """Covariates in which something may repeat, and to what they are rounded for that."""
 _SHORTEST = {"range_m": 1.0, "layer": 4.0, "point": 4.0}
 _FINEST_M, _LONGEST_M = 0.005, 5.0
+_REFINED = 3
 _ON_STEPS, _ALIKE = 0.9, 0.95
 """Ranges on a lattice agree in phase to this part, and to such a part of the best with all that divides it."""
 _MOST_LEVELS, _LEVELS = 400, 40
@@ -126,7 +127,13 @@ def steps_of(range_m: FloatArray) -> tuple[float, float] | None:
     best = first + int(agree[first : first + 16].argmax())  # the slowest of the rhythms, where it is clearest
     step_m = float(1.0 / frequency[best])
     phase = float(np.angle(np.exp(2j * np.pi * range_m / step_m).mean())) / (2.0 * np.pi)
-    return (phase % 1.0) * step_m, step_m
+    first_m = (phase % 1.0) * step_m
+    for _ in range(_REFINED):  # to the last digit: half a lattice off at the far end is none
+        number = np.round((range_m - first_m) / step_m)
+        near = np.abs(range_m - first_m - number * step_m) < 0.25 * step_m
+        if np.ptp(number[near]) > 0.0:
+            step_m, first_m = np.polyfit(number[near], range_m[near], 1)
+    return float(first_m), float(step_m)
 
 
 def levels(name: str, shown: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:

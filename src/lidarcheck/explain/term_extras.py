@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.residuals import covariate
+from lidarcheck.explain.sights import Sights
 from lidarcheck.explain.term_curves import curve
 from lidarcheck.model.spec import Model
 
 __all__ = ["extras"]
 
+FloatArray = npt.NDArray[np.float64]
+
 _KNOTS = 12
+_CELLS = 32
+"""The echoes that a model shows are taken off in so many cells of their place."""
+_MEET = 0.8
+"""Echoes may be placed by the surface of their beam where this part of them has one."""
 _FEWEST, _MOST = 20.0, 9.0
 """So many more echoes than the model shows are described, and at most so many of a beam."""
 
@@ -29,26 +37,19 @@ def extras(lab: Lab, model: Model, covariates: Sequence[str]) -> Iterator[tuple[
     excess = there - ours
     if excess.sum() < _FEWEST:
         return
-    own = lab.beams.distance_m[measured.extra_beam[lone]]
-    range_m, area = measured.extra_m[lone], np.exp(measured.extra_area[lone])
-    places = {
-        "sensor": range_m,
-        "surface": (range_m - own)[own > 0.0],
-        "ratio": (range_m / np.maximum(own, 1e-9))[own > 0.0],
-    }
-    tightest = min(
-        (p for p in places if len(places[p]) > 0.8 * len(range_m)),
-        key=lambda p: np.subtract(*np.quantile(places[p], [0.75, 0.25])) / max(np.ptp(places[p]), 1e-9),
-    )
-    knots = np.unique(np.round(np.quantile(places[tightest], np.linspace(0.0, 1.0, 9)), 2))
+    places, known = _places(lab, measured), [_places(lab, s) for s in shown]
+    weights = {p: _new(v, [k[p] for k in known]) for p, v in places.items() if np.isfinite(v).mean() > _MEET}
+    tightest = min(weights, key=lambda p: _width(places[p], weights[p]))
+    weight = weights[tightest]
+    knots = np.unique(np.round(_quantiles(places[tightest], weight, np.linspace(0.0, 1.0, 9)), 3))
     if len(knots) < 2:
         knots = np.array([knots[0] - 0.05, knots[0] + 0.05])
-    density = np.histogram(places[tightest], knots)[0] / np.diff(knots)
+    density = np.histogram(places[tightest], knots, weights=weight)[0] / np.diff(knots)
     levels = np.linspace(0.05, 0.95, 7)
     amplitude = {
-        "area_quantiles": np.round(np.quantile(area, levels)),
-        "peak_quantiles": np.round(np.quantile(np.exp(measured.extra_peak[lone]), levels)),
-        "width_quantiles": np.round(np.quantile(measured.extra_width[lone], levels)),
+        "area_quantiles": np.round(_quantiles(np.exp(measured.extra_area[lone]), weight, levels)),
+        "peak_quantiles": np.round(_quantiles(np.exp(measured.extra_peak[lone]), weight, levels)),
+        "width_quantiles": np.round(_quantiles(measured.extra_width[lone], weight, levels)),
     }
     shape = {"range_from": tightest, "range_knots": knots, "range_density": np.round(density / density.max(), 4)}
     for name in covariates:
@@ -56,3 +57,41 @@ def extras(lab: Lab, model: Model, covariates: Sequence[str]) -> Iterator[tuple[
         values = np.round(np.clip(values, 0.0, _MOST), 5).astype(np.float64)
         often = {"covariate": name, "knots": np.round(where, 4), "values": values}
         yield name, make("empirical_extra", {**often, **shape, **amplitude})
+
+
+def _places(lab: Lab, sights: Sights) -> dict[str, FloatArray]:
+    """Where the echoes of no surface are: from the sensor, behind the beam's surface and in multiples of its range, NaN
+    for beams that meet none; each of shape (m,)."""
+    lone = sights.extra_side < 0
+    range_m, own = sights.extra_m[lone], lab.beams.distance_m[sights.extra_beam[lone]]
+    own = np.where(own > 0.0, own, np.nan)
+    return {"sensor": range_m, "surface": range_m - own, "ratio": range_m / own}
+
+
+def _new(value: FloatArray, shown: Sequence[FloatArray]) -> FloatArray:
+    """What part of the echoes around each of some values the model does not show, same shape; 0 for NaN."""
+    edges = np.unique(np.nanquantile(value, np.linspace(0.0, 1.0, _CELLS + 1)))
+    place = np.clip(np.searchsorted(edges, value, side="right") - 1, 0, max(len(edges) - 2, 0))
+    here = np.isfinite(value)
+    count = np.bincount(place[here], minlength=len(edges))
+    inside = (other[(other >= edges[0]) & (other <= edges[-1])] for other in shown)
+    cells = [np.clip(np.searchsorted(edges, o, side="right") - 1, 0, max(len(edges) - 2, 0)) for o in inside]
+    ours = sum(np.bincount(cell, minlength=len(edges)) for cell in cells) / len(shown)
+    part = np.clip(1.0 - ours / np.maximum(count, 1), 0.0, 1.0)
+    return np.where(here, part[place], 0.0)
+
+
+def _width(value: FloatArray, weight: FloatArray) -> float:
+    """How wide the middle half of the weighted values is, in parts of the whole."""
+    low, first, last, high = _quantiles(value, weight, np.array([0.0, 0.25, 0.75, 1.0]))
+    return float((last - first) / max(high - low, 1e-9))
+
+
+def _quantiles(value: FloatArray, weight: FloatArray, levels: FloatArray) -> FloatArray:
+    """The weighted values' quantiles at levels, same shape."""
+    used = weight > 0.0
+    if not used.any():
+        used, weight = np.isfinite(value), np.ones(len(value))
+    order = np.argsort(value[used])
+    below = np.cumsum(weight[used][order])
+    return np.asarray(np.interp(levels * below[-1], below - 0.5 * weight[used][order], value[used][order]))

@@ -25,7 +25,7 @@ _PERIODIC = ("range_m", "layer", "point")
 _LEAST_EXPLAINED = 4.0 * _KNOTS
 """A curve of so many knots explains one for each by chance; what explains less than four is not tried."""
 _RHYTHMIC = 0.9
-"""A wave that repeats explains as much, to this part, as the best curve of many knots."""
+"""A wave that repeats explains as much beyond the mean, to this part, as the best curve of many knots."""
 _WORDS = {
     "range_m": "range", "layer": "layer", "point": "point", "incidence_deg": "incidence", "material_id": "material",
     "signal_log10": "signal", "area_log10": "AREA", "peak_log10": "PEAK", "width_ns": "WIDTH",
@@ -115,10 +115,12 @@ def _kinds(lab: Lab, residual: Residual) -> Iterator[Kind]:
     if part not in _OWN:
         yield Kind(part, (names[0], names[1]))
     if part in ("range", "signal"):
+        level = residual.explained_by_mean()
+        least = level + max(_RHYTHMIC * (ranked[0][0] - level), _LEAST_EXPLAINED)
         for name in _PERIODIC:
             u = covariate(lab, name)[residual.rows]
             for period, explained in rhythms(u, residual.value, residual.weight, name):
-                if explained > _RHYTHMIC * ranked[0][0]:
+                if explained > least:
                     yield Kind(part, (name,), shape="repeats", period=period)
 
 
