@@ -14,7 +14,7 @@ from lidarcheck.effects import make
 from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.term_curves import levels, repeating, rhythms, steps_of
+from lidarcheck.explain.term_curves import curve, levels, repeating, rhythms, steps_of
 from lidarcheck.explain.terms import Kind, again, described
 from lidarcheck.explain.unknown import describe
 from lidarcheck.model import Model
@@ -82,6 +82,19 @@ def test_ranges_on_no_steps_but_those_of_a_file_have_none() -> None:
     assert steps_of(range_m) is None
     assert steps_of(np.round(range_m, 2)) is None
     assert steps_of(np.zeros(0)) is None
+
+
+def test_a_fine_curve_over_layers_has_a_knot_for_each() -> None:
+    rng = np.random.default_rng(6)
+    layer = rng.integers(200, 260, 20_000).astype(np.float64)
+    own = rng.normal(0, 0.05, 600)
+    knots, values = curve(
+        layer, own[layer.astype(int)] + rng.normal(0, 0.02, len(layer)), np.ones(len(layer)), "layer", 80
+    )
+    assert knots == pytest.approx(np.arange(200, 260))
+    assert values == pytest.approx(own[200:260], abs=0.01)
+    rough, _ = curve(layer, np.ones(len(layer)), np.ones(len(layer)), "layer", 12)
+    assert len(rough) <= 12
 
 
 # Descriptions

@@ -10,7 +10,8 @@ __all__ = ["at", "curve", "levels", "repeating", "rhythms", "steps_of"]
 FloatArray = npt.NDArray[np.float64]
 
 FINE_FROM = 12
-"""Curves of more knots than this have them at even distances."""
+"""Curves of more knots than this have them at even distances, or a knot for each of so many whole numbers."""
+_COUNTED, _EACH = ("layer", "point"), 200
 _PHASES = 24
 _FEWEST_PERIODS, _OVERSAMPLED, _MOST_RHYTHMS = 2.5, 6.0, 3
 _CELLS = {"range_m": 0.05, "layer": 1.0, "point": 1.0}
@@ -27,9 +28,8 @@ _FEW = 5.0
 
 def curve(u: FloatArray, value: FloatArray, weight: FloatArray, name: str, most: int) -> tuple[FloatArray, FloatArray]:
     """Knots and values: weighted means, shrunk where little is known of them and 0 where nothing is."""
-    if name == "material_id":
-        knots = np.unique(u)
-        place = np.searchsorted(knots, u)
+    if name == "material_id" or (name in _COUNTED and most > FINE_FROM and len(np.unique(u)) <= _EACH):
+        knots, place = np.unique(u, return_inverse=True)
     elif most > FINE_FROM:
         # Evenly and with an empty bin at either end: what no beam has met is left as it is, not extrapolated.
         width = max(float(np.ptp(u)), 1e-3) / (most - 2)
