@@ -174,6 +174,21 @@ def test_what_a_classifier_tells_apart_is_of_cases_that_hide_something():
     assert score(answers[3:4]).to_dict()["told_apart"] == {"before": None, "after": None}
 
 
+def test_what_closes_outside_of_the_catalogue_is_told_apart_from_what_names_close() -> None:
+    unknown = {"verdict": "unknown", "told_before": 0.9}
+    answers = [
+        answer("single", ["fog"], closed=0.97, told_before=0.7, told_after=0.5),
+        *(answer(kind, ["fog"], closed=c, told_after=c, **unknown) for kind, c in (("alien", 0.5), ("left_out", 0.6))),
+        answer("alien", ["fog"], closed=0.1, shows=False, **unknown),
+    ]
+    found = score(answers).to_dict()
+    assert found["closed"] == pytest.approx(0.97)
+    assert found["described"] == {
+        "closed": pytest.approx(0.55), "told_apart": {"before": pytest.approx(0.9), "after": pytest.approx(0.55)}
+    }  # fmt: skip
+    assert score(answers[:1]).to_dict()["described"]["closed"] is None
+
+
 def test_an_error_is_wrong_everywhere():
     broken = [
         replace(answer(kind, effects, verdict="error"), number=i, error="broke", closed=math.nan)

@@ -125,7 +125,8 @@ class Score:
     """All figures. `shares` and `all_shares` by name: of the cases whose effects stand out, and of all cases.
 
     `closed`: median share of the gap closed where something stands out; `told`: medians, there, of how well a
-    classifier tells measured from simulated echoes, before and after. `brier`: mean squared difference of confidence
+    classifier tells measured from simulated echoes, before and after; `described`, `described_told`: the same of what
+    is outside of the catalogue, where empirical terms close it. `brier`: mean squared difference of confidence
     and outcome. `seconds`: median and 90th percentile. `errors`: cases without an answer, by number.
     """
 
@@ -134,6 +135,8 @@ class Score:
     all_shares: Mapping[str, Share]
     closed: float
     told: tuple[float, float]
+    described: float
+    described_told: tuple[float, float]
     calibration: tuple[Bin, ...]
     brier: float
     seconds: tuple[float, float]
@@ -149,7 +152,8 @@ class Score:
             "observable": {name: share.to_dict() for name, share in self.shares.items()},
             "all": {name: share.to_dict() for name, share in self.all_shares.items()},
             "closed": _or_none(self.closed),
-            "told_apart": {"before": _or_none(self.told[0]), "after": _or_none(self.told[1])},
+            "told_apart": _before_after(self.told),
+            "described": {"closed": _or_none(self.described), "told_apart": _before_after(self.described_told)},
             "calibration": bins,
             "brier": _or_none(self.brier),
             "seconds": {"median": _or_none(self.seconds[0]), "p90": _or_none(self.seconds[1])},
@@ -163,6 +167,15 @@ def _median(values: Iterable[float]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
+def _before_after(told: tuple[float, float]) -> dict[str, float | None]:
+    return {"before": _or_none(told[0]), "after": _or_none(told[1])}
+
+
+def _told(answers: Sequence[Answer]) -> tuple[float, float]:
+    """Medians of how well a classifier tells measured from simulated echoes, before and after."""
+    return _median(a.told_before for a in answers), _median(a.told_after for a in answers)
+
+
 def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else value
 
@@ -170,7 +183,7 @@ def _or_none(value: float) -> float | None:
 def score(answers: Sequence[Answer]) -> Score:
     """Judge a benchmark's answers."""
     showing = [a for a in answers if a.shows]
-    hidden = [a for a in showing if a.kind in HIDDEN]
+    hidden, outside = ([a for a in showing if a.kind in kinds] for kinds in (HIDDEN, OUTSIDE))
     seconds = [a.seconds for a in answers if not a.error]
     said = [(_confidence(one), one["name"] in a.effects) for a in answers for one in a.found if _is_name(one)]
     return Score(
@@ -178,7 +191,9 @@ def score(answers: Sequence[Answer]) -> Score:
         shares=_shares(showing),
         all_shares=_shares(answers),
         closed=_median(a.closed for a in hidden),
-        told=(_median(a.told_before for a in hidden), _median(a.told_after for a in hidden)),
+        told=_told(hidden),
+        described=_median(a.closed for a in outside),
+        described_told=_told(outside),
         calibration=_calibration(said),
         brier=float(np.mean([(p - right) ** 2 for p, right in said])) if said else math.nan,
         seconds=(float(np.median(seconds)), float(np.quantile(seconds, 0.9))) if seconds else (math.nan, math.nan),
