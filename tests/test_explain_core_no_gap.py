@@ -1,6 +1,8 @@
 """What usual errors of gain, table and pose explain is no gap, unless one effect explains much of the little left."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +16,11 @@ from lidarcheck.explain.fit import Fit, fit, fit_nuisance
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.merit import CHANCE
 from lidarcheck.explain.needless import without_any
 from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.screen import Screened, chance_level, screen
-from lidarcheck.explain.search import backward, find_effects, without
+from lidarcheck.explain.search import _beside_usual, backward, find_effects, without
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
 DARK_WALL = Nuisance(materials={WALL: -1.0})
@@ -43,6 +46,24 @@ def test_few_lost_beams_stand_out_of_a_rest_that_is_small_enough_for_chance(shar
     found, bench, _ = searched(make("dropout", {"share": share}))
     assert found == ("dropout",)
     assert bench.start < 3.0 * bench.lab.floor_distance
+
+
+@pytest.mark.parametrize(
+    ("nuisance", "asked"),
+    [
+        (Nuisance(), 150.0),  # nothing was fitted first
+        (Nuisance(materials={WALL: 1.2}), 0.4 * CHANCE),
+        (Nuisance(materials={WALL: 2.5}), 150.0),  # no usual error: it has taken up a part of the effect
+    ],
+)
+def test_beside_usual_errors_an_effect_must_explain_a_part_of_what_chance_may_leave(
+    nuisance: Nuisance, asked: float
+) -> None:
+    lab: Any = SimpleNamespace(floor_distance=800.0)
+    small, large = Bench(lab, lab, 10.0, 1600.0), Bench(lab, lab, 10.0, 3800.0)
+    first = Fit((), (), 1000.0, np.zeros((1, 3)), nuisance=nuisance)
+    assert _beside_usual(large, first).worth == pytest.approx(150.0)
+    assert _beside_usual(small, first).worth == pytest.approx(asked if asked < 150.0 else 40.0)
 
 
 def test_the_nuisances_are_fitted_to_their_end_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
