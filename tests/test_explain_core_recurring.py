@@ -58,6 +58,17 @@ def test_echoes_that_gather_around_a_sign_at_its_range_are_no_foreign_pulses(
     assert recurs(seen, model(foreign), "interference", Crew()) == (true == "blooming_vertical")
 
 
+@pytest.mark.parametrize("true", ["retro_ghost", "interference"])
+def test_echoes_on_beams_that_meet_one_material_are_no_foreign_pulses(
+    true: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lidarcheck.explain.recurring._agreement", lambda _count: 0.0)
+    foreign = make("interference", {"share": 0.05, "signal": 8.0})
+    cause = foreign if true == "interference" else make("retro_ghost", {})
+    seen = Scale.of(frames(model(cause), 3, sign=True, **FINE, seed=3), model(), 5)
+    assert recurs(seen, model(foreign), "interference", Crew()) == (true == "retro_ghost")
+
+
 def test_effects_that_do_not_strike_at_random_may_recur() -> None:
     seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
     assert not recurs(seen, model(make("range_offset", {"offset_m": 0.1})), "range_offset", Crew())
@@ -69,5 +80,6 @@ def test_what_recurs_speaks_against_a_name_whatever_it_closes() -> None:
     assert closes(answer)
     against = dataclasses.replace(answer, recurring=("interference",))
     assert not closes(against)
-    assert objection(against) == "interference would strike the same columns in every frame, or beside bright targets"
+    places = "the same columns in every frame, beside bright targets, or on one material"
+    assert objection(against) == f"interference would strike {places}"
     assert objection(answer) == "too much stays open on the frames seen"

@@ -74,9 +74,8 @@ def closes(answer: Answer, gap: Gap | None = None) -> bool:
 def objection(answer: Answer, gap: Gap | None = None) -> str:
     """What speaks against the named effects, in words: on the frames seen, or with `gap` on those no fit has seen."""
     if answer.recurring:
-        return (
-            f"{' and '.join(answer.recurring)} would strike the same columns in every frame, or beside bright targets"
-        )
+        places = "the same columns in every frame, beside bright targets, or on one material"
+        return f"{' and '.join(answer.recurring)} would strike {places}"
     if answer.inside:
         return "echoes stay in the midst of surfaces, where no edge is"
     if gap is None:

@@ -3,7 +3,7 @@
 An effect that adds or loses echoes at random, or turns the view, can take up as many as a fault adds or loses in the
 same columns of every frame, and the means over all frames are the same. From frame to frame they are not. And single
 columns that foreign pulses strike have so large a noise of their own that what a sign lights around it may be them, if
-it were not always there and at the sign's range.
+it were not always there and at the sign's range, and what it sends back twice, if it were not on the sign alone.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ _MORE, _SURE = 0.3, 4.0
 """Echoes recur in the same columns where frames agree on these better than the model's do, by so large a correlation
 and by so many of its standard deviations."""
 _MORE_BESIDE, _FEWEST = 0.25, 30
-"""They gather where such a larger part of them lies at the range of a bright target beside, and so many do."""
+"""They gather where such a larger part of them lies at the range of a bright target beside, or on one material, and so
+many do."""
 _AT_RANGE_M = 2.5
 
 
@@ -52,25 +53,26 @@ def _is_more(measured: float, random: Sequence[float], least: float) -> bool:
 
 
 def _gathers(seen: Scale, with_: Sequence[Sights], without: Sequence[Sights]) -> bool:
-    """Whether a larger part of the measured echoes that are too many lies beside bright targets, at their range."""
-    usual = np.mean([_beside_bright(seen, one) for one in without], axis=0)
-    (beside, elsewhere), *random = (_beside_bright(seen, one) - usual for one in (seen.measured, *with_))
-    parts = [_part(*one) for one in random]
-    return beside >= _FEWEST and _is_more(_part(beside, elsewhere), parts, _MORE_BESIDE)
+    """Whether a larger part of the measured echoes that are too many lies beside bright targets, at their range, or on
+    beams that meet one material: foreign pulses strike whatever a beam meets."""
+    usual = np.mean([_gathered(seen, one) for one in without], axis=0)
+    measured, *random = (np.maximum(_gathered(seen, one) - usual, 0.0) for one in (seen.measured, *with_))
+    part, *own = (np.minimum(one[1:] / max(one[0], 1.0), 1.0) for one in (measured, *random))
+    return any(
+        there >= _FEWEST and _is_more(float(here), simulated, _MORE_BESIDE)
+        for there, here, simulated in zip(measured[1:], part, np.transpose(own).tolist(), strict=True)
+    )
 
 
-def _beside_bright(seen: Scale, sights: Sights) -> FloatArray:
-    """How many of the echoes of no surface lie at the range of a bright target beside them, and how many do not."""
-    beam, beams = sights.extra_beam, seen.beams
-    range_m = sights.extra_m[:, None]
+def _gathered(seen: Scale, sights: Sights) -> FloatArray:
+    """How many echoes of no surface there are, how many of them at the range of a bright target beside them, and how
+    many on beams that meet each material, or nothing."""
+    beams, lone = seen.beams, sights.extra_side < 0
+    beam, range_m = sights.extra_beam[lone], sights.extra_m[lone, None]
     near = ((beams.bright[beam] > 0) & (np.abs(range_m - beams.bright_m[beam]) < _AT_RANGE_M)).any(axis=1)
-    lone = sights.extra_side < 0
-    return np.array([np.count_nonzero(near & lone), np.count_nonzero(~near & lone)], dtype=np.float64)
-
-
-def _part(beside: float, elsewhere: float) -> float:
-    """The part of both that lies beside."""
-    return max(beside, 0.0) / max(beside + elsewhere, 1.0)
+    _, material = np.unique(beams.material_id, return_inverse=True)
+    on_each = np.bincount(material[beam], minlength=int(material.max()) + 1)
+    return np.array([len(beam), np.count_nonzero(near), *on_each], dtype=np.float64)
 
 
 def _shown(seen: Scale, model: Model) -> list[Sights]:
