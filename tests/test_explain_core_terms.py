@@ -14,8 +14,9 @@ from lidarcheck.effects import make
 from lidarcheck.explain.forward import Bench
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
+from lidarcheck.explain.residuals import Residual, residuals
 from lidarcheck.explain.term_curves import curve, levels, repeating, rhythms, steps_of
-from lidarcheck.explain.terms import Kind, again, described
+from lidarcheck.explain.terms import Kind, _fitted, again, described
 from lidarcheck.explain.unknown import describe
 from lidarcheck.model import Model
 from lidarcheck.scan import Scan
@@ -181,6 +182,23 @@ def test_a_chosen_kind_is_fitted_again_whatever_ranks_before_it_on_other_frames(
     assert over_range is not None
     knots, values = (np.array(over_range.settings()[name]) for name in ("knots", "values"))
     assert np.polyfit(knots, values, 1)[0] == pytest.approx(0.004, rel=0.3)
+
+
+def test_levels_that_a_file_would_not_tell_apart_are_one() -> None:
+    rng = np.random.default_rng(7)
+    area = np.log(rng.uniform(20_000.0, 20_010.0, 5_000))
+    left = Residual("area", np.zeros(9), np.ones(9), np.arange(9), 2.0, all_values=(area, area + 0.1))
+    bench, _, _ = bench_of(model(), model(), None)
+    settings = _fitted(bench.lab, left, Kind("area", ("area_log10",), shape="levels")).settings()
+    assert len(settings["knots_area"]) == len(settings["values_area"]) < 5
+    assert np.array(settings["values_area"]) == pytest.approx(0.1, abs=0.01)
+
+
+def test_where_few_echoes_are_seen_no_levels_are_fitted() -> None:
+    few = frames(model(), 2, layers=range(256, 262), points=range(470, 480))
+    lab = Lab(few, model(), 3)
+    assert all(one.all_values is None for one in residuals(lab, model()))
+    assert again(lab, model(), Kind("peak", ("peak_log10",), shape="levels")) is None
 
 
 def test_parts_that_a_model_describes_already_are_left_as_they_are() -> None:

@@ -19,6 +19,8 @@ FloatArray = npt.NDArray[np.float64]
 PARTS = ("signal", "flicker", "range", "amplitude", "area", "peak", "width", "loss", "spread", "extra")
 """The parts of a model that terms change: the light, its scatter, the echoes' ranges and features, losses, extras."""
 _SEEDS = 3
+_ENOUGH = 200
+"""Of so many echoes a distribution is told level by level."""
 _FEATURES = {"area": 1, "peak": 2, "width": 3}
 
 
@@ -74,7 +76,8 @@ def residuals(lab: Lab, model: Model) -> Iterator[Residual]:
         # Of beams that all have seen: with those of faint ones in some, distributions would differ by what is lost.
         values = np.concatenate([s.feature[seen, j] for s in shown]).astype(np.float64)
         known = measured.feature[seen, j].astype(np.float64)
-        yield Residual(part, np.clip(off[:, j], -limit, limit), weight[:, j], rows, limit, all_values=(values, known))
+        both_ways = (values, known) if len(seen) >= _ENOUGH else None
+        yield Residual(part, np.clip(off[:, j], -limit, limit), weight[:, j], rows, limit, all_values=both_ways)
     sure = np.flatnonzero((count == len(shown)) & ~expected.at_edge)
     lost = 1.0 - measured.detected[sure].astype(np.float64)
     yield Residual("loss", lost, np.ones(len(sure)), sure, 0.98, is_mean=False)

@@ -38,7 +38,10 @@ def extras(lab: Lab, model: Model, covariates: Sequence[str]) -> Iterator[tuple[
     if excess.sum() < _FEWEST:
         return
     places, known = _places(lab, measured), [_places(lab, s) for s in shown]
-    weights = {p: _new(v, [k[p] for k in known]) for p, v in places.items() if np.isfinite(v).mean() > _MEET}
+    new = {p: _new(v, [k[p] for k in known]) for p, v in places.items() if np.isfinite(v).mean() > _MEET}
+    weights = {p: weight for p, weight in new.items() if weight.any()}
+    if not weights:
+        return
     tightest = min(weights, key=lambda p: _width(places[p], weights[p]))
     weight = weights[tightest]
     knots = np.unique(np.round(_quantiles(places[tightest], weight, np.linspace(0.0, 1.0, 9)), 3))
@@ -90,8 +93,6 @@ def _width(value: FloatArray, weight: FloatArray) -> float:
 def _quantiles(value: FloatArray, weight: FloatArray, levels: FloatArray) -> FloatArray:
     """The weighted values' quantiles at levels, same shape."""
     used = weight > 0.0
-    if not used.any():
-        used, weight = np.isfinite(value), np.ones(len(value))
     order = np.argsort(value[used])
     below = np.cumsum(weight[used][order])
     return np.asarray(np.interp(levels * below[-1], below - 0.5 * weight[used][order], value[used][order]))

@@ -95,7 +95,8 @@ def again(lab: Lab, model: Model, kind: Kind) -> Effect | None:
         found = _fitted_lattice(lab)
         return found and found[1]
     residual = next(one for one in residuals(lab, model) if one.part == kind.part)
-    return _fitted(lab, residual, kind) if residual.weight.sum() > 0.0 else None
+    known = residual.weight.sum() > 0.0 and not (kind.shape == "levels" and residual.all_values is None)
+    return _fitted(lab, residual, kind) if known else None
 
 
 def _kinds(lab: Lab, residual: Residual) -> Iterator[Kind]:
@@ -165,7 +166,9 @@ def _made(kind: Kind, residual: Residual, curves: list[tuple[FloatArray, FloatAr
         if residual.is_variance:
             values = np.sqrt(np.maximum(values, 0.0)) * (1.0 if len(curves) == 1 else 0.7)
         values = np.round(np.clip(values, -residual.limit, residual.limit), 5).astype(np.float64)
-        settings |= {f"covariate{suffix}": name, f"knots{suffix}": np.round(knots, 4), f"values{suffix}": values}
+        knots = np.round(knots, 4)
+        apart = np.append(True, np.diff(knots) > 0.0)  # of those that a file would not tell apart the first
+        settings |= {f"covariate{suffix}": name, f"knots{suffix}": knots[apart], f"values{suffix}": values[apart]}
     if kind.shape == "repeats":
         settings["beyond"] = "repeats"
     return make(kind.term, settings)
