@@ -53,6 +53,7 @@ WATCHERS: Mapping[str, tuple[str, ...]] = {
     "blockage": ("area_mean", "detection_probability", "area_point_spread", "area_layer_spread"),
     "interference": (*_STRAYS, "echo_area_mean"),
     "dropout": ("detection_probability", "echo_share"),
+    "empirical_flicker": ("area_spread", "area_mean", "detection_probability"),
     "empirical_signal": _LIGHT,
     "empirical_range": ("range_residual_mean", "range_residual_per_metre", "range_residual_per_decade"),
     "empirical_spread": ("range_noise",),
