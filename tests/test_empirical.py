@@ -282,6 +282,19 @@ def test_the_signal_flickers_from_beam_to_beam_with_the_function_s_standard_devi
     assert np.corrcoef(near[:-1], near[1:])[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(len(near)))
 
 
+@pytest.mark.parametrize(("covariate", "low", "high"), [("peak_log10", 1.3, 1.8), ("width_ns", 4, 9)])
+def test_what_only_echoes_have_is_of_a_beam_s_largest(covariate: str, low: float, high: float) -> None:
+    around = Around(wall(3, 40.0))
+    scan = dataclasses.replace(
+        echoes([(0, 0), (0, 0), (0, 1), (0, 1)], [1, 2, 1, 2], [10.0, 40.0, 10.0, 40.0], [90.0, 900.0, 900.0, 90.0]),
+        peak=np.array([20.0, 63.0, 20.0, 63.0]),
+        width_ns=np.array([4.0, 9.0, 4.0, 9.0]),
+    )
+    shape = {"covariate": covariate, "knots": [low, high], "values": [0, 1], **ANYWHERE, **STRENGTH}
+    found = out("empirical_extra", around, scan, **shape)
+    assert np.bincount(found.point, minlength=3).tolist() == [3, 2, 0]
+
+
 def test_beams_may_gain_several_echoes_each_of_its_own_range_and_strength() -> None:
     n = 5_000
     around = Around(wall(n, 0.0))

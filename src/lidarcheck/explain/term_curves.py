@@ -17,7 +17,10 @@ _FEWEST_PERIODS, _OVERSAMPLED, _MOST_RHYTHMS = 2.5, 6.0, 3
 _CELLS = {"range_m": 0.05, "layer": 1.0, "point": 1.0}
 """Covariates in which something may repeat, and to what they are rounded for that."""
 _SHORTEST = {"range_m": 1.0, "layer": 4.0, "point": 4.0}
+"""What repeats within less is not looked for."""
 _FINEST_M, _LONGEST_M = 0.005, 5.0
+"""Ranges are rounded to the first to find their steps, which are no coarser than the second and four times the first
+or more: centimetres are how a file is written."""
 _REFINED = 3
 _ON_STEPS, _ALIKE = 0.9, 0.95
 """Ranges on a lattice agree in phase to this part, and to such a part of the best with all that divides it."""
@@ -56,8 +59,8 @@ def at(knots: FloatArray, values: FloatArray, u: FloatArray, name: str) -> Float
 
 
 def rhythms(u: FloatArray, value: FloatArray, weight: FloatArray, name: str) -> list[tuple[float, float]]:
-    """The periods of the waves that explain most, each better than its neighbours, and what part they explain of the
-    values' weighted squares; the best first, at most three."""
+    """The periods of the waves that explain most, each better than its neighbours, and how much of the values'
+    weighted squares they explain; the best first, at most three."""
     cell, total, heft = _cells(u, value, weight, _CELLS[name])
     span, shortest = float(np.ptp(u)), _SHORTEST[name]
     if span < 2.0 * _FEWEST_PERIODS * shortest or heft.sum() == 0.0:

@@ -80,9 +80,9 @@ def _chosen(bench: Bench, told: Told) -> list[Kind]:
             with contextlib.suppress(UsageError):  # a term out of its range cannot be carried
                 found.append((select.distance(select.shows(_with(other, effect))), kind, effect))
             told("unknown", number * len(tried) + i + 1, _MOST_TERMS * len(tried))
-        if not found or min(there for there, _, _ in found) > best - max(3.0 * bench.level, _LEAST_PART * best):
+        least = min((there for there, _, _ in found), default=np.inf)
+        if least > best - max(3.0 * bench.level, _LEAST_PART * best):
             break
-        least = min(there for there, _, _ in found)
         near = [one for one in found if one[0] < least + _AS_NEAR * (best - least)]
         best, kind, effect = min(near, key=lambda one: (one[1].shape == "spline", one[0]))
         model, other = _with(model, effect), _with(other, effect)
