@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ import hidden
 from conftest import shared_path
 from hidden import forms
 from hidden.cases import MATERIALS_BY_SCENE, Setting, comparable, setting
-from hidden.chain import Effect, Nuisance, measure
+from hidden.chain import Effect, Nuisance, View, measure
 from hidden.orders import GROUPS, NAMES, SCENES_FOR, CaseOrder, plan
-from hidden.places import GLASS, TABLE
+from hidden.places import CAR, GLASS, TABLE, arrange
 from hidden.rays import Beams, Hits
 from hidden.sealing import NoAnswerError, Sealed
 from hidden.sensor import ALL_SHOTS, BACKGROUND_PER_NS, THRESHOLD, Detectors, Echoes, Light, detect
@@ -166,6 +167,22 @@ def test_every_form_of_every_effect_shows(name):
 def test_every_alien_shows(name):
     assert name not in NAMES
     assert_shows(forms.draw_alien(name, draw_for("mixed")), "mixed")
+
+
+def test_a_number_is_one_car_with_one_speed_in_every_frame():
+    traffic = forms.draw_effect("motion", draw_for("mixed"), "traffic")
+    speeds: dict[int, set[float]] = {}
+    for kind in ("street", "sign"):
+        for seed in range(12):
+            scene = arrange(kind, [seed], glass=False)
+            cars = {r.object_id for r in scene.rectangles if r.material == CAR}
+            assert cars.isdisjoint(r.object_id for r in scene.rectangles if r.material != CAR)
+            view = View(np.zeros(1), np.zeros(1), np.zeros(3))
+            traffic.aim(view, SimpleNamespace(scene=scene))
+            assert set(view.velocity) == cars
+            for car in cars:
+                speeds.setdefault(car, set()).add(float(view.velocity[car][0]))
+    assert [len(of_one) for of_one in speeds.values()] == [1, 1]
 
 
 def test_the_catalogue_is_whole():

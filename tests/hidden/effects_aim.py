@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .chain import Effect, Frame, View
 from .forms import Draw, form
+from .places import CAR, FIRST_CAR
 from .sensor import POINTS, SWEEP_S
 
 F = NDArray[np.float64]
@@ -118,9 +119,9 @@ def _traffic(draw: Draw) -> Effect:
     speed = draw.level(4.0, 12.0, 35.0)
 
     def aim(view: View, frame: Frame) -> None:  # cars move towards or away from the sensor, each as fast
-        cars = sorted({r.object_id for r in frame.scene.rectangles if r.material == 5})
-        for i, car in enumerate(cars):
-            view.velocity[car] = view.velocity.get(car, np.zeros(3)) + np.array([speed if i % 2 else -speed, 0.0, 0.0])
+        for car in sorted({r.object_id for r in frame.scene.rectangles if r.material == CAR}):
+            way = -1.0 if (car - FIRST_CAR) % 2 == 0 else 1.0
+            view.velocity[car] = view.velocity.get(car, np.zeros(3)) + np.array([way * speed, 0.0, 0.0])
 
     return Effect("motion", "traffic", {"speed_m_s": speed}, {}, aim=aim)
 

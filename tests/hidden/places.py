@@ -23,13 +23,17 @@ TABLE: dict[int, tuple[str, float, float]] = {  # name, reflectance, retro gain 
 KINDS = ("street", "lab", "sign")
 
 
+FIRST_CAR = 101
+"""Cars are numbered from here on: a number is one object in all frames, whatever else is in view."""
+
+
 class Builder:
     """Collects rectangles, an object number for each thing."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
         self.rectangles: list[Rectangle] = []
-        self.things = 0
+        self.things, self.cars = 0, 0
 
     def draw(self, low: float, high: float) -> float:
         return float(self.rng.uniform(low, high))
@@ -54,6 +58,9 @@ class Builder:
     ) -> None:
         """A box of (length, width, height) that stands on the ground, its near end at a range; one object."""
         self.things += 1
+        number = self.things
+        if material == CAR:
+            number, self.cars = FIRST_CAR + self.cars, self.cars + 1
         length, width, height = size_m
         a, t = math.radians(azimuth_deg), math.radians(azimuth_deg + turn_deg)
         ahead, left = np.array([math.cos(t), math.sin(t), 0.0]), np.array([-math.sin(t), math.cos(t), 0.0])
@@ -67,7 +74,7 @@ class Builder:
             (middle + up * height / 2, ahead, left, (length / 2, width / 2)),
         ):
             c, along, across = (tuple(float(x) for x in vector) for vector in (centre, u, v))
-            self.rectangles.append(Rectangle(c, along, across, half, material, self.things))  # type: ignore[arg-type]
+            self.rectangles.append(Rectangle(c, along, across, half, material, number))  # type: ignore[arg-type]
 
     def wall(self, range_m: float, material: int, span_deg: tuple[float, float], top_deg: float) -> None:
         """An upright wall across part of the view, from the ground to an elevation."""
