@@ -1,8 +1,9 @@
 """Objects that move each on its own: their speeds are read off the ranges; the ground and walls are none of them."""
 
+import numpy as np
 import pytest
 
-from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model
+from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model, street
 from lidarcheck.effects import make
 from lidarcheck.explain.candidates import Probe
 from lidarcheck.explain.lab import Lab
@@ -12,8 +13,11 @@ FINE = {"layers": range(230, 290), "points": range(320, 640, 4), "sign": True}
 STILL = {"forward_m_s": 0.0}
 
 
-def several(**moving: object) -> list[Probe]:
-    lab = Lab(frames(model(make("motion", STILL | moving)), 2, **FINE), model(), 3)
+NEAR = {"layers": range(246, 282), "points": range(370, 560, 2), "sign": True}
+
+
+def several(how: dict[str, object] = FINE, **moving: object) -> list[Probe]:
+    lab = Lab(frames(model(make("motion", STILL | moving)), 2, **how), model(), 3)
     return [probe for probe in range_probes(lab, ["motion"]) if probe.variant == "several objects"]
 
 
@@ -23,6 +27,13 @@ def test_two_objects_that_move_apart_have_speeds_of_their_own() -> None:
     assert found == {PANEL: pytest.approx(12.0, abs=1.0), SIGN: pytest.approx(-9.0, abs=1.0)}
     assert probe.effect().settings()["forward_m_s"] == 0.0
     assert probe.scaled(0.5).effect().settings()["objects"] == pytest.approx(0.5)
+
+
+def test_a_near_object_may_fill_a_fifth_of_the_view() -> None:
+    ideal = street(0, **NEAR)
+    assert np.mean(ideal.object_id == PANEL) > 0.18
+    [probe] = several(NEAR, movers=(PANEL, SIGN), movers_forward_m_s=(12.0, -9.0))
+    assert set(probe.settings["movers"]) == {PANEL, SIGN}
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,9 @@ _USUAL_SPEEDS, _USUAL_ANGLES = (20.0, 5.0, 1.0, 30.0), (0.3, 0.3)
 """Speeds ahead, to the left and up [m/s] and to the left [deg/s], and angles [deg], that are no surprise."""
 _FEWEST_OF_ONE, _SURE = 20, 4.0
 """So many beams of an object tell its speed, which must be so many of its standard errors."""
-_MOST_OF_ONE = 0.15
-"""What more of all beams see is no car, but the ground or a wall: if that seems to move, the sensor does."""
+_MOST_OF_ONE, _MOST_OF_ALL = 0.4, 0.5
+"""What more of all beams see is no car, but the ground or a wall; and if more than half of all that is seen seems to
+move, the sensor does."""
 _REFERENCE = Free("reference_area", 0.5, log=True)
 
 
@@ -99,6 +100,7 @@ def _traffic(lab: Lab) -> list[Probe]:
     used, residual = _range_residuals(lab)
     per_speed, object_id = -_per_speed(lab)[used, :1], lab.beams.object_id[used]
     speeds: dict[int, float] = {}
+    moving = 0
     for number in np.unique(object_id[object_id >= 0]):
         mine = (object_id == number) & (per_speed[:, 0] != 0.0)
         if not _FEWEST_OF_ONE <= np.count_nonzero(mine) <= _MOST_OF_ONE * len(residual):
@@ -108,7 +110,8 @@ def _traffic(lab: Lab) -> list[Probe]:
         error = max(1.5 * float(np.median(off)), _NOISE_M) / float(np.sqrt(np.sum(per_speed[mine] ** 2)))
         if abs(speed) > _SURE * error:
             speeds[int(number)] = round(float(np.clip(speed, -60.0, 60.0)), 2)
-    if len(speeds) < 2:
+            moving += int(np.count_nonzero(mine))
+    if len(speeds) < 2 or moving > _MOST_OF_ALL * len(residual):
         return []
     settings = {"forward_m_s": 0.0, "objects": 1.0, "movers": (*speeds,), "movers_forward_m_s": (*speeds.values(),)}
     return [Probe("motion", settings, (Free("objects", 0.1),), {}, "several objects")]
