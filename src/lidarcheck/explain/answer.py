@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.explain.explanation import Explanation, Finding, Gap, Standout, Step
 from lidarcheck.explain.findings import candidates_table, findings_of
+from lidarcheck.explain.footprint_rays import with_best_rays
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.images import only_images_stay
@@ -87,6 +88,7 @@ def objection(answer: Answer, gap: Gap | None = None) -> str:
 def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
     case = bench.lab.model
+    last = with_best_rays(seen, case, last, bench.crew)
     [(before, noise)] = bench.crew.map(Scale.excess_by_part, [(seen.held, case)])
     even = findings_of(bench, search, closed, last, float(before.mean()))
     findings = with_patches(seen, case, even, last.last.nuisance, bench.crew)

@@ -336,6 +336,7 @@ _WAYS: dict[tuple[str, str], tuple[dict[str, float], ...]] = {
 }
 """Where the sun stands cannot be told before it is known how bright it is."""
 _FIXED: dict[str, dict[str, float]] = {"beam_divergence": {"rays": 3}}
+"""Few rays are fast; `footprint_rays` tries more at the end."""
 
 
 def free_of(name: str) -> tuple[Free, ...]:

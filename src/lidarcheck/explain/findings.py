@@ -83,8 +83,6 @@ def rounded_effects(now: Fit) -> list[Effect]:
     found = []
     for effect in now.effects():
         settings = {k: _rounded(v) if isinstance(v, float) else v for k, v in effect.settings().items()}
-        if effect.name == "beam_divergence":
-            settings["rays"] = 5  # the search takes three for speed
         found.append(make(effect.name, settings))
     return found
 
