@@ -79,11 +79,45 @@ def test_what_is_small_beside_the_whole_gap_must_close_most_of_what_is_left(
 ) -> None:
     """Of a gap of 4.1 by a gain of 0.3, a jitter of 0.22 ns is 0.5 %, and seven tenths of what the gain leaves."""
     monkeypatch.setattr(looking, "_MOST_OF_LEFT", most_of_left)
+    monkeypatch.setattr(looking, "_UNTOUCHED", np.inf)
     bench = bench_of(make("signal_gain", {"gain": 0.3}), make("timing_jitter", {"sigma_ns": 0.22}))
     strong = fitted(bench, "signal_gain")
     search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
     after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
     assert (after.fit.names() == ("signal_gain", "timing_jitter")) == found
+
+
+@pytest.mark.parametrize(
+    ("ranges", "left", "echoes", "noise", "closes"),
+    [
+        (0.46, 0.11, 1.05, 0.01, True),
+        (0.46, 0.11, 1.60, 0.01, False),
+        (0.30, 0.07, 1.05, 0.01, False),
+        (0.46, 0.25, 1.05, 0.01, False),
+        (0.46, 0.11, 1.05, 0.10, False),
+    ],
+    ids=["most", "the rest is wider", "what forms may leave", "too little", "chance"],
+)
+def test_what_others_leave_as_it_was_is_no_rest_of_their_forms_however_small_beside_all(
+    ranges: float, left: float, echoes: float, noise: float, closes: bool
+) -> None:
+    """Of fog and jitter: fog closes nine tenths of other echoes, and half of what ranges are off."""
+    swing = np.array([[-1.0], [0.0], [1.0]])
+    whole, before, after = np.array([0.81, 12.3]), np.array([ranges, 1.03]), np.array([left, echoes])
+    noises = swing * np.array([noise, 0.03])
+    assert looking._closes_what_others_left(whole, (before, noises), (after, noises)) == closes
+
+
+def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the gap in range, 1.47, the gain leaves 0.81."""
+    monkeypatch.setattr(looking, "_closes", lambda *_: False)
+    bench = bench_of(make("signal_gain", {"gain": 0.7}), JITTER)
+    strong = fitted(bench, "signal_gain")
+    search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
+    after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    assert after.fit.names() == ("signal_gain", "timing_jitter")
 
 
 def test_of_two_effects_that_do_much_the_same_both_are_found_though_the_first_took_what_both_do() -> None:

@@ -30,6 +30,7 @@ from lidarcheck.explain.screen import Screened, chance_level, screen
 __all__ = ["Look", "joint_trials", "look_around", "second_look", "unstrained_trials", "worth_by_beams"]
 
 FloatArray = npt.NDArray[np.float64]
+_Parts = tuple[FloatArray, FloatArray]
 
 _LEFT = 3.0 * CHANCE
 """Less than this above the floor is not looked at again."""
@@ -41,6 +42,10 @@ _LIKELY = 0.08
 _LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, _SURE = 0.15, 0.03, 0.5, 4.0
 """Beam by beam it must close this part of the gap that the others leave, this one of the gap that there was or else
 most of what the others leave, and so many standard deviations of chance."""
+_UNTOUCHED, _LARGE_PART, _PART_LEFT = 0.4, 0.05, 0.4
+"""Or, of a part of the gap that the others leave nearly as it was, more than the first, and that is larger than usual
+errors make, it leaves less than the last. A fog that lights up the air makes a gap of which jitter is a sixtieth, and
+yet all that ranges are off."""
 _MOST_EXPLAINED = 0.6
 """Where less is left than that chance, it must explain this part of what the summaries have left."""
 _AS_MUCH = 2.0
@@ -203,9 +208,15 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
     if not tried or own is None:
         return None
     case = bench.lab.model
-    models = [(seen.held, case, Nuisance()), *((seen.held, one.fit.model(case), one.fit.nuisance) for one in tried)]
-    whole, *left = (excess for excess, _ in bench.crew.map(Scale.excess, models))
-    closing = [(there, one) for there, one in zip(left, tried, strict=True) if _closes(own, one, there, whole)]
+    fits = [own.last, *(one.fit for one in tried)]
+    models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in fits)]
+    whole, before, *after = bench.crew.map(Scale.excess_by_part, models)
+    closing = [
+        (float(there[0].mean()), one)
+        for there, one in zip(after, tried, strict=True)
+        if _closes(own, one, float(there[0].mean()), float(whole[0].mean()))
+        or _closes_what_others_left(whole[0], before, there)
+    ]
     if not closing:
         return None
     found = min(closing, key=lambda both: both[0])[1].fit
@@ -223,6 +234,16 @@ def _closes(own: Judged, one: Trial, left: float, whole: float) -> bool:
     if _beams_cannot_tell(own) and _explains_most(own, one):
         return closed >= _LEAST_CLOSED * own.left
     return closed >= worth_by_beams(own.left, whole, own.chance)
+
+
+def _closes_what_others_left(whole: FloatArray, before: _Parts, after: _Parts) -> bool:
+    """Whether one more effect closes most of a part of the gap that the others leave nearly as it was, (n_parts,), and
+    some of it all: such a part is not what their forms leave over, however small it is beside what they close."""
+    (open_, noise), (left, noise_left) = before, after
+    chance = np.maximum(noise.std(axis=0, ddof=1), noise_left.std(axis=0, ddof=1))
+    untouched = (open_ > _UNTOUCHED * whole) & (open_ > _LARGE_PART)
+    closed = (left < _PART_LEFT * open_) & (open_ - left > _SURE * chance)
+    return bool((untouched & closed).any() and left.mean() < open_.mean())
 
 
 def _beams_cannot_tell(own: Judged) -> bool:
