@@ -105,7 +105,7 @@ def test_what_others_leave_as_it_was_is_no_rest_of_their_forms_however_small_bes
     swing = np.array([[-1.0], [0.0], [1.0]])
     whole, before, after = np.array([0.81, 12.3]), np.array([ranges, 1.03]), np.array([left, echoes])
     noises = swing * np.array([noise, 0.03])
-    assert looking._closes_what_others_left(whole, (before, noises), (after, noises)) == closes
+    assert looking.closes_what_others_left(whole, (before, noises), (after, noises)) == closes
 
 
 def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
@@ -248,6 +248,21 @@ def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_s
     assert again.fit is found.fit
     one = Search(found.fit, without(bench.lab, found.fit, 1))
     assert without_needless(bench, seen, one, 7) is one
+
+
+@pytest.mark.parametrize(("untouched", "names"), [(0.4, 2), (np.inf, 1)])
+def test_what_closes_all_of_a_part_is_not_needless_though_it_is_little_of_the_whole(
+    untouched: float, names: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the gap in range, 1.47, the gain leaves 0.81; all else asks for more of the whole than there is."""
+    monkeypatch.setattr(looking, "_UNTOUCHED", untouched)
+    monkeypatch.setattr(needless, "_explains", lambda *_: True)
+    monkeypatch.setattr(needless, "_closes", lambda *_, **__: True)
+    bench = bench_of(make("signal_gain", {"gain": 0.7}), JITTER)
+    probes = [fixed_probes([name])[0] for name in ("signal_gain", "timing_jitter")]
+    both = fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    found = without_needless(bench, seen_of(bench), Search(both, both), 7)
+    assert len(found.fit.names()) == names
 
 
 @pytest.mark.parametrize(

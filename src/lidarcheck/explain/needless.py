@@ -19,7 +19,7 @@ from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.overall import Open, carries_over
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.search import DOUBTFUL, without
-from lidarcheck.explain.second_look import worth_by_beams
+from lidarcheck.explain.second_look import closes_what_others_left, worth_by_beams
 from lidarcheck.explain.taking_over import is_within_another
 from lidarcheck.explain.threads import done_by
 from lidarcheck.explain.verdict import closure
@@ -54,7 +54,11 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
         enough = [
             (now, its)
             for (now, least, within), its in zip(asked, judgements, strict=True)
-            if (least is not None and _closes(own, its, whole, least, found.beside, within=within))
+            if (
+                least is not None
+                and _closes(own, its, whole, least, found.beside, within=within)
+                and not (least == 0.0 and _is_all_of_a_part(seen, case, own, its))
+            )
             or (many and _closes(own, its, whole, _OF_ALL_BESIDE_MANY, found.beside) and _closes_all(seen, case, its))
         ]
         if not enough:
@@ -78,6 +82,13 @@ def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
     if _may_be(alone.last.nuisance, names) and alone.left <= own.left and _closes_all(seen, case, alone):
         return Search(off, off, search.trials, alone)
     return replace(search, own=own)
+
+
+def _is_all_of_a_part(seen: Scale, case: Model, own: Judged, fewer: Judged) -> bool:
+    """Whether what fewer effects lack closes a part of the gap that these leave nearly as it was."""
+    whole, _ = seen.excess_by_part(case)
+    before, after = (seen.excess_by_part(one.last.model(case), one.last.nuisance) for one in (fewer, own))
+    return closes_what_others_left(whole, before, after)
 
 
 def _may_be(off: Nuisance, names: Sequence[str]) -> bool:

@@ -27,10 +27,18 @@ from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened, chance_level, screen
 
-__all__ = ["Look", "joint_trials", "look_around", "second_look", "unstrained_trials", "worth_by_beams"]
+__all__ = [
+    "Look",
+    "closes_what_others_left",
+    "joint_trials",
+    "look_around",
+    "second_look",
+    "unstrained_trials",
+    "worth_by_beams",
+]
 
 FloatArray = npt.NDArray[np.float64]
-_Parts = tuple[FloatArray, FloatArray]
+Parts = tuple[FloatArray, FloatArray]
 
 _LEFT = 3.0 * CHANCE
 """Less than this above the floor is not looked at again."""
@@ -215,7 +223,7 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
         (float(there[0].mean()), one)
         for there, one in zip(after, tried, strict=True)
         if _closes(own, one, float(there[0].mean()), float(whole[0].mean()))
-        or _closes_what_others_left(whole[0], before, there)
+        or closes_what_others_left(whole[0], before, there)
     ]
     if not closing:
         return None
@@ -236,16 +244,6 @@ def _closes(own: Judged, one: Trial, left: float, whole: float) -> bool:
     return closed >= worth_by_beams(own.left, whole, own.chance)
 
 
-def _closes_what_others_left(whole: FloatArray, before: _Parts, after: _Parts) -> bool:
-    """Whether one more effect closes most of a part of the gap that the others leave nearly as it was, (n_parts,), and
-    some of it all: such a part is not what their forms leave over, however small it is beside what they close."""
-    (open_, noise), (left, noise_left) = before, after
-    chance = np.maximum(noise.std(axis=0, ddof=1), noise_left.std(axis=0, ddof=1))
-    untouched = (open_ > _UNTOUCHED * whole) & (open_ > _LARGE_PART)
-    closed = (left < _PART_LEFT * open_) & (open_ - left > _SURE * chance)
-    return bool((untouched & closed).any() and left.mean() < open_.mean())
-
-
 def _beams_cannot_tell(own: Judged) -> bool:
     """Whether less is left beam by beam than the chance that is asked of one more effect: noise hides it there, from
     which summaries tell it."""
@@ -262,3 +260,13 @@ def _explains_most(own: Judged, one: Trial) -> bool:
 def worth_by_beams(left: float, whole: float, chance: float) -> float:
     """How much of the gap beam by beam an effect must close beside others that leave so much of the whole one."""
     return max(_LEAST_CLOSED * left, min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * left), _SURE * chance)
+
+
+def closes_what_others_left(whole: FloatArray, before: Parts, after: Parts) -> bool:
+    """Whether one more effect closes most of a part of the gap that the others leave nearly as it was, (n_parts,), and
+    some of it all: such a part is not what their forms leave over, however small it is beside what they close."""
+    (open_, noise), (left, noise_left) = before, after
+    chance = np.maximum(noise.std(axis=0, ddof=1), noise_left.std(axis=0, ddof=1))
+    untouched = (open_ > _UNTOUCHED * whole) & (open_ > _LARGE_PART)
+    closed = (left < _PART_LEFT * open_) & (open_ - left > _SURE * chance)
+    return bool((untouched & closed).any() and left.mean() < open_.mean())
