@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.crew import Crew
 from lidarcheck.effects.footprint import offsets_rad
@@ -18,7 +17,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["with_best_rays"]
 
-FloatArray = npt.NDArray[np.float64]
 _NAME, _MORE, _ROUNDS = "beam_divergence", 5, 2
 
 
