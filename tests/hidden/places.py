@@ -54,13 +54,17 @@ class Builder:
         )
 
     def box(
-        self, near_m: float, azimuth_deg: float, size_m: tuple[float, float, float], material: int, turn_deg: float
+        self,
+        near_m: float,
+        azimuth_deg: float,
+        size_m: tuple[float, float, float],
+        material: int,
+        turn_deg: float,
+        number: int | None = None,
     ) -> None:
         """A box of (length, width, height) that stands on the ground, its near end at a range; one object."""
         self.things += 1
-        number = self.things
-        if material == CAR:
-            number, self.cars = FIRST_CAR + self.cars, self.cars + 1
+        number = number or self.things
         length, width, height = size_m
         a, t = math.radians(azimuth_deg), math.radians(azimuth_deg + turn_deg)
         ahead, left = np.array([math.cos(t), math.sin(t), 0.0]), np.array([-math.sin(t), math.cos(t), 0.0])
@@ -114,7 +118,8 @@ def _background(b: Builder) -> None:
 
 def _car(b: Builder, near_m: float, azimuth_deg: float) -> None:
     size = (b.draw(3.8, 4.8), b.draw(1.6, 1.9), b.draw(1.4, 1.9))
-    b.box(near_m, azimuth_deg, size, CAR, b.draw(-25, 25) - azimuth_deg)
+    b.box(near_m, azimuth_deg, size, CAR, b.draw(-25, 25) - azimuth_deg, FIRST_CAR + b.cars)
+    b.cars += 1
 
 
 def street(b: Builder) -> None:
