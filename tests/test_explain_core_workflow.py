@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 
 from explain_core_kit import case, frames, model, ripple
+from lidarcheck.crew import Crew
 from lidarcheck.effects import catalogue, empirical, make
 from lidarcheck.errors import UsageError
+from lidarcheck.explain import workflow
 from lidarcheck.explain.adopt import write_model
 from lidarcheck.explain.case import Case
 from lidarcheck.explain.explanation import Explanation
-from lidarcheck.explain.forward import Bench
+from lidarcheck.explain.forward import Bench, Search, start_fit
 from lidarcheck.explain.gap import Scale
 from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.progress import PROGRESS
+from lidarcheck.explain.progress import PROGRESS, silent
 from lidarcheck.explain.trials import select_distance
-from lidarcheck.explain.unknown import describe
-from lidarcheck.explain.workflow import explain
+from lidarcheck.explain.unknown import Description, describe
+from lidarcheck.explain.verdict import Closure
+from lidarcheck.explain.workflow import Run, explain
 from lidarcheck.model import Model, load_model, simulate
 
 OFFSET_M = 0.12
@@ -176,6 +179,19 @@ def test_a_description_brings_model_and_measurement_together_on_other_frames(ben
     assert after < before - 0.3 * (before - bench.select.floor_distance)
     assert all(0 < done <= of for _, done, of in told)
     assert round_trip(described, tmp_path).effects == described.effects
+
+
+def test_a_run_describes_once_however_many_names_it_withholds(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+    slope = make("empirical_range", {"covariate": "range_m", "knots": [0.0, 50.0], "values": [0.0, 0.1]})
+    monkeypatch.setattr(workflow, "describe", lambda *_: asked.append(1) or Description((slope,), "range over range"))
+    run, first = Run(model(), 4, (), Crew(), silent), start_fit(bench.lab)
+    closed = Closure(1000.0, 600.0, 60.0)
+    answers = [run.decide(bench, None, Search(first, first), closed, None) for _ in range(2)]  # type: ignore[arg-type]
+    assert asked == [1]
+    assert answers[0] == answers[1]
+    assert answers[0].verdict == "unknown"
+    assert answers[0].stages[1][1] == model().with_(slope)
 
 
 def round_trip(described: Model, directory) -> Model:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from lidarcheck.explain.patchy import with_patches
 from lidarcheck.explain.recurring import recurs
 from lidarcheck.explain.rivals import Polished
 from lidarcheck.explain.splits import only_edges_stay
-from lidarcheck.explain.unknown import describe
+from lidarcheck.explain.unknown import Description
 from lidarcheck.explain.verdict import Closure
 from lidarcheck.explain.words import depends_on
 from lidarcheck.model.spec import Model
@@ -108,11 +108,8 @@ def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: P
     return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
 
 
-def by_terms(
-    bench: Bench, seen: Scale, search: Search, left: float, seed: int, told: Callable[[str, int, int], object]
-) -> Answer:
-    """What the residual depends on, and empirical terms; `left`: the part that no name explains."""
-    found = describe(bench, seen, seed, told)
+def by_terms(bench: Bench, search: Search, left: float, found: Description) -> Answer:
+    """What the residual depends on, and the terms that were found; `left`: the part that no name explains."""
     depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
     said = f"{depends}; described as {found.words.replace('; ', ', ')}" if found.effects else depends
     finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), said, "", found.effects)

@@ -20,14 +20,7 @@ from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, c
 from lidarcheck.explain.appeal import appeal
 from lidarcheck.explain.candidates import fixed_probes
 from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
-from lidarcheck.explain.explanation import (
-    Explanation,
-    Gap,
-    Hearer,
-    Standout,
-    Step,
-    Teller,
-)
+from lidarcheck.explain.explanation import Explanation, Gap, Hearer, Standout, Step, Teller
 from lidarcheck.explain.findings import is_doubtful
 from lidarcheck.explain.forward import Bench, Search
 from lidarcheck.explain.gap import Scale, gap_of
@@ -44,6 +37,7 @@ from lidarcheck.explain.second_look import second_look
 from lidarcheck.explain.split import Split, exchanged, split_frames
 from lidarcheck.explain.threads import in_threads
 from lidarcheck.explain.trials import select_distance
+from lidarcheck.explain.unknown import Description, describe
 from lidarcheck.explain.verdict import Closure, closure, not_testable, shows_in_select_alone
 from lidarcheck.explain.words import standouts
 from lidarcheck.model.spec import Model
@@ -124,7 +118,7 @@ def _explain(case: Case, run: Run) -> Explanation:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: the model, the seed, what is not to be named, and who is told; its methods are the steps."""
+    """One run: the model, the seed, what is not to be named, who is told, what was found; its methods are the steps."""
 
     model: Model
     seed: int
@@ -134,6 +128,7 @@ class Run:
     hear: Hearer = deaf
     notebook: Notebook | None = None
     steps: list[Step] = field(default_factory=list)
+    described: list[Description] = field(default_factory=list)
 
     def did(self, name: str, words: str) -> None:
         """A step of the report has been done."""
@@ -328,9 +323,10 @@ class Run:
         return answer
 
     def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
-        found = by_terms(bench, seen, search, left, 2 * self.seed + 5, lambda _s, i, n: self.tell("unknown", i, n))
+        if not self.described:  # whichever names were withheld, terms begin with the case's own model
+            self.described.append(describe(bench, seen, 2 * self.seed + 5, self.tell))
         self.tell("unknown", 1, 1)
-        return found
+        return by_terms(bench, search, left, self.described[0])
 
     def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""
