@@ -9,7 +9,6 @@ from lidarcheck.explain.candidates import Free, Probe, fixed_probes
 from lidarcheck.explain.fit import fit
 from lidarcheck.explain.lab import Lab
 from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.located_losses import loss_probes
 from lidarcheck.explain.located_ranges import range_probes
 from lidarcheck.explain.nuisances import (
     GAIN_ERROR,
@@ -124,19 +123,6 @@ def test_an_effect_is_judged_with_the_nuisance_that_it_adds_to() -> None:
     turned = make("boresight", {"yaw_deg": 0.6 * LIMIT * POSE_ERROR_DEG, "pitch_deg": 0.0})
     assert is_usual_error(turned, Nuisance(pitch=0.6 * LIMIT))
     assert not is_usual_error(turned, Nuisance(yaw=0.6 * LIMIT))
-
-
-@pytest.mark.parametrize(("points", "layers"), [(1, 1), (4, 2), (8, 8), (1, 6)])
-def test_the_size_of_lost_blocks_is_read_off_the_data(points: int, layers: int) -> None:
-    lost = make("dropout", {"share": 0.08, "block_points": points, "block_layers": layers})
-    how = {"layers": range(200, 250), "points": range(400, 520)}
-    found = loss_probes(Lab(frames(model(lost), 2, **how), model(), 5))
-    if points == layers == 1:
-        assert not found
-        return
-    assert found[0].fixed["block_points"] == pytest.approx(points, rel=0.5, abs=0.5)
-    assert found[0].fixed["block_layers"] == pytest.approx(layers, rel=0.5, abs=0.5)
-    assert found[0].settings["share"] == pytest.approx(0.08, abs=0.02)
 
 
 @pytest.mark.parametrize(

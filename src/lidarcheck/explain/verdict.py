@@ -16,6 +16,7 @@ from lidarcheck.explain.explanation import Interval
 from lidarcheck.explain.fit import Fit, fit_nuisance, jacobian_of
 from lidarcheck.explain.forward import Bench, start_fit
 from lidarcheck.explain.lab import Lab, Metric
+from lidarcheck.explain.located_losses import as_struck, share_spread
 from lidarcheck.explain.merit import Trial, accepted
 from lidarcheck.explain.nuisances import POSE_ERROR_DEG
 from lidarcheck.explain.screen import Screened
@@ -119,6 +120,7 @@ def shows_in_select_alone(bench: Bench) -> bool:
 def _left(lab: Lab, now: Fit, *, along_edges: bool = False) -> float:
     """The distance above the floor that the fit leaves on the frames, but for where edges of surfaces lie to a part of
     a beam; with `along_edges`, as for footprints, but for all that any one edge shows."""
+    now = as_struck(lab, now)
     shown = select_shown(lab, now)
     model = now.model(lab.model)
     if along_edges or any(name in FOOTPRINTS for name in now.names()):
@@ -188,7 +190,8 @@ def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
     variance = np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
     own = np.concatenate([_form_error(probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
     own *= 1.0 + _OTHERS_FORMS * (len(now.probes) > 1)
-    half = 1.645 * np.sqrt(widen**2 * variance + own**2)
+    struck = np.concatenate([_struck(lab, probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
+    half = 1.645 * np.sqrt(widen**2 * variance + own**2 + struck**2)
     found, start = [], 0
     for probe, x in zip(now.probes, now.x, strict=True):
         found.append(_interval(probe, x, half[start : start + len(x)]))
@@ -204,6 +207,13 @@ def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
         part, least = _LOOSE_FORMS.get(one.name, _FORM_ERROR), max(angle, _WHOLE_BINS.get(one.name, 0.0))
         found.append(part / one.step if one.log else np.hypot(part * at, least / one.step))
     return np.array(found)
+
+
+def _struck(lab: Lab, probe: Probe, x: FloatArray) -> FloatArray:
+    """By how much, in steps, each parameter is off since few blocks were lost, shape (n_free,)."""
+    settings = probe.effect(x).settings()
+    shares = (share_spread(lab, probe, float(settings["share"])) if one.name == "share" else 0.0 for one in probe.free)
+    return np.array([share / one.step for share, one in zip(shares, probe.free, strict=True)])
 
 
 def _interval(probe: Probe, x: FloatArray, half: FloatArray) -> Mapping[str, Interval]:
