@@ -53,6 +53,10 @@ def test_beams_that_are_lost_one_by_one_make_no_blocks(others: tuple[object, ...
     assert not loss_probes(lab_of(0.0, 1, 1, *others))
 
 
+def test_where_all_is_lost_no_size_is_read_off() -> None:
+    assert not loss_probes(lab_of(1.0, 4, 8))
+
+
 def test_other_frames_lose_as_many_blocks_as_they_do() -> None:
     lab = lab_of(0.03, 8, 8)
     [read] = loss_probes(lab)

@@ -28,7 +28,7 @@ _TOGETHER = 2.0
 """Fewer beams than this in a block on the mean, of those that are lost with it, are single beams."""
 _LEAST_LIKELIER = 10.0
 """Blocks must be likelier than single beams by so much, in ln."""
-_ROUNDS, _TURNS = 8, 2
+_ROUNDS, _TURNS, _MOST = 8, 2, 1.0 - 1e-9
 _CHANCE = 3.0
 """Shares of two sets of frames that differ by less than so many standard deviations may be one."""
 
@@ -48,8 +48,8 @@ def as_struck(lab: Lab, now: Fit) -> Fit:
     """The fit with as large a share of blocks lost as a lab's own frames show, where chance may make the difference: of
     a hundred blocks of which each is lost with 5 %, a frame loses two, or nine."""
     for place, (probe, effect) in enumerate(zip(now.probes, now.effects(), strict=True)):
-        size, losses = _size(probe), _Losses.of(lab)
-        if size == (1, 1) or not len(losses.lost):
+        size = _size(probe)
+        if size == (1, 1) or not len((losses := _Losses.of(lab)).lost):
             continue
         share = float(effect.settings()["share"])
         there = _fitted(losses, losses.block(*size), share, _rates(losses, np.where(losses.lost, 0.5, 0.0))).share
@@ -98,9 +98,10 @@ class _Losses:
         return cls(beams.frame[sure], beams.layer[sure], beams.point[sure], lost, surface)
 
     def block(self, layers: int, points: int) -> IndexArray:
-        """Each beam's block, (n,): one number each."""
-        at = key_of(self.frame, self.layer // layers, self.point // points)
-        return np.unique(at, return_inverse=True)[1].ravel().astype(np.int64)
+        """Each beam's block, (n,): numbers from 0 on, of which some may be nobody's."""
+        row, column = (at // size for at, size in ((self.layer, layers), (self.point, points)))
+        rows, columns = (int(at.max()) + 1 for at in (row, column))
+        return (self.frame * rows + row) * columns + column
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,9 @@ def _blocks(losses: _Losses) -> tuple[tuple[int, int], float] | None:
     """
     single = _likelihood(losses, losses.block(1, 1), 0.0, _rates(losses, losses.lost.astype(np.float64)))[0].sum()
     share, alone = 0.5 * float(losses.lost.mean()), _rates(losses, np.where(losses.lost, 0.5, 0.0))
+    pairs = [_fitted(losses, losses.block(*pair), share, alone).likelihood for pair in ((1, 2), (2, 1))]
+    if max(pairs) < single + _LEAST_LIKELIER:
+        return None
     for _ in range(_TURNS):
         sums = {one: _likelihood(losses, losses.block(*one), share, alone)[0].sum() for one in product(_SIZES, _SIZES)}
         size = max(sums, key=lambda one: (sums[one], -one[0] * one[1]))
@@ -133,11 +137,13 @@ def _blocks(losses: _Losses) -> tuple[tuple[int, int], float] | None:
 
 def _fitted(losses: _Losses, block: IndexArray, share: float, alone: FloatArray) -> _Fitted:
     """The share of blocks and the losses of single beams that are likeliest, from a start."""
+    beams = np.bincount(block)
     for _ in range(_ROUNDS):
         each, whole = _likelihood(losses, block, share, alone)
         kept = 1.0 - whole[block]
-        share, alone = float(whole.mean()), _rates(losses, np.where(losses.lost, kept, 0.0), kept)
-    together = float((whole * np.bincount(block)).sum() / max(whole.sum(), 1e-9))
+        share = float(whole.sum()) / int(np.count_nonzero(beams))
+        alone = _rates(losses, np.where(losses.lost, kept, 0.0), kept)
+    together = float((whole * beams).sum() / max(whole.sum(), 1e-9))
     return _Fitted(float(each.sum()), share, alone, together)
 
 
@@ -150,10 +156,13 @@ def _rates(losses: _Losses, lost: FloatArray, of: FloatArray | None = None) -> F
 
 
 def _likelihood(losses: _Losses, block: IndexArray, share: float, alone: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The ln of each block's likelihood, and how likely it is that it was lost as a whole; both (n_blocks,)."""
+    """The ln of each block's likelihood, and how likely it is that it was lost as a whole; both (n_blocks,), 0 where a
+    number is nobody's."""
     each = np.bincount(block, np.where(losses.lost, np.log(alone), np.log1p(-alone)))
-    all_lost = np.bincount(block, ~losses.lost) == 0
-    with np.errstate(divide="ignore"):
-        kept, whole = each + np.log1p(-share), np.where(all_lost, np.log(share), -np.inf)
-    both = np.logaddexp(kept, whole)
-    return both, np.exp(whole - both)
+    beams, lost = np.bincount(block), np.bincount(block, losses.lost)
+    kept, all_lost = each + np.log1p(-min(share, _MOST)), (lost == beams) & (beams > 0)
+    both, whole = np.where(beams > 0, kept, 0.0), np.zeros(len(beams))
+    if share > 0.0:
+        both[all_lost] = np.logaddexp(kept[all_lost], np.log(share))
+        whole[all_lost] = np.exp(np.log(share) - both[all_lost])
+    return both, whole
