@@ -92,6 +92,21 @@ def test_pairs():
     assert counts(answers, "pairs within sets of three") == (3, 5)
 
 
+def test_several():
+    fog, rain, walk, gain = (said(name) for name in ("fog", "rain", "walk_error", "signal_gain"))
+    hidden = ["fog", "rain", "walk_error"]
+    answers = [
+        answer("several", hidden, [walk, fog, rain]),
+        answer("several", hidden, [fog, gain]),
+        answer("several", hidden, [said("unknown")], verdict="unknown"),
+    ]
+    assert counts(answers, "three or four complete") == (1, 3)
+    assert counts(answers, "  of their effects, named") == (4, 9)
+    assert counts(answers, "  of their names, hidden") == (4, 5)
+    assert counts(answers, "wrong abstentions") == (1, 3)
+    assert counts(answers, "pairs complete") == (0, 0)
+
+
 def test_a_pair_shows_when_both_do():
     half = replace(answer("pair", ["fog", "rain"], [said("fog")]), observable={"fog": True, "rain": False})
     assert counts([half], "pairs complete") == (0, 0)

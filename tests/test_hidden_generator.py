@@ -212,6 +212,16 @@ def test_plan_is_balanced_and_deterministic():
     assert {o.kind for o in plan(20, 1, only="alien")} == {"alien"}
 
 
+def test_three_and_four_effects_are_of_as_many_groups_and_asked_for_by_name():
+    orders = plan(56, 1, only="several")
+    assert [len(o.effects) for o in orders] == [3, 4] * 28
+    for o in orders:
+        assert len({g for g, names in GROUPS.items() if set(names) & set(o.effects)}) == len(o.effects)
+        assert o.kind == "several"
+        assert o.strength in ("medium", "strong")
+    assert {name for o in orders for name in o.effects} == set(NAMES)
+
+
 # --- cases and their seal -------------------------------------------------------------------------------------------
 
 PAIR = CaseOrder(3, "pair", 12345, ("range_offset", "dropout"), "medium", "SMART", "sign")

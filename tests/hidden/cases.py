@@ -11,7 +11,7 @@ from . import effects_aim, effects_air, effects_detector, effects_light, effects
 from .chain import Effect, Nuisance, measure
 from .files import Table, case_text, echoes_text, ideal_text, model_text, write
 from .forms import AT_WINDOW, Draw, draw_alien, draw_effect
-from .orders import WITH_NUISANCE, CaseOrder
+from .orders import SEVERAL, WITH_NUISANCE, CaseOrder
 from .places import GLASS, KINDS, LAYERS, POINT_RANGE, TABLE, arrange
 from .rays import Beams, Hits, Scene, cast, directions
 from .sealing import Sealed, Truth
@@ -190,7 +190,7 @@ def _measured(s: Setting, indices: list[int]) -> tuple[list[Hits], list[Echoes],
 
 def _must_show(order: CaseOrder) -> bool:
     """Whether a case makes no sense unless all that it hides can be seen, and there is a stronger draw of it."""
-    return order.kind in ("pair", "left_out", "alien") and order.strength != "strong"
+    return order.kind in ("pair", SEVERAL, "left_out", "alien") and order.strength != "strong"
 
 
 def _all_show(visible: dict[str, tuple[float, str]]) -> bool:

@@ -40,6 +40,8 @@ SCENES_FOR: Final = {
     "material_reflectance": ("lab", "mixed", "street"),
 }  # fmt: skip
 SHARES: Final = {"single": 0.40, "pair": 0.15, "null_nuisance": 0.13, "null": 0.12, "left_out": 0.10, "alien": 0.10}
+SEVERAL: Final = "several"  # three or four effects at once; asked for by name, no part of the mixture
+FEWEST_OF_SEVERAL: Final = 3
 WITH_NUISANCE: Final = 0.5
 
 
@@ -78,6 +80,14 @@ def _pair(rng: np.random.Generator, first: str) -> tuple[str, str]:
     return min(both, key=NAMES.index), max(both, key=NAMES.index)
 
 
+def _several(rng: np.random.Generator, first: str, count: int) -> tuple[str, ...]:
+    """So many effects, each of another group."""
+    group = next(g for g, names in GROUPS.items() if first in names)
+    others = rng.permutation([g for g in GROUPS if g != group])[: count - 1]
+    names = [first, *(str(rng.choice(GROUPS[str(g)])) for g in others)]
+    return tuple(sorted(names, key=NAMES.index))
+
+
 def _scene(effects: tuple[str, ...], rng: np.random.Generator) -> str:
     wanted = [SCENES_FOR[e] for e in effects if e in SCENES_FOR]
     if not wanted:
@@ -87,18 +97,20 @@ def _scene(effects: tuple[str, ...], rng: np.random.Generator) -> str:
 
 
 def plan(n: int, seed: int, only: str | None = None) -> list[CaseOrder]:
-    """The first `n` cases of a seed's endless list; `only` one kind of them, numbered alike."""
+    """The first `n` cases of a seed's endless list; `only` one kind of them, numbered from 0 too."""
     rng = np.random.default_rng([seed, 20])
     deck = {
         "single": list(rng.permutation(NAMES)), "pair": list(rng.permutation(NAMES)),
         "left_out": list(rng.permutation(IRREPLACEABLE)), "alien": list(rng.permutation(ALIEN_NAMES)),
+        SEVERAL: list(rng.permutation(NAMES)),
     }  # fmt: skip
-    turn = dict.fromkeys(SHARES, 0)
+    kinds = (*SHARES, SEVERAL)
+    turn = dict.fromkeys(kinds, 0)
     orders: list[CaseOrder] = []
     for kind in _kinds(n) if only is None else [only] * n:
         k = turn[kind]
         turn[kind] += 1
-        own = np.random.default_rng([seed, list(SHARES).index(kind), k])
+        own = np.random.default_rng([seed, kinds.index(kind), k])
         name = str(deck[kind][k % len(deck[kind])]) if kind in deck else ""
         # Beyond one round of all names, each comes at its next strength.
         strength = STRENGTHS[(k + k // len(NAMES)) % 3] if kind == "single" else STRENGTHS[1 + k % 2]
@@ -107,6 +119,7 @@ def plan(n: int, seed: int, only: str | None = None) -> list[CaseOrder]:
             "left_out": (name,),
             "alien": (name,),
             "pair": _pair(own, name) if kind == "pair" else (),
+            SEVERAL: _several(own, name, FEWEST_OF_SEVERAL + k % 2) if kind == SEVERAL else (),
         }.get(kind, ())
         variant, scene = ("SMART", "SLIM")[int(own.integers(2))], _scene(effects, own)
         exclude = effects if kind == "left_out" else ()

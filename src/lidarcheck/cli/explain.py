@@ -71,7 +71,7 @@ def explain(
         Parameter(name="--progress", help="How progress is said: text, or json for programs, a line each."),
     ] = "text",
     only: Annotated[
-        str | None, Parameter(help="Of --benchmark: only one kind of case, as single, pair, null, left_out or alien.")
+        str | None, Parameter(help="Of --benchmark: only one kind of case, as single, pair, several or null.")
     ] = None,
     quiet: Quiet = False,
 ) -> int:

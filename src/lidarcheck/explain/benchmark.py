@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["KINDS", "Benchmark", "find_generator", "load_generator", "run_benchmark"]
 
-KINDS = ("null", "null_nuisance", "single", "pair", "left_out", "alien")
+KINDS = ("null", "null_nuisance", "single", "pair", "several", "left_out", "alien")
 WORKFLOW = "lidarcheck.explain.workflow:explain"
 CASES = "cases.jsonl"
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -19,7 +19,7 @@ LARGEST_SET = 3
 CONFIDENT = 0.5
 """A wrong name with at least this confidence is said, not suspected."""
 STRENGTHS = ("weak", "medium", "strong")
-NULLS, HIDDEN, OUTSIDE = ("null", "null_nuisance"), ("single", "pair"), ("left_out", "alien")
+NULLS, HIDDEN, OUTSIDE = ("null", "null_nuisance"), ("single", "pair", "several"), ("left_out", "alien")
 _FIGURES = ("closed", "told_before", "told_after")
 _EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
@@ -203,7 +203,8 @@ def score(answers: Sequence[Answer]) -> Score:
 
 def _shares(answers: Sequence[Answer]) -> dict[str, Share]:
     singles = [a for a in answers if a.kind == "single"]
-    pairs = [a for a in answers if a.kind == "pair"]
+    pairs, several = ([a for a in answers if a.kind == kind] for kind in ("pair", "several"))
+    hidden = [*singles, *pairs, *several]
     found = {"singles named exactly": _share(singles, _exact)}
     for strength in STRENGTHS:
         of = [a for a in singles if a.strength == strength]
@@ -211,9 +212,12 @@ def _shares(answers: Sequence[Answer]) -> dict[str, Share]:
     found["singles within a set of three"] = _share(singles, _within)
     found["pairs complete"] = _share(pairs, _exact)
     found["pairs within sets of three"] = _share(pairs, _within)
-    found["wrong abstentions"] = _share([*singles, *pairs], lambda a: a.verdict != "explained")
-    found["  said to be unknown"] = _share([*singles, *pairs], lambda a: a.verdict == "unknown")
-    found["  said to be no gap"] = _share([*singles, *pairs], lambda a: a.verdict == "no_gap")
+    found["three or four complete"] = _share(several, _exact)
+    found["  of their effects, named"] = _named(several)
+    found["  of their names, hidden"] = _true_names(several)
+    found["wrong abstentions"] = _share(hidden, lambda a: a.verdict != "explained")
+    found["  said to be unknown"] = _share(hidden, lambda a: a.verdict == "unknown")
+    found["  said to be no gap"] = _share(hidden, lambda a: a.verdict == "no_gap")
     nulls = [a for a in answers if a.kind in NULLS]
     found["false alarms on nulls"] = _share(nulls, lambda a: a.verdict != "no_gap")
     found["  without nuisances"] = _share([a for a in nulls if a.kind == "null"], lambda a: a.verdict != "no_gap")
@@ -243,6 +247,18 @@ def _confidence(finding: Mapping[str, Any]) -> float:
 def _exact(answer: Answer) -> bool:
     """Explained, by just what was hidden."""
     return answer.verdict == "explained" and sorted(answer.names) == sorted(answer.effects)
+
+
+def _named(answers: Iterable[Answer]) -> Share:
+    """Of the effects that were hidden, how many were named."""
+    named = [name in answer.names for answer in answers for name in answer.effects]
+    return Share(sum(named), len(named))
+
+
+def _true_names(answers: Iterable[Answer]) -> Share:
+    """Of the names that were said, how many were hidden."""
+    true = [name in answer.effects for answer in answers for name in answer.names]
+    return Share(sum(true), len(true))
 
 
 def _within(answer: Answer) -> bool:
