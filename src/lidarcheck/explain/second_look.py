@@ -26,6 +26,7 @@ from lidarcheck.explain.nuisances import Nuisance
 from lidarcheck.explain.polish import Judged, judged
 from lidarcheck.explain.progress import silent
 from lidarcheck.explain.screen import Screened, chance_level, screen
+from lidarcheck.explain.verdict import closure
 
 __all__ = [
     "Look",
@@ -59,7 +60,7 @@ _MOST_EXPLAINED = 0.6
 _AS_MUCH = 2.0
 """A gap larger by so many standard deviations of chance is as large."""
 _STILL = 0.5
-"""Another look is taken where one more effect has left this part of what was left before."""
+"""Another look is taken where one more effect has left this part of what was left before, or more than may be open."""
 _MOST = 2
 _ALIKE, _WEAKER, _LEAST_JOINT = 0.5, 0.6, 0.5
 """Names that explained such a part of what an accepted one did are tried beside it, both from such a part of their
@@ -83,7 +84,7 @@ def second_look(
     while 0 < len(search.fit.probes) < MOST_EFFECTS:
         own = search.own or judged(seen, bench.lab.model, search.fit, seed)
         search, before, left = replace(search, own=own), left, own.last.distance - own.lab.floor_distance
-        if left < max(_LEFT, _STILL * before):
+        if left < _LEFT or (left < _STILL * before and closure(bench, search.fit, search.trials).holds):
             return search
         look = look_around(own, _starts(bench, own.lab, search, screened), bench.crew, told)
         number = 1 + max(trial.round for trial in search.trials)
