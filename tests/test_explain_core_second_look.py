@@ -73,6 +73,18 @@ def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
         assert len(found.own.lab.frames) == 4
 
 
+@pytest.mark.parametrize(("holds", "names"), [(True, 2), (False, 3)])
+def test_looks_go_on_while_more_is_open_than_may_be_though_the_last_name_left_less_than_half(
+    holds: bool, names: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = bench_of(GAIN, make("dark_counts", {"rate_per_ns": 0.002}), make("timing_jitter", {"sigma_ns": 1.5}))
+    strong = fitted(bench, "signal_gain")
+    monkeypatch.setattr(looking, "closure", lambda *_: SimpleNamespace(holds=holds))
+    search = Search(strong, strong, [trial(strong, 1e4, 100.0)])
+    after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    assert after.fit.names() == ("signal_gain", "dark_counts", "timing_jitter")[:names]
+
+
 @pytest.mark.parametrize(("most_of_left", "found"), [(0.5, True), (1.0, False)])
 def test_what_is_small_beside_the_whole_gap_must_close_most_of_what_is_left(
     most_of_left: float, found: bool, monkeypatch: pytest.MonkeyPatch
