@@ -71,7 +71,8 @@ def explain(
         Parameter(name="--progress", help="How progress is said: text, or json for programs, a line each."),
     ] = "text",
     only: Annotated[
-        str | None, Parameter(help="Of --benchmark: only one kind of case, as single, pair, several or null.")
+        str | None,
+        Parameter(help="Of --benchmark: only one kind: single, pair, several, null, null_nuisance, left_out or alien."),
     ] = None,
     quiet: Quiet = False,
 ) -> int:
