@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.air import STEP_M, with_haze
-from lidarcheck.effects.air_patches import patches_of
+from lidarcheck.effects.air_patches import Uneven, brightness, depth_m, patches_of, strata_of
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.draws import check_interval
 from lidarcheck.scan import Light
@@ -42,12 +42,14 @@ class Fog(LightEffect):
     With `patchiness` s > 0 the air is denser here and thinner there, by exp(s g - s^2 / 2), mean 1: g is a Gaussian
     field of standard deviation 1 over range and azimuth, another in every frame, whose correlation falls by sqrt(e)
     over `patch_m` and over `patch_deg`. What the air sends back from close by then differs between directions and
-    frames, and so does the light that surfaces lose.
+    frames, and so does the light that surfaces lose. With `thinning_per_m` t it thins out
+    with height, as exp(-t z) at z = R sin(elevation) above the sensor: to 37 % over 1 / t; below 0 it is denser above,
+    as fog that has lifted. MOR is then the one at the sensor's height.
 
-    Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter, and for patches larger than the
-    few metres that most backscatter comes from; the fog does not change over the frame. Extinction takes its toll of
-    all light that stands before this effect, and of what the air sends back also where that comes later; there, and of
-    other air's light, the mean extinction counts.
+    Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter, and for patches and layers
+    larger than the few metres that most backscatter comes from; the fog does not change over the frame. Extinction
+    takes its toll of all light that stands before this effect, and of what the air sends back also where that comes
+    later; there, and of other air's light, the mean extinction counts.
     Identity at mor_m 1e6, clear air, where extinction would take 0.2 % at 300 m.
     """
 
@@ -80,6 +82,14 @@ class Fog(LightEffect):
     patch_deg: float = parameter(
         "deg", low=0.5, high=1000.0, typical=15.0, meaning="size of the patches in azimuth", option=True
     )
+    thinning_per_m: float = parameter(
+        "1/m",
+        low=-1.0,
+        high=2.0,
+        typical=0.0,
+        meaning="what the density's logarithm loses per metre of height; 0: even",
+        option=True,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -95,20 +105,24 @@ class Fog(LightEffect):
         extinction_per_m = self.extinction_per_m + light.extinction_per_m
         density = self._density_per_m(strength, extinction_per_m, around.sensor.max_range_m)
         even = with_haze(light.attenuated(self.extinction_per_m), around.ideal, density)
-        return even if self.patchiness == 0.0 else self._in_patches(even, light, around, density)
-
-    def _in_patches(self, even: Light, light: Light, around: Surroundings, density_per_m: FloatArray) -> Light:
-        """What even fog makes of the light, with patches in the fog."""
-        patches = patches_of(around, self.patchiness, self.patch_m, self.patch_deg)
-        point = np.repeat(light.point, np.diff(light.first_pulse))
-        depth_m = patches.depth_m(point, light.pulse_range_m)
+        air = self._uneven(around)
+        if not air:
+            return even
         haze = even.haze
-        if haze is not None and len(density_per_m):
-            bright = patches.brightness(light.point, density_per_m, STEP_M, self.extinction_per_m)
+        if haze is not None and len(density):
+            bright = brightness(air, light, density, STEP_M, self.extinction_per_m)
             haze = replace(haze, row_share=haze.row_share * np.repeat(bright, np.diff(haze.first_row)))
-        return replace(
-            even, pulse_signal=light.pulse_signal * np.exp(-2.0 * self.extinction_per_m * depth_m), haze=haze
-        )
+        toll = np.exp(-2.0 * self.extinction_per_m * depth_m(air, light))
+        return replace(even, pulse_signal=light.pulse_signal * toll, haze=haze)
+
+    def _uneven(self, around: Surroundings) -> list[Uneven]:
+        """How the density differs from place to place; empty for even fog."""
+        parts = []
+        if self.patchiness > 0.0:
+            parts.append(patches_of(around, self.patchiness, self.patch_m, self.patch_deg))
+        if self.thinning_per_m != 0.0:
+            parts.append(strata_of(around, self.thinning_per_m))
+        return parts
 
     @property
     def extinction_per_m(self) -> float:

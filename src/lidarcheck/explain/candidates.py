@@ -296,6 +296,8 @@ _SLOW = {"stretch": 1.0, "tail_ns": 1.0}
 _LARGE = {"beam_diameter_m": 0.001, "divergence_mrad": 2.0, "drop_shape": 2.0, "drop_echo": 5.0, "drop_density": 0.1}
 _FAR = {"overlap_start_m": 5.0, "overlap_full_m": 15.0}
 _SMOOTH = {"backscatter": 0.046, "overlap_power": 2.0}
+_THIN = {"thinning_per_m": 0.2}
+_STRATA = (*_FREE["fog"], Free("thinning_per_m", 0.1))
 _LEVEL = (*_FREE["incidence_falloff"], Free("level_from_deg", 4.0))
 _DROPS = (*_FREE["rain"], Free("drop_shape", 0.5))
 _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
@@ -311,6 +313,8 @@ _VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
     ("fog", "smooth overlap", {"mor_m": 600.0, "overlap_start_m": 1.0, "overlap_full_m": 7.0} | _SMOOTH, _FREE["fog"]),
     ("fog", "smooth far overlap", {"mor_m": 150.0} | _FAR | _SMOOTH, _FREE["fog"]),
     ("fog", "smooth far overlap", {"mor_m": 600.0} | _FAR | _SMOOTH, _FREE["fog"]),
+    ("fog", "layers", {"mor_m": 150.0, "overlap_start_m": 1.0, "overlap_full_m": 7.0} | _SMOOTH | _THIN, _STRATA),
+    ("fog", "layers", {"mor_m": 150.0} | _FAR | _SMOOTH | _THIN, _STRATA),
     ("incidence_falloff", "levelling", {"exponent": 1.8, "level_from_deg": 65.0}, _LEVEL),
     ("rain", "large drops", {"rate_mm_h": 10.0} | _LARGE, _DROPS),
     ("rain", "large drops", {"rate_mm_h": 40.0} | _LARGE, _DROPS),
