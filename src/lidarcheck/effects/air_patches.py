@@ -33,7 +33,7 @@ _THICKEST = 20.0
 
 @dataclass(frozen=True)
 class Uneven:
-    """The density of the air relative to its mean: `density` (n_rows, n_cells), in cells of `_CELL_M` of the range;
+    """The density of the air relative to even air's: `density` (n_rows, n_cells), in cells of `_CELL_M` of the range;
     beams of a layer or point column, as `by` says, look into `row[layer]` or `row[point]`."""
 
     density: FloatArray

@@ -42,9 +42,9 @@ class Fog(LightEffect):
     With `patchiness` s > 0 the air is denser here and thinner there, by exp(s g - s^2 / 2), mean 1: g is a Gaussian
     field of standard deviation 1 over range and azimuth, another in every frame, whose correlation falls by sqrt(e)
     over `patch_m` and over `patch_deg`. What the air sends back from close by then differs between directions and
-    frames, and so does the light that surfaces lose. With `thinning_per_m` t it thins out
-    with height, as exp(-t z) at z = R sin(elevation) above the sensor: to 37 % over 1 / t; below 0 it is denser above,
-    as fog that has lifted. MOR is then the one at the sensor's height.
+    frames, and so does the light that surfaces lose. With `thinning_per_m` t it thins out with height, as exp(-t z) at
+    z = R sin(elevation) above the sensor: to 37 % over 1 / t; below 0 it is denser above, as fog that has lifted. MOR
+    is then the one at the sensor's height.
 
     Valid while multiple scattering is weak, R below about MOR / 2 for the backscatter, and for patches and layers
     larger than the few metres that most backscatter comes from; the fog does not change over the frame. Extinction
