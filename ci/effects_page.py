@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
 
-from lidarcheck.cli.effects_text import TREE, example, node_names
+from lidarcheck.cli.simulation.effects_text import TREE, example, node_names
 from lidarcheck.effects import Effect, catalogue
 from lidarcheck.formats.atomic import write_text
 
@@ -59,7 +59,7 @@ and this page find it there.
    identity.
 4. The one method of its stage, which takes the stage's table and returns a new one, and the very same one at zero
    strength. Random numbers come from `around.uniforms` alone.
-5. Its parameters at zero strength in the table of `tests/test_effects.py`, tests of what it does, and
+5. Its parameters at zero strength in the table of `tests/effects/test_catalogue.py`, tests of what it does, and
    `./ci/effects_page`.
 
 ## The effect tree

@@ -16,13 +16,13 @@ from typing import Any, cast
 from textual.pilot import Pilot
 from tui_project import SCENARIOS, make_bench, make_drive
 
+from lidarcheck.tui.actions.registry import SCREENS
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.core.actions import SCREENS
-from lidarcheck.tui.screens.blooming import Blooming
-from lidarcheck.tui.screens.explain import Explain
-from lidarcheck.tui.screens.goldens import Goldens
+from lidarcheck.tui.screens.blooming.screen import Blooming
+from lidarcheck.tui.screens.explain.screen import Explain
+from lidarcheck.tui.screens.goldens.screen import Goldens
 from lidarcheck.tui.screens.overview import Overview
-from lidarcheck.tui.screens.pages import PageView
+from lidarcheck.tui.screens.pages.screen import PageView
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"

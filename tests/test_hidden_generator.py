@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import hidden
-from conftest import shared_path
 from hidden import forms
 from hidden.cases import MATERIALS_BY_SCENE, Setting, comparable, setting
 from hidden.chain import Effect, Nuisance, View, measure
@@ -23,6 +22,7 @@ from hidden.sensor import ALL_SHOTS, BACKGROUND_PER_NS, THRESHOLD, Detectors, Ec
 from hidden.visibility import VISIBLE_Z, Seen, seen, stands_out
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.model import load_model, simulate
+from places import shared_path
 
 PACKAGE = Path(hidden.__file__).parent
 THINNED = Beams.block(range(210, 306, 2), range(430, 526, 2))

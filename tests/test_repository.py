@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lidarcheck.cli.app import COMMANDS, make_app
+from lidarcheck.cli.core.app import COMMANDS, make_app
 
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ("ci/bootstrap", "ci/demo", "ci/test", ".ci/run")

@@ -5,7 +5,6 @@ import pickle
 import numpy as np
 import pytest
 
-from conftest import shared_path
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats import load_scan
 from lidarcheck.model import Model, simulate
@@ -22,6 +21,7 @@ from lidarcheck.sensor import (
     layer_of,
     point_of,
 )
+from places import shared_path
 
 
 def test_the_variants_are_the_published_ones() -> None:

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.options import Quiet
-from lidarcheck.cli.terminal import hush
+from lidarcheck.cli.core.options import Quiet
+from lidarcheck.cli.core.terminal import hush
 from lidarcheck.errors import InputError, UsageError
 
 __all__ = ["tui"]

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.beam_rows import BeamRows, by_material
-from lidarcheck.effects.surfaces import normals_of
+from lidarcheck.effects.geometry.beam_rows import BeamRows, by_material
+from lidarcheck.effects.geometry.surfaces import normals_of
 from lidarcheck.scan import Light
 
 __all__ = ["AmbientLight"]

@@ -3,7 +3,7 @@
 An effect is a frozen dataclass in a file of its own here, whose class derives from the stage it belongs to. Its fields
 are its parameters, declared with `parameter(...)`; its docstring gives the formula, the source and the valid range.
 Being here is all it takes: the model, the commands and the documentation know effects through `catalogue()` alone.
-Empirical terms, which describe data and explain nothing, are found in the same way and stand apart in `empirical()`.
+Empirical terms, which describe data and explain nothing, are found in the same way and stand apart.
 
 The light's way has four stages: `aim` (what a beam meets), `light` (pulses and background), `detector` (the SPADs'
 numbers) and `readout` (echoes). An effect takes its stage's table and returns a new one; at zero strength it returns
@@ -59,7 +59,7 @@ __all__ = [
     "catalogue",
     "check_order",
     "choice_parameter",
-    "empirical",
+    "empirical_terms",
     "file_parameter",
     "find",
     "list_parameter",
@@ -217,7 +217,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
 
 
 @functools.cache
-def empirical() -> Mapping[str, type[Effect]]:
+def empirical_terms() -> Mapping[str, type[Effect]]:
     """The empirical terms by name, in the order of the light's way: what describes data that no effect explains."""
     return {name: effect for name, effect in _found().items() if effect.empirical}
 
@@ -225,12 +225,12 @@ def empirical() -> Mapping[str, type[Effect]]:
 @functools.cache
 def _found() -> Mapping[str, type[Effect]]:
     """The effects of all files here by name, in the order of the light's way and then of their names."""
-    package = importlib.import_module("lidarcheck.effects")
     found: dict[str, type[Effect]] = {}
-    for module in pkgutil.iter_modules(package.__path__):
-        for value in vars(importlib.import_module(f"{package.__name__}.{module.name}")).values():
-            if isinstance(value, type) and issubclass(value, Effect) and "name" in vars(value):
-                found[value.name] = value
+    for room in ("lidarcheck.effects", "lidarcheck.effects.empirical"):
+        for module in pkgutil.iter_modules(importlib.import_module(room).__path__):
+            for value in vars(importlib.import_module(f"{room}.{module.name}")).values():
+                if isinstance(value, type) and issubclass(value, Effect) and "name" in vars(value):
+                    found[value.name] = value
     return dict(sorted(found.items(), key=lambda item: (STAGES.index(item[1].stage), item[0])))
 
 

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.aiming import moving_of, rank_in_beam, rays_of, redirected, second_rows
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
-from lidarcheck.effects.footprint import Spans, offsets_rad, spans_of, spread_rays
-from lidarcheck.effects.surfaces import LocalSurfaces
+from lidarcheck.effects.geometry.aiming import moving_of, rank_in_beam, rays_of, redirected, second_rows
+from lidarcheck.effects.geometry.footprint import Spans, offsets_rad, spans_of, spread_rays
+from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidarcheck.effects.base import Curve, LightEffect, Surroundings, file_parameter, parameter
-from lidarcheck.effects.blooming import HORIZONTAL, Side, bloom, curve_profile, profile
+from lidarcheck.effects.shared.blooming import HORIZONTAL, Side, bloom, curve_profile, profile
 from lidarcheck.scan import Light
 
 __all__ = ["BloomingHorizontal"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lidarcheck.effects.aiming import rays_of, recast, redirected, slid, turned
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
+from lidarcheck.effects.geometry.aiming import rays_of, recast, redirected, slid, turned
 from lidarcheck.scan import IdealScan
 
 __all__ = ["Boresight"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.air import STEP_M, with_haze
-from lidarcheck.effects.air_patches import Uneven, brightness, depth_m, patches_of, strata_of
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.draws import check_interval
+from lidarcheck.effects.shared.air import STEP_M, with_haze
+from lidarcheck.effects.shared.air_patches import Uneven, brightness, depth_m, patches_of, strata_of
+from lidarcheck.effects.shared.draws import check_interval
 from lidarcheck.scan import Light
 
 __all__ = ["Fog"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck.effects.base import LightEffect, Surroundings, list_parameter, parameter
-from lidarcheck.effects.beam_rows import by_material
+from lidarcheck.effects.geometry.beam_rows import by_material
 from lidarcheck.scan import Light
 
 __all__ = ["STEP_DEG", "IncidenceFalloff"]

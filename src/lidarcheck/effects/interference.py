@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.draws import check_interval, normals, poisson_counts
+from lidarcheck.effects.shared.draws import check_interval, normals, poisson_counts
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS, POINTS
 

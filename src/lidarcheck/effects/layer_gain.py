@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.effects.base import LightEffect, Surroundings, list_parameter, parameter
-from lidarcheck.effects.draws import check_interval
+from lidarcheck.effects.shared.draws import check_interval
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS
 

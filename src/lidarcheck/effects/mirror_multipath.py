@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.aiming import moving_of, rays_of, second_rows
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.draws import normals
-from lidarcheck.effects.reflections import GROUND_M, ground_of, march, reflected
-from lidarcheck.effects.surfaces import LocalSurfaces
+from lidarcheck.effects.geometry.aiming import moving_of, rays_of, second_rows
+from lidarcheck.effects.geometry.reflections import GROUND_M, ground_of, march, reflected
+from lidarcheck.effects.geometry.surfaces import LocalSurfaces
+from lidarcheck.effects.shared.draws import normals
 from lidarcheck.rays import Hits, Rays
 from lidarcheck.scan import IdealScan, Light, beams_of
 

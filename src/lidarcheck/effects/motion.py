@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lidarcheck.effects.aiming import rays_of, recast, turned
 from lidarcheck.effects.base import AimEffect, Surroundings, list_parameter, parameter
+from lidarcheck.effects.geometry.aiming import rays_of, recast, turned
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Velocity, sweep_time_s
 from lidarcheck.scan import IdealScan

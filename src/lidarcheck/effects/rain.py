@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.air import ends_of
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.beam_rows import BeamRows
-from lidarcheck.effects.draws import poisson_counts
-from lidarcheck.effects.own_rays import shares_that_end
+from lidarcheck.effects.geometry.beam_rows import BeamRows
+from lidarcheck.effects.geometry.own_rays import shares_that_end
+from lidarcheck.effects.shared.air import ends_of
+from lidarcheck.effects.shared.draws import poisson_counts
 from lidarcheck.scan import Light
 from lidarcheck.sensor import Sensor
 

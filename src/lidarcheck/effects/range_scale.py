@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
-from lidarcheck.effects.ranges import StageByWhat, at_range, moved_light, what_moves
+from lidarcheck.effects.shared.ranges import StageByWhat, at_range, moved_light, what_moves
 from lidarcheck.scan import Light, Scan
 
 __all__ = ["RangeScale"]

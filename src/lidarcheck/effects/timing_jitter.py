@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
-from lidarcheck.effects.draws import normals
-from lidarcheck.effects.ranges import at_range
+from lidarcheck.effects.shared.draws import normals
+from lidarcheck.effects.shared.ranges import at_range
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS
 

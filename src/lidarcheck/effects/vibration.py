@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.aiming import rays_of, recast, redirected, turned
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
-from lidarcheck.effects.draws import normals
+from lidarcheck.effects.geometry.aiming import rays_of, recast, redirected, turned
+from lidarcheck.effects.shared.draws import normals
 from lidarcheck.rays import sweep_time_s
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS

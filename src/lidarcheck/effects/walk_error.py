@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, list_parameter, parameter
-from lidarcheck.effects.ranges import at_range
+from lidarcheck.effects.shared.ranges import at_range
 from lidarcheck.scan import Scan
 
 __all__ = ["LARGEST_REFERENCE", "QUARTERS", "WalkError"]

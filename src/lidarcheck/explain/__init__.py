@@ -1,1 +1,1 @@
-"""The gap workflow: where model and measurement disagree, and why. Empty so far."""
+"""The gap workflow: where model and measurement disagree, and why; `workflow` reads like its description."""

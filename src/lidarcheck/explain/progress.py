@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lidarcheck.explain.explanation import Progress, Step, Teller
+from lidarcheck.explain.report.explanation import Progress, Step, Teller
 
 __all__ = ["PROGRESS", "deaf", "silent", "tell_fit"]
 

@@ -13,38 +13,46 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.cores import usable_cores
-from lidarcheck.crew import Crew, Processes, one_blas_thread
+from lidarcheck.cases.split import Split, exchanged, split_frames
 from lidarcheck.effects.base import catalogue
-from lidarcheck.explain.answer import CALIBRATION, Answer, by_names, by_terms, closes, explanation_of, objection
-from lidarcheck.explain.appeal import appeal
-from lidarcheck.explain.candidates import fixed_probes
-from lidarcheck.explain.detours import detours, other_ways, with_fewer_kin
-from lidarcheck.explain.explanation import Explanation, Gap, Hearer, Standout, Step, Teller
-from lidarcheck.explain.findings import is_doubtful
-from lidarcheck.explain.forward import Bench, Search
-from lidarcheck.explain.gap import Scale, gap_of
-from lidarcheck.explain.lab import Lab
-from lidarcheck.explain.located import located_probes
-from lidarcheck.explain.needless import without_any, without_needless
-from lidarcheck.explain.overall import widening
-from lidarcheck.explain.patchy import patches_in
+from lidarcheck.explain.decision.answer import (
+    CALIBRATION,
+    Answer,
+    by_names,
+    by_terms,
+    closes,
+    explanation_of,
+    objection,
+)
+from lidarcheck.explain.decision.appeal import appeal
+from lidarcheck.explain.decision.closure import Closure, closure, not_testable, shows_in_select_alone
+from lidarcheck.explain.decision.equivalence import Polished, Rival, contest, rivals
+from lidarcheck.explain.decision.findings import is_doubtful
+from lidarcheck.explain.decision.model_check import widening
+from lidarcheck.explain.decision.needless import without_any, without_needless
+from lidarcheck.explain.decision.patchy import patches_in
+from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import deaf, silent, tell_fit
-from lidarcheck.explain.rivals import Polished, Rival, contest, rivals
-from lidarcheck.explain.screen import Screened, chance_level, screen, weaker_starts
-from lidarcheck.explain.search import backward, find_effects, without
-from lidarcheck.explain.second_look import second_look
-from lidarcheck.explain.split import Split, exchanged, split_frames
-from lidarcheck.explain.threads import in_threads
-from lidarcheck.explain.trials import select_distance
-from lidarcheck.explain.unknown import Description, describe
-from lidarcheck.explain.verdict import Closure, closure, not_testable, shows_in_select_alone
-from lidarcheck.explain.words import standouts
+from lidarcheck.explain.report.explanation import Explanation, Gap, Hearer, Standout, Step, Teller
+from lidarcheck.explain.report.wording import standouts
+from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
+from lidarcheck.explain.search.located import located_probes
+from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
+from lidarcheck.explain.search.search import backward, find_effects, without
+from lidarcheck.explain.search.second_look import second_look
+from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.starts import fixed_probes
+from lidarcheck.explain.search.trial import select_distance
+from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.wasserstein import Scale, gap_of
 from lidarcheck.model.spec import Model
+from lidarcheck.workers import Crew, Processes, one_blas_thread
+from lidarcheck.workers.cores import usable_cores
+from lidarcheck.workers.threads import in_threads
 
 if TYPE_CHECKING:
-    from lidarcheck.explain.case import Case
-    from lidarcheck.explain.notebook import Notebook
+    from lidarcheck.cases.case import Case
+    from lidarcheck.workers.checkpoint import Notebook
 
 __all__ = ["Answer", "Run", "explain"]
 
@@ -84,7 +92,7 @@ def _wake() -> None:
     import scipy.linalg
     import scipy.sparse  # noqa: F401
 
-    from lidarcheck.model import kernel  # noqa: F401
+    from lidarcheck.model.exact import kernel  # noqa: F401
 
 
 def _explain(case: Case, run: Run) -> Explanation:

@@ -9,13 +9,13 @@ from functools import partial
 from pathlib import Path
 
 from lidarcheck.errors import GoldenError
-from lidarcheck.harness.golden import Golden, KpiGolden, build, thresholds_changed
-from lidarcheck.harness.golden_file import load_golden
-from lidarcheck.harness.kpi_spec import KpiSpec, Measurement
+from lidarcheck.harness.gate.seeds import REFERENCE_SEEDS, Job, SeedRecord
+from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, thresholds_changed
+from lidarcheck.harness.goldens.provenance import Provenance, provenance_of
+from lidarcheck.harness.kpis.spec import KpiSpec, Measurement
 from lidarcheck.harness.layout import Layout, layout_of
-from lidarcheck.harness.provenance import Provenance, provenance_of
-from lidarcheck.harness.scenario import Scenario, load_scenario
-from lidarcheck.harness.seeds import REFERENCE_SEEDS, Job, SeedRecord
+from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
@@ -167,7 +167,7 @@ def provenance_now(scenario: Scenario, model: Model, *, seeds: str = "", referen
 
 
 def _measure(scenario: Scenario, model: Model, seed: int) -> Measurement:
-    from lidarcheck.harness.measure import measure
+    from lidarcheck.harness.scenario.measure import measure
 
     return measure(scenario, model, seed, threads=1)  # seeds run side by side instead
 
@@ -182,7 +182,7 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
     if model is None:
         return scenario.model, ""
     if not isinstance(model, Model):
-        from lidarcheck.model.file import load_model
+        from lidarcheck.model.files.model_file import load_model
 
         model = load_model(Path(model))
     own, given = scenario.model, model.sensor

@@ -9,19 +9,19 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from lidarcheck.crew import Crew
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.harness import gate
 from lidarcheck.harness.case import Case, Load, Measure, open_case, suite_size
-from lidarcheck.harness.gate import Evidence, Verdict
-from lidarcheck.harness.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
-from lidarcheck.harness.golden_file import save_golden
-from lidarcheck.harness.kpi_spec import KpiSpec
+from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate.gate import Evidence, Verdict
+from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
+from lidarcheck.harness.goldens.file import save_golden
+from lidarcheck.harness.goldens.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
+from lidarcheck.harness.goldens.provenance import parameters_hash, source_hash, versions
+from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.layout import Selection, make_directory, select
-from lidarcheck.harness.provenance import parameters_hash, source_hash, versions
-from lidarcheck.harness.results import CheckReport, KpiResult, ScenarioResult
-from lidarcheck.harness.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
+from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.spec import Model
+from lidarcheck.workers import Crew
 
 __all__ = ["check"]
 

@@ -16,18 +16,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lidarcheck.crew import Crew, Held, one_blas_thread
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats import load_ideal, save_scan
 from lidarcheck.formats.atomic import write_bytes, write_text
 from lidarcheck.formats.recognise import target_format
-from lidarcheck.harness.provenance import parameters_hash, source_hash
-from lidarcheck.harness.scene_file import SceneFile
+from lidarcheck.harness.goldens.provenance import parameters_hash, source_hash
 from lidarcheck.model import simulate
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
+from lidarcheck.scenes.files.file import SceneFile
+from lidarcheck.workers import Crew, Held, one_blas_thread
 
 __all__ = ["NOTES", "Frames", "Written"]
 

@@ -19,7 +19,7 @@ from lidarcheck import __version__
 from lidarcheck.errors import LidarcheckError
 
 if TYPE_CHECKING:
-    from lidarcheck.harness.results import KpiResult, ScenarioResult
+    from lidarcheck.harness.reports.results import KpiResult, ScenarioResult
 
 __all__ = ["GoldensItem", "KpiItem", "ScenarioDirectory", "ScenarioFile"]
 
@@ -121,9 +121,9 @@ class ScenarioFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """A test that the golden is of this scenario, and one for each KPI of the scenario or of its golden."""
-        from lidarcheck.harness.annotations import scenario_lines
         from lidarcheck.harness.case import open_case
-        from lidarcheck.harness.junit import GOLDEN_CASE
+        from lidarcheck.harness.reports.annotations import scenario_lines
+        from lidarcheck.harness.reports.junit import GOLDEN_CASE
 
         try:
             case = open_case(self.path.resolve(), self._model())
@@ -157,7 +157,7 @@ class ScenarioFile(pytest.File):
 
     def _jobs(self) -> int | None:
         """This process's part of the cores, where pytest-xdist runs several."""
-        from lidarcheck.cores import usable_cores
+        from lidarcheck.workers.cores import usable_cores
 
         workers = getattr(self.config, "workerinput", {}).get("workercount", 1)
         return max(1, usable_cores() // int(workers))
@@ -193,8 +193,8 @@ class KpiItem(pytest.Item):
 
     def runtest(self) -> None:
         """Fail with the KPI's numbers in words, or with what is wrong with the scenario's golden."""
-        from lidarcheck.harness.annotations import explanation
-        from lidarcheck.harness.junit import properties, scenario_problems
+        from lidarcheck.harness.reports.annotations import explanation
+        from lidarcheck.harness.reports.junit import properties, scenario_problems
 
         scenario, kpi = self._scenario, self._found
         if kpi is not None:

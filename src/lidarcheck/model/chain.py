@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects import Effect
-from lidarcheck.effects.ranges import quantised
+from lidarcheck.effects.shared.ranges import quantised
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.light import light_of, surface_signal
@@ -23,8 +23,8 @@ from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import Material, Sensor, beam_directions
 
 if TYPE_CHECKING:
-    from lidarcheck.model.echoes import Echoes
-    from lidarcheck.model.numbers import Numbers
+    from lidarcheck.model.exact.echoes import Echoes
+    from lidarcheck.model.exact.numbers import Numbers
 
 __all__ = [
     "aimed",
@@ -232,7 +232,7 @@ def echoes_of(
         scan = fast_echoes(light, sensor, Task(seed, frame, threads, rounded, progress))
         if scan is not None:
             return scan
-    from lidarcheck.model.listing import scan_of
+    from lidarcheck.model.exact.listing import scan_of
 
     echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress, device=device)
     return scan_of(echoes, light, sensor, rounded, functools.partial(share, threads=threads))
@@ -249,10 +249,11 @@ def chain_echoes(
     device: Device = "cpu",
 ) -> Echoes:
     """The echoes of each beam as the exact chain finds them, before they are put into a table."""
-    from lidarcheck.model import kernel, streams
-    from lidarcheck.model.echoes import new_echoes
-    from lidarcheck.model.numbers import numbers_of
-    from lidarcheck.model.pulses import pulses_of
+    from lidarcheck.model import streams
+    from lidarcheck.model.exact import kernel
+    from lidarcheck.model.exact.echoes import new_echoes
+    from lidarcheck.model.exact.numbers import numbers_of
+    from lidarcheck.model.exact.pulses import pulses_of
 
     n, among = len(light), functools.partial(share, threads=threads)
     numbers = numbers_of(sensor)
@@ -264,7 +265,7 @@ def chain_echoes(
     order = np.arange(n) if one_background else np.argsort(per_bin, kind="stable")
     if device == "cuda":
         _refuse_disturbed(sensor)
-        from lidarcheck.model.cuda import simulate_on_cuda
+        from lidarcheck.model.cuda.simulate import simulate_on_cuda
 
         simulate_on_cuda(numbers, streams.new_stream(seed, "spads", frame), beams, per_bin, pulses, order, echoes)
         return echoes
@@ -315,8 +316,8 @@ def _refuse_disturbed(sensor: Sensor) -> None:
 
 def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
     """`simulate_chunk` for SPADs that disturb each other and are followed one by one."""
-    from lidarcheck.model import detectors
-    from lidarcheck.model.detector_array import detectors_of
+    from lidarcheck.model.detectors import simulate as detectors
+    from lidarcheck.model.detectors.array import detectors_of
 
     return functools.partial(detectors.simulate_chunk, detectors_of(sensor, numbers))
 

@@ -39,6 +39,6 @@ def check_device(device: str, fidelity: str = "exact", model: Model | None = Non
         what = f"an external model runs as it is and knows no device {device!r}"
         raise UsageError(what, file=model.file, fix="leave the device out")
     if here:
-        from lidarcheck.model.cuda import check_cuda
+        from lidarcheck.model.cuda.simulate import check_cuda
 
         check_cuda()

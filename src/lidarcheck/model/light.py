@@ -26,7 +26,7 @@ def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> F
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
     an extended target in a clear atmosphere, constants folded into K). `InputError` names a material without an entry.
     """
-    from lidarcheck.model.range_equation import NOT_FINITE, UNKNOWN, range_equation
+    from lidarcheck.model.exact.range_equation import NOT_FINITE, UNKNOWN, range_equation
 
     strength, falloff, material = _responses(ideal, model)
     signal, wrong = np.empty(len(ideal)), np.zeros(len(ideal) // _CHUNK + 1, dtype=np.int64)

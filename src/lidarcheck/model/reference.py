@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
-from lidarcheck.effects.ranges import quantised
+from lidarcheck.effects.shared.ranges import quantised
 from lidarcheck.errors import UsageError
 from lidarcheck.model.streams import beam_keys, purpose_key
 from lidarcheck.scan import Haze, Light, PulseShape, Scan

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from lidarcheck.cores import usable_cores
+from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["Share", "serially", "share"]
 

@@ -60,7 +60,7 @@ class Surfaces:
     @functools.cached_property
     def caster(self) -> Caster:
         """The surfaces themselves."""
-        from lidarcheck.effects.surfaces import LocalSurfaces
+        from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 
         return LocalSurfaces.of(self.ideal)
 

@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
     """Avalanches per armed SPAD in each bin, shape (n_beams, bins): background plus the shares of pulses and haze."""
-    from lidarcheck.model.pulse_form import form_of
+    from lidarcheck.model.exact.pulse_form import form_of
 
     edges_ns = np.arange(sensor.bins + 1) * sensor.bin_ns
     rates = np.repeat((light.background_per_ns * sensor.bin_ns)[:, None], sensor.bins, axis=1)
@@ -30,9 +30,9 @@ def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
 
 
 def _add_haze(light: Light, sensor: Sensor, rates: FloatArray) -> None:
-    from lidarcheck.model.haze_rates import add_haze
-    from lidarcheck.model.numbers import numbers_of
-    from lidarcheck.model.pulses import pulses_of
+    from lidarcheck.model.exact.haze_rates import add_haze
+    from lidarcheck.model.exact.numbers import numbers_of
+    from lidarcheck.model.exact.pulses import pulses_of
 
     haze = pulses_of(light, sensor, numbers_of(sensor)).haze
     if haze.last > 0:
@@ -71,9 +71,10 @@ def draw_traces(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0) 
     For looking at waveforms and for tests: a few ten microseconds a beam. Echoes come from `simulate`, which visits
     only the bins that matter and therefore draws other numbers of the same distribution.
     """
-    from lidarcheck.model import kernel, streams
-    from lidarcheck.model.numbers import numbers_of
-    from lidarcheck.model.pulses import pulses_of
+    from lidarcheck.model import streams
+    from lidarcheck.model.exact import kernel
+    from lidarcheck.model.exact.numbers import numbers_of
+    from lidarcheck.model.exact.pulses import pulses_of
 
     numbers = numbers_of(sensor)
     traces = np.empty((len(light), sensor.bins), dtype=np.int32)

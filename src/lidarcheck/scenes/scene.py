@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.cores import usable_cores
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.bvh import Bvh
 from lidarcheck.scenes.optics import Optics
+from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["Scene", "SceneObject"]
 

@@ -20,12 +20,12 @@ from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats.table import counted
+from lidarcheck.session.project import Project, read_project
+from lidarcheck.session.state import load_state, save_state
+from lidarcheck.tui.actions.registry import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
-from lidarcheck.tui.core.actions import SCREENS, Action, actions_of
-from lidarcheck.tui.core.checks import Runs
-from lidarcheck.tui.core.project import Project, read_project
-from lidarcheck.tui.core.state import load_state, save_state
 from lidarcheck.tui.help import LogHandler, help_lines
+from lidarcheck.tui.jobs.checks import Runs
 from lidarcheck.tui.screens import later_screens
 from lidarcheck.tui.screens.base import View, bindings
 from lidarcheck.tui.screens.overview import Overview

@@ -7,13 +7,13 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.core.actions import SCREENS, Action, actions_of
+from lidarcheck.tui.actions.registry import SCREENS, Action, actions_of
 from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.dialogs import key_name
 from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
 
 if TYPE_CHECKING:
-    from lidarcheck.tui.core.project import Project
+    from lidarcheck.session.project import Project
 
 __all__ = ["STOPS", "Bars"]
 

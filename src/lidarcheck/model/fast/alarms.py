@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model import streams
-from lidarcheck.model.echoes import find_echoes, new_echoes
-from lidarcheck.model.numbers import Numbers
+from lidarcheck.model.exact.echoes import find_echoes, new_echoes
+from lidarcheck.model.exact.numbers import Numbers
 
 __all__ = ["Alarms", "alarm_rate", "alarms_of"]
 

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.chain import chain_echoes
-from lidarcheck.model.echoes import Echoes
+from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.grid import Grid, Span, node_signals
 from lidarcheck.model.fast.words import pack
-from lidarcheck.model.numbers import numbers_of
 from lidarcheck.scan import Light, PulseShape
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, POINTS, Sensor
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.numbers import Numbers
-from lidarcheck.model.pulse_form import PulseForm
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulse_form import PulseForm
 
 __all__ = ["DEFAULT_GRID", "Grid", "Span", "lowest_octave", "node_signals", "octaves", "spans"]
 

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.model.exact.numbers import numbers_of
+from lidarcheck.model.exact.pulse_form import form_of
 from lidarcheck.model.fast import store
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms, alarm_rate, alarms_of
 from lidarcheck.model.fast.draw import Tables
 from lidarcheck.model.fast.fill import Block, Source, fill_block
 from lidarcheck.model.fast.grid import lowest_octave, spans
-from lidarcheck.model.numbers import numbers_of
-from lidarcheck.model.pulse_form import form_of
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SENSOR_BOUNDS, NonIdeal
 
 __all__ = ["Library", "Samples", "affordable", "library_of"]

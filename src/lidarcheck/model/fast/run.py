@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.again import light_of_beams
 from lidarcheck.model.chain import chain_echoes
-from lidarcheck.model.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.report import report_of, room_for
 from lidarcheck.model.fast.beams import CHUNK, Beams, Task
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.fill import Source
@@ -19,8 +19,8 @@ from lidarcheck.model.fast.library import Library, library_of
 from lidarcheck.model.fast.special import new_found, resolve
 from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, KIND, ONE, SPECIAL
 from lidarcheck.model.fast.write import write_echoes
+from lidarcheck.model.incremental import light_of_beams
 from lidarcheck.model.light import material_tables
-from lidarcheck.model.report import report_of, room_for
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan

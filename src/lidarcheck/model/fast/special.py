@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.echoes import Echoes, keep
+from lidarcheck.model.exact.echoes import Echoes, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key

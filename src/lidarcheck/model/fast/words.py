@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.echoes import Echoes
+from lidarcheck.model.exact.echoes import Echoes
 
 __all__ = ["pack"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.echoes import Echoes
+from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.report import Report, Rows, put
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.jit import kernel
-from lidarcheck.model.report import Report, Rows, put
 
 __all__ = ["write_echoes"]
 

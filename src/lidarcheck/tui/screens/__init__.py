@@ -1,4 +1,4 @@
-"""The screens, a file each: what stands in `core.actions.SCREENS` by its name."""
+"""The screens, a file or a folder each: what stands in `actions.registry.SCREENS` by its name."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ if TYPE_CHECKING:
 
 __all__ = ["later_screens"]
 
-_LATER = ("Histograms", "Noise", "Blooming", "Ghosts", "Scenes", "Explain", "Goldens")
+_LATER = {
+    "Histograms": "histograms",
+    "Noise": "noise",
+    "Blooming": "blooming.screen",
+    "Ghosts": "ghosts",
+    "Scenes": "scenes",
+    "Explain": "explain.screen",
+    "Goldens": "goldens.screen",
+}
+"""Class to module."""
 
 
 def later_screens() -> list[type[View]]:
     """All screens but the first: numbers and tables are heavy to load, and the first one does without."""
-    modules = [importlib.import_module(f"{__name__}.{name.lower()}") for name in _LATER]
-    return [cast("type[View]", getattr(module, name)) for module, name in zip(modules, _LATER, strict=True)]
+    modules = {name: importlib.import_module(f"{__name__}.{module}") for name, module in _LATER.items()}
+    return [cast("type[View]", getattr(module, name)) for name, module in modules.items()]

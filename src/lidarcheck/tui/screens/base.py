@@ -8,7 +8,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.core.actions import ACTIONS
+from lidarcheck.tui.actions.registry import ACTIONS
 from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:

@@ -8,18 +8,18 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from lidarcheck.calibration.figures import Cloud, Distribution
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
-from lidarcheck.tui.core.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
-from lidarcheck.tui.core.jobs import Computed, Job
-from lidarcheck.tui.core.models import NONE, next_model
+from lidarcheck.figures.data import Cloud, Distribution
+from lidarcheck.session.models import NONE, next_model
+from lidarcheck.tui.jobs.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
+from lidarcheck.tui.jobs.jobs import Computed, Job
 from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.pages import MOVES, PageView, together
+from lidarcheck.tui.screens.pages.screen import MOVES, PageView, together
 from lidarcheck.tui.widgets.dialogs import AskText
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.figures import Figure, Page
-    from lidarcheck.plots.page_files import Writer
+    from lidarcheck.figures.data import Figure, Page
+    from lidarcheck.figures.html.page_files import Writer
 
 __all__ = ["Ghosts"]
 
@@ -142,8 +142,8 @@ def _least_of(text: str) -> float | None:
 
 def _files(page: GhostPage) -> Mapping[str, Writer]:
     """What writes what the page leaves, by the name of its file."""
-    from lidarcheck.calibration.ghost_files import stripped_files
-    from lidarcheck.model.rewrite import write_model
+    from lidarcheck.calibration.ghosts.files import stripped_files
+    from lidarcheck.model.files.write import write_model
 
     if page.fitted is not None and page.model is not None:
         return {_MODEL_FILE: partial(write_model, page.model, page.fitted)}
@@ -152,7 +152,7 @@ def _files(page: GhostPage) -> Mapping[str, Writer]:
 
 def _write(page: GhostPage, directory: Path) -> list[str]:
     """What the page leaves, in files, all or none; their names. A file that is there is left as it is."""
-    from lidarcheck.plots.outputs import as_it_was
+    from lidarcheck.figures.html.outputs import as_it_was
 
     files = _files(page)
     there = next((name for name in files if (directory / name).exists()), "")

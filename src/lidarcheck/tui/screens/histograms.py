@@ -7,19 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from lidarcheck.tui.core.jobs import Computed, Job
-from lidarcheck.tui.core.vehicle_jobs import Group, groups_of, job_of, options_of, source_of
+from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.jobs.vehicle_jobs import Group, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.page_export import file_name
-from lidarcheck.tui.screens.page_lines import room_for, together
-from lidarcheck.tui.screens.pages import MOVES, PageView
+from lidarcheck.tui.screens.pages.export import file_name
+from lidarcheck.tui.screens.pages.lines import room_for, together
+from lidarcheck.tui.screens.pages.screen import MOVES, PageView
 from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.figures import Figure, Page
-    from lidarcheck.calibration.vehicles_compare import AtDistance, VehicleComparison
-    from lidarcheck.calibration.vehicles_merge import Placed
-    from lidarcheck.plots.page_files import Writer
+    from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
+    from lidarcheck.calibration.vehicles.merge import Placed
+    from lidarcheck.figures.data import Figure, Page
+    from lidarcheck.figures.html.page_files import Writer
 
 __all__ = ["Histograms"]
 
@@ -75,7 +75,7 @@ class Histograms(PageView):
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """Feature after feature, so many distances at once as can be read; then the points."""
-        from lidarcheck.calibration.figures import Distribution
+        from lidarcheck.figures.data import Distribution
 
         figures = page.figures()
         names = [figure.quantity if isinstance(figure, Distribution) else "" for figure in figures]
@@ -92,7 +92,7 @@ class Histograms(PageView):
         found = self._beside_now()
         if found is None:
             return super().shown(page)
-        from lidarcheck.calibration.figures import Cloud
+        from lidarcheck.figures.data import Cloud
 
         at, placed = found
         cloud = Cloud(self._at_words(at), {"real": at.cuts[0].xyz_m, "simulated": placed.moved_m})
@@ -114,8 +114,8 @@ class Histograms(PageView):
 
     def _beside_now(self) -> tuple[AtDistance, Placed] | None:
         """The distance that is seen and where its simulated vehicle stands; None while histograms are seen."""
-        from lidarcheck.calibration.vehicles import vehicle_named
-        from lidarcheck.calibration.vehicles_merge import place_vehicles
+        from lidarcheck.calibration.vehicles.kinds import vehicle_named
+        from lidarcheck.calibration.vehicles.merge import place_vehicles
 
         made, job = self.made, self.job
         if not self.side_by_side or made is None or job is None or not self.result:
@@ -208,21 +208,21 @@ class Histograms(PageView):
 
     def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
         """The sheet, as the command."""
-        from lidarcheck.plots.vehicle_sheet import SHEET
+        from lidarcheck.figures.pages.vehicle_sheet import SHEET
 
         return {SHEET: partial(_write_sheet, made.result, kind)}
 
 
 def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:
-    from lidarcheck.plots.vehicle_sheet import save_distances
+    from lidarcheck.figures.pages.vehicle_sheet import save_distances
 
     save_distances(result, path, kind)
     return f"{path.name}: all distances"
 
 
 def _write_cloud(at: AtDistance, offset_m: tuple[float, float], vehicle: str, path: Path) -> str:
-    from lidarcheck.calibration.vehicles import vehicle_named
-    from lidarcheck.calibration.vehicles_merge import merge_vehicles
+    from lidarcheck.calibration.vehicles.kinds import vehicle_named
+    from lidarcheck.calibration.vehicles.merge import merge_vehicles
     from lidarcheck.formats.recognise import target_format, write_table
 
     target_format(path)

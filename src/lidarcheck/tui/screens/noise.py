@@ -8,15 +8,15 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from lidarcheck.tui.core.jobs import Job
-from lidarcheck.tui.core.models import NONE, chosen_model, next_model
-from lidarcheck.tui.core.noise import NoisePage, halls_of, noise_jobs
+from lidarcheck.session.models import NONE, chosen_model, next_model
+from lidarcheck.tui.jobs.jobs import Job
+from lidarcheck.tui.jobs.noise import NoisePage, halls_of, noise_jobs
 from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.pages import MOVES, PageView, together
+from lidarcheck.tui.screens.pages.screen import MOVES, PageView, together
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.figures import Figure, Page, Table
+    from lidarcheck.figures.data import Figure, Page, Table
 
 __all__ = ["Noise"]
 

@@ -12,11 +12,11 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.message import Message
 
+from lidarcheck.session.project import Entry
 from lidarcheck.tui.bars import STOPS
-from lidarcheck.tui.core.checks import Cancelled, Outcome, Runs, against, run_scenarios
-from lidarcheck.tui.core.project import Entry
+from lidarcheck.tui.jobs.checks import Cancelled, Outcome, Runs, against, run_scenarios
 from lidarcheck.tui.screens.base import View, bindings
-from lidarcheck.tui.screens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
+from lidarcheck.tui.screens.goldens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.core.jobs import Job
-from lidarcheck.tui.core.models import chosen_model, which_model
-from lidarcheck.tui.core.naming import labels_of
-from lidarcheck.tui.core.project import Entry
-from lidarcheck.tui.core.scene_jobs import Effects, offers_of, scene_jobs
+from lidarcheck.session.models import chosen_model, which_model
+from lidarcheck.session.naming import labels_of
+from lidarcheck.session.project import Entry
+from lidarcheck.tui.jobs.jobs import Job
+from lidarcheck.tui.jobs.scene_jobs import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.page_lines import room_for, together
-from lidarcheck.tui.screens.pages import MOVES, PageView
+from lidarcheck.tui.screens.pages.lines import room_for, together
+from lidarcheck.tui.screens.pages.screen import MOVES, PageView
 from lidarcheck.tui.widgets.choose import Choose
 from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.figures import Figure, Page
+    from lidarcheck.figures.data import Figure, Page
 
 __all__ = ["Scenes"]
 
@@ -55,7 +55,7 @@ class Scenes(PageView):
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """The maps first, so many at once as can be read, then all else."""
-        from lidarcheck.calibration.figures import Grid
+        from lidarcheck.figures.data import Grid
 
         pane = self.query_one("#figures", Lines)
         most = room_for((pane.size.width, pane.rows), _AT_ONCE)

@@ -12,7 +12,7 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from lidarcheck.tui.core.actions import Action
+from lidarcheck.tui.actions.registry import Action
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 
 __all__ = ["Ask", "AskText", "Palette"]

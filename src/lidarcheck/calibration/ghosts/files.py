@@ -1,0 +1,97 @@
+"""Signs and ghosts from files: datasets by their names, scans held against their ideal scans and their model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from lidarcheck.calibration.ghosts.data import check_expected
+from lidarcheck.calibration.ghosts.workflow import GhostScan, find_ghosts
+from lidarcheck.errors import InputError
+from lidarcheck.formats import load_scan, save_scan
+from lidarcheck.kpi.variant import above_saturation, other_variant
+from lidarcheck.model import load_model, simulate
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
+
+__all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
+
+
+def dataset_names(scans: Sequence[Path]) -> list[str]:
+    """A name for each dataset: that of its file without suffix, numbered where several have the same."""
+    stems = [path.name.split(".")[0] or path.name for path in scans]
+    seen: dict[str, int] = {}
+    names = []
+    for stem in stems:
+        seen[stem] = seen.get(stem, 0) + 1
+        names.append(stem if stems.count(stem) == 1 else f"{stem}_{seen[stem]}")
+    return names
+
+
+def stripped_name(name: str) -> str:
+    """The file of a dataset's signs and ghosts alone."""
+    return f"{name}_ghosts.pcd"
+
+
+def stripped_files(stripped: Mapping[str, Scan]) -> dict[str, Callable[[Path], object]]:
+    """What writes the signs and ghosts of each dataset, by the name of its file."""
+    return {stripped_name(name): partial(save_scan, scan) for name, scan in stripped.items()}
+
+
+def load_ghost_model(path: Path) -> Model:
+    """A model whose sensor is known."""
+    model = load_model(path)
+    if model.external is not None:
+        what = "is an external model, whose sensor is not known"
+        raise InputError(what, file=path, fix="name a model of the built-in sensor")
+    return model
+
+
+def find_in(
+    path: Path,
+    name: str,
+    *,
+    ideal: IdealScan | None = None,
+    model: Model | None = None,
+    expected_m: Sequence[float] = (),
+    bright: float | None = None,
+) -> GhostScan:
+    """What a scan shows. `InputError` with the file where it is not what the ideal scan and the model say."""
+    scan = load_scan(path)
+    sensor = None if model is None else model.sensor
+    _check_variant(path, scan, sensor)
+    view = None if ideal is None else _view(ideal)
+    try:
+        found = find_ghosts(scan, name=name, sensor=sensor, above=bright, expected_m=expected_m, view=view)
+        if ideal is not None and model is not None:
+            check_expected(found, ideal, model)
+    except InputError as error:
+        raise InputError(error.what, file=path, line=error.line, fix=error.fix) from error
+    return found
+
+
+def find_simulated(
+    found: GhostScan, ideal: IdealScan, model: Model, *, bright: float | None = None, seed: int = 0
+) -> GhostScan:
+    """The same search in what the model makes of the ideal scan."""
+    scan = simulate(ideal, model, seed=seed)
+    return find_ghosts(scan, name=f"the simulation of {found.name}", sensor=found.sensor, above=bright)
+
+
+def _check_variant(path: Path, scan: Scan, sensor: Sensor | None) -> None:
+    """Refuse a scan of another variant than the model's."""
+    if sensor is None or "PEAK" in scan.defaulted or not len(scan):
+        return
+    fault = above_saturation(scan, sensor, path)
+    if fault is not None:
+        raise fault
+    other = other_variant([scan], sensor)
+    if other:
+        raise InputError(other, file=path, fix="name the model of the variant that measured")
+
+
+def _view(ideal: IdealScan) -> tuple[int, int, int, int]:
+    """First and last layer, first and last point that were fired."""
+    return (int(ideal.layer.min()), int(ideal.layer.max()), int(ideal.point.min()), int(ideal.point.max()))

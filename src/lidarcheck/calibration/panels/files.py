@@ -1,0 +1,72 @@
+"""Panels from files: which frames and ideal scans show one scene, and where a result came from."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from lidarcheck.calibration.panels.workflow import Arrangement, Frame, same_scene
+from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.model import Model, simulate
+from lidarcheck.scan import IdealScan
+
+__all__ = ["arrangements_of", "provenance"]
+
+_SEEDS = 2**64
+
+
+def arrangements_of(
+    measured: Sequence[Path], ideals: list[Path], simulated: list[Path], model: Model | None, seed: int
+) -> Iterator[Arrangement]:
+    """The frames by the scene that they show: those of ideal scans that say the same belong together."""
+    real = [_frame(path) for path in measured]
+    if len(ideals) < 2:
+        scene = load_ideal(ideals[0]) if ideals else None
+        made = (
+            [_frame(path) for path in simulated] if scene is None or model is None else _made(scene, model, seed, real)
+        )
+        yield Arrangement(scene, real, made)
+        return
+    for scene, members in _scenes(ideals):
+        if model is not None:
+            made = _made(scene, model, seed + members[0], [real[i] for i in members])
+        else:
+            made = [_frame(simulated[i]) for i in members] if simulated else []
+        yield Arrangement(scene, [real[i] for i in members], made)
+
+
+def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
+    """The scenes that differ, each with the numbers of its ideal scans."""
+    scenes: list[tuple[IdealScan, list[int]]] = []
+    for i, path in enumerate(ideals):
+        one = load_ideal(path)
+        members = next((members for other, members in scenes if same_scene(one, other)), None)
+        if members is None:
+            scenes.append((one, [i]))
+        else:
+            members.append(i)
+    return scenes
+
+
+def _frame(path: Path) -> Frame:
+    return Frame(str(path), partial(load_scan, path))
+
+
+def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[Frame]) -> list[Frame]:
+    """As many simulated frames as real ones, the seed counted up."""
+    seeds = [(seed + i) % _SEEDS for i, _ in enumerate(real)]
+    return [Frame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
+
+
+def provenance(origin: Mapping[str, Sequence[Path]], command: str, seed: int | None = None) -> dict[str, str]:
+    """The files with the beginnings of their SHA-256, and the command."""
+    said = {
+        kind: ", ".join(f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}" for path in paths)
+        for kind, paths in origin.items()
+        if paths
+    }
+    if seed is not None:
+        said["seed"] = f"{seed}, counted up"
+    return {**said, "command": command}

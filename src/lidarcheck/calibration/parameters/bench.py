@@ -1,0 +1,185 @@
+"""Frames on the bench: what was measured on some of their beams, and what any model shows there."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.calibration.parameters.statistics import Statistics
+from lidarcheck.errors import UsageError
+from lidarcheck.inference.beam_table import Beams, beams_of, key_of
+from lidarcheck.inference.pairing import Sights, sights_of
+from lidarcheck.inference.simulator import Frame
+from lidarcheck.model.chain import simulate
+from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.workers import Crew, Held
+
+__all__ = ["Bench", "Metric", "Reference", "seed_of"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_BASE_SEEDS, _NOISE_SEEDS = 6, 5
+_SHRUNK = 0.1
+"""Part of each correlation that is not believed: there are more sums than independent columns of beams."""
+_LEAST_COUNT = 4.0
+
+
+def seed_of(seed: int, purpose: str, k: int = 0) -> int:
+    """A seed for the k-th simulation of a purpose; nobody's own small seeds are among them."""
+    digest = hashlib.sha256(f"calibrate {seed} {purpose} {k}".encode()).digest()
+    return int.from_bytes(digest[:8])
+
+
+@dataclass(frozen=True)
+class Metric:
+    """How statistics scatter from measurement to measurement: r' C^-1 r, C of shape (n_statistics, n_statistics)."""
+
+    spread: FloatArray
+    inverse: FloatArray
+
+    @classmethod
+    def of(cls, covariance: FloatArray, counted: BoolArray) -> Metric:
+        """Of a covariance that is known from few columns of beams: its correlations are shrunk."""
+        least = np.where(counted, _LEAST_COUNT, 1.0)
+        spread = np.sqrt(np.maximum(np.diag(covariance), least))
+        correlation = (1.0 - _SHRUNK) * covariance / np.outer(spread, spread)
+        np.fill_diagonal(correlation, 1.0)
+        return cls(spread, np.linalg.inv(correlation))
+
+    def times(self, r: FloatArray) -> FloatArray:
+        """C^-1 r for r of shape (n_statistics,) or (n_statistics, m)."""
+        spread = self.spread if r.ndim == 1 else self.spread[:, None]
+        return np.asarray((self.inverse @ (r / spread)) / spread)
+
+    def inner(self, one: FloatArray, other: FloatArray) -> float:
+        """one' C^-1 other."""
+        return float(one @ self.times(other))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The statistics as a model shows them, the metric of their noise, and the measurement in them.
+
+    `measured` (n_statistics,) and `measured_parts` (n_clusters, n_statistics).
+    """
+
+    statistics: Statistics
+    metric: Metric
+    measured: FloatArray
+    measured_parts: FloatArray
+
+    @functools.cached_property
+    def held(self) -> Held[Statistics]:
+        """The statistics for the tasks of a crew."""
+        return Held(self.statistics)
+
+
+class Bench:
+    """Some frames of which the beams that are `used` take part, and simulations of them.
+
+    `beams`: those of the frames' ideal scans. `used` (n_beams,): in their order. `crew`: simulates side by side.
+    """
+
+    def __init__(
+        self, frames: Sequence[Frame], beams: Beams, used: BoolArray, seed: int, crew: Crew | None = None
+    ) -> None:
+        self.frames = tuple(frames)
+        self._surfaces = [Surfaces(f.ideal) for f in self.frames]
+        self.beams = beams
+        self.used = used
+        self.seed = seed
+        self.crew = crew or Crew()
+        self.measured: Sights = sights_of(beams, [f.measured for f in frames])
+
+    @classmethod
+    def of(cls, frames: Sequence[Frame], model: Model, seed: int, crew: Crew | None = None) -> Bench:
+        """A bench on which all beams of the frames take part."""
+        beams = beams_of([f.ideal for f in frames], model)
+        return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, crew)
+
+    @functools.cached_property
+    def held(self) -> Held[Bench]:
+        """The bench for the tasks of a crew."""
+        return Held(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without who works: a worker has no workers of its own."""
+        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "crew": Crew()}
+
+    def sights(self, model: Model, purpose: str, k: int) -> Sights:
+        """What the model shows of each beam with the k-th seed of a purpose."""
+        seed = seed_of(self.seed, purpose, k)
+        pairs = zip(self.frames, self._surfaces, strict=True)
+        scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
+        return sights_of(self.beams, scans)
+
+    def totals(self, reference: Reference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
+        """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such
+        numbers."""
+        return [*self.crew.map(_total, ((self.held, reference.held, *one) for one in asked))]
+
+    def by_cluster(self, reference: Reference, model: Model, purpose: str, seeds: int) -> FloatArray:
+        """The statistics over each cluster with the first seeds of a purpose, (seeds, n_clusters, n_statistics)."""
+        return self._by_cluster(reference.held, model, purpose, seeds)
+
+    def _by_cluster(self, statistics: Held[Statistics], model: Model, purpose: str, seeds: int) -> FloatArray:
+        tasks = ((self.held, statistics, model, purpose, k) for k in range(seeds))
+        return np.array([*self.crew.map(_clustered, tasks)])
+
+    def reference(self, model: Model, purpose: str) -> Reference:
+        """The statistics around a model, with seeds of their own."""
+        tasks = ((self.held, model, f"{purpose} base", k) for k in range(_BASE_SEEDS))
+        statistics = Statistics(self.beams, self.used, [*self.crew.map(Bench.sights, tasks)])
+        drawn = self._by_cluster(Held(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
+        drawn -= drawn.mean(axis=0)
+        flat = drawn.reshape(-1, drawn.shape[-1])
+        metric = Metric.of(flat.T @ flat / (_NOISE_SEEDS - 1.0), statistics.counted)
+        parts = statistics.by_cluster(self.measured)
+        return Reference(statistics, metric, parts.sum(axis=0), parts)
+
+    def restricted(self, keep: BoolArray) -> Bench:
+        """A bench with no more than the beams that are kept, (n_beams,)."""
+        frames = [
+            _frame_of(frame, self.beams.key[keep & (self.beams.frame == i)], i) for i, frame in enumerate(self.frames)
+        ]
+        there = [i for i, frame in enumerate(frames) if len(frame.ideal)]
+        if len(there) < len(frames):
+            frames = [frames[i] for i in there]
+        return Bench(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.crew)
+
+
+def _total(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
+    try:
+        return statistics.total(bench.sights(model, purpose, k))
+    except UsageError:
+        return None
+
+
+def _clustered(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
+    return statistics.by_cluster(bench.sights(model, purpose, k))
+
+
+def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:
+    """A frame with the beams of some keys, all rows of a beam or none, and the echoes of those beams."""
+    rows, echoes = (np.isin(key_of(number, t.layer, t.point), keys) for t in (frame.ideal, frame.measured))
+    ideal, measured = frame.ideal.take(np.flatnonzero(rows)), frame.measured.take(np.flatnonzero(echoes))
+    return dataclasses.replace(frame, ideal=ideal, measured=measured)
+
+
+def _beams_of(beams: Beams, keep: BoolArray) -> Beams:
+    """Some rows of a table of beams; what stands beside a beam stays known where that beam is left out."""
+    place = np.cumsum(keep) - 1
+    hits = keep[beams.hit_beam]
+    columns = {f.name: getattr(beams, f.name)[keep] for f in dataclasses.fields(beams) if not f.name.startswith("hit_")}
+    # Frames are numbered anew where one of them has no beam left; keys follow.
+    frame = np.unique(columns["frame"], return_inverse=True)[1].astype(np.int64)
+    columns |= {"frame": frame, "key": key_of(frame, columns["layer"], columns["point"])}
+    return Beams(**columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits])

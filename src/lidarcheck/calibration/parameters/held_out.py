@@ -1,0 +1,122 @@
+"""How far model and measurement are apart, by a distance that no fit uses, with seeds that no fit sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.calibration.parameters.bench import Bench, seed_of
+from lidarcheck.inference.pairing import FEATURES, Sights
+from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.model.spec import Model
+from lidarcheck.workers import Crew, Held
+
+__all__ = ["Distance", "HeldOut"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_SEEDS = 4
+_FIRST = 9500
+_SIGMAS = 2.0
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The mean distance over some simulations, each with a seed of its own; `draws` (n_seeds,): one by one.
+
+    The mean over strata, features and ways to stratify of 1-Wasserstein distances, in standard deviations of a beam;
+    see `lidarcheck.inference.wasserstein`.
+    """
+
+    draws: tuple[float, ...]
+
+    @property
+    def value(self) -> float:
+        """Their mean."""
+        return float(np.mean(self.draws))
+
+    def nearer_than(self, other: Distance) -> bool:
+        """Whether it is less by more than chance; the seeds are the same, so that the differences count."""
+        less = np.array(other.draws) - np.array(self.draws)
+        return bool(less.mean() > _SIGMAS * less.std(ddof=1) / np.sqrt(len(less)))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One side of the split on the scale of the start's model."""
+
+    scale: Scale
+    measured: Sights
+    weight: FloatArray
+    crew: Crew
+
+    @cached_property
+    def held(self) -> Held[_Side]:
+        return Held(replace(self, crew=Crew()))
+
+    @classmethod
+    def of(cls, bench: Bench, model: Model) -> _Side:
+        scale = Scale.of(bench.frames, model, seed_of(bench.seed, "held out") >> 24)
+        return cls(scale, scale.measured, bench.used.astype(np.float64), bench.crew)
+
+    def distance(self, model: Model, seeds: int) -> Distance:
+        return Distance(tuple(self.crew.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
+
+    def far(self, model: Model, k: int) -> float:
+        """With one seed."""
+        return self._between(self.measured, self.scale.simulated(model, k, 1)[0])
+
+    def _between(self, one: Sights, other: Sights) -> float:
+        return float(self.scale.distance(one, [other], self.weight).mean())
+
+    def floor(self, model: Model) -> float:
+        """The distance of two runs of one model."""
+        others = self.scale.simulated(model, _FIRST + 100, 2)
+        shown = self.scale.simulated(model, _FIRST, 2)
+        return float(np.mean([self._between(a, b) for a, b in zip(others, shown, strict=True)]))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Both sides of the split, each with its distance."""
+
+    fitted: _Side
+    out: _Side
+
+    @classmethod
+    def of(cls, fit: Bench, held: Bench, model: Model) -> HeldOut:
+        """The sides of two benches, on the scale of a model."""
+        return cls(_Side.of(fit, model), _Side.of(held, model))
+
+    def fit(self, model: Model) -> Distance:
+        """On the beams that are fitted."""
+        return self.fitted.distance(model, 1)
+
+    def held(self, model: Model) -> Distance:
+        """On the beams that are held out."""
+        return self.out.distance(model, _SEEDS)
+
+    def floor(self, model: Model) -> float:
+        """What two runs of a model are apart on the beams that are held out."""
+        return self.out.floor(model)
+
+    def samples(self, before: Model, after: Model) -> Mapping[str, Mapping[str, FloatArray]]:
+        """The features of the surfaces' echoes on what is held out: measured, and as both models show them."""
+        side = self.out
+        shown = {
+            "real": side.measured,
+            "simulated before": side.scale.simulated(before, _FIRST, 1)[0],
+            "simulated after": side.scale.simulated(after, _FIRST, 1)[0],
+        }
+        rows = {name: one.detected & (side.weight > 0.0) for name, one in shown.items()}
+        values = {
+            feature: {name: one.feature[rows[name], j] for name, one in shown.items()}
+            for j, feature in enumerate(FEATURES)
+        }
+        for feature in ("area", "peak"):
+            values[feature] = {name: np.exp(value) for name, value in values[feature].items()}
+        return values

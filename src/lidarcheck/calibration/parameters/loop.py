@@ -1,0 +1,260 @@
+"""The closed loop: fit, simulate, compare on what was held out, until that improves no longer."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.calibration.parameters.bench import Bench
+from lidarcheck.calibration.parameters.descent import Problem, descend
+from lidarcheck.calibration.parameters.held_out import Distance, HeldOut
+from lidarcheck.calibration.parameters.intervals import Estimate, Fitted, estimate
+from lidarcheck.calibration.parameters.parameters import (
+    Free,
+    added_effects,
+    free_parameters,
+    held,
+    with_fixed,
+    with_values,
+)
+from lidarcheck.calibration.parameters.roles import deal, is_separable, thinned
+from lidarcheck.errors import UsageError
+from lidarcheck.formats.table import counted
+from lidarcheck.model.spec import Model
+from lidarcheck.workers import Crew, Threads, one_blas_thread
+
+if TYPE_CHECKING:
+    from lidarcheck.cases.case import Case
+    from lidarcheck.workers.checkpoint import Notebook
+
+__all__ = ["Asked", "Calibration", "Round", "calibrate", "prepared"]
+
+FloatArray = npt.NDArray[np.float64]
+
+MOST_ROUNDS = 8
+ROUND_BEAMS, LAST_BEAMS, JUDGE_BEAMS = 9_000, 40_000, 15_000
+"""Beams that take part in a round, in the last fit with its intervals, and in the comparison of a round."""
+_STEPS = 3
+_CLEAR = 2.0
+_SMALL = 0.05
+_LAST, _NEAR = 4, 3.0
+"""The last fit is done again, at most so often, where it moved a parameter by more standard errors."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked for: free parameters by name, and what is said of them. `fixed`: names that are not to be moved,
+    each with the value to hold it at or None for the model's own."""
+
+    free: tuple[str, ...]
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Round:
+    """The state after a round, 0 for the start: the parameters' values by name and the distances of model and
+    measurement on the frames that are fitted and on what is held out. `beams`: that took part in the fit. `floor`: what
+    two runs of the model at the start are apart."""
+
+    number: int
+    values: Mapping[str, float]
+    fit: Distance
+    held: Distance
+    beams: int
+    floor: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a calibration found. `model`: the case's with the fitted numbers. `kept`: the round whose numbers these are.
+
+    `floor`: the distance of two runs of that model on what is held out. `samples`: what was held out, feature to name
+    ("real", "before", "after") to values. `improved`: whether the model is nearer than before, beyond chance.
+    """
+
+    parameters: tuple[Fitted, ...]
+    rounds: tuple[Round, ...]
+    kept: int
+    floor: float
+    model: Model
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    misfit: float
+    correlation: FloatArray
+    samples: Mapping[str, Mapping[str, FloatArray]]
+    seed: int
+    hashes: Mapping[str, str]
+
+    @property
+    def improved(self) -> bool:
+        """Whether what is held out is nearer than at the start, beyond chance."""
+        return bool(self.rounds[self.kept].held.nearer_than(self.rounds[0].held))
+
+
+Told = Callable[[str], object]
+Watched = Callable[[Round, float | None], object]
+
+
+def prepared(case: Case, asked: Asked) -> tuple[Model, tuple[Free, ...], dict[str, str]]:
+    """The model where the fit begins, with every effect that is named, the free parameters, and what was added."""
+    names = [*asked.free, *asked.fixed]
+    model, added = added_effects(case.model, names)
+    model = with_fixed(model, {name: value for name, value in asked.fixed.items() if value is not None})
+    free = held(model, asked.free, asked.fixed)
+    parameters = free_parameters(model, free, bounds=asked.bounds, starts=asked.starts)
+    return with_values(model, {one.name: one.start for one in parameters}), parameters, added
+
+
+def calibrate(
+    case: Case,
+    asked: Asked,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    crew: Crew | None = None,
+    rounds: int = MOST_ROUNDS,
+    told: Told = lambda _words: None,
+    watched: Watched = lambda _round, _left_s: None,
+    notebook: Notebook | None = None,
+) -> Calibration:
+    """Fit the free parameters of a case's model to its frames; the same seed, the same result, whoever works:
+    `jobs` threads, or a `crew`.
+
+    `told` hears what is being done; `watched` each round and for how long the work goes on at most [s]. `notebook`:
+    rounds that are in it are not done again. `UsageError` and `InputError` for what cannot be fitted.
+    """
+    model, free, added = prepared(case, asked)
+    own = Threads(jobs)
+    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
+        bench = Bench.of(case.frames, model, seed, workers)
+        roles = deal(bench, str(case.directory))
+        problem = Problem(roles.fit, model, free)
+        separable = is_separable(roles.fit, problem.model(problem.nearby()))
+        benches = [_fewer(roles.fit, most, separable) for most in (ROUND_BEAMS, LAST_BEAMS)]
+        shown, left_out = (_fewer(one, JUDGE_BEAMS, separable) for one in (roles.fit, roles.held))
+        judge = HeldOut.of(shown, left_out, model)
+        loop = _Loop(problem, judge, benches, rounds, told, watched, notebook)
+        history, x = loop.run()
+        found, history, kept = loop.finish(history, x)
+        fitted = with_values(model, {p.name: p.value for p in found.parameters if p.told != "no effect"})
+        fitted = fitted if _is_moved(found) else case.model
+        told("what was held out, before and after")
+        samples, floor = judge.samples(case.model, fitted), judge.floor(fitted)
+    notes = (*added.values(), roles.words, *_notes(benches, separable), *loop.notes)
+    return Calibration(
+        found.parameters, tuple(history), kept, floor, fitted, found.warnings, notes, found.misfit,
+        found.correlation, samples, seed, dict(case.hashes),
+    )  # fmt: skip
+
+
+class _Loop:
+    """The rounds."""
+
+    def __init__(
+        self, problem: Problem, judge: HeldOut, benches: Sequence[Bench], rounds: int, told: Told, watched: Watched,
+        notebook: Notebook | None,
+    ) -> None:  # fmt: skip
+        self.problem, self.judge, self.benches = problem, judge, benches
+        self.rounds, self.told, self.watched, self.notebook = rounds, told, watched, notebook
+        self.notes: list[str] = []
+        self.began = time.monotonic()
+        self.floor = 0.0
+
+    def run(self) -> tuple[list[Round], FloatArray]:
+        """Rounds until what is held out improves no longer; all of them, and where the last one ends."""
+        x = self.problem.start()
+        history = [self._round(0, x)]
+        self.problem.bench = self.benches[0]
+        for number in range(1, self.rounds + 1):
+            before = x
+            x = self._fitted(number, x)
+            if not self.problem.active().any():
+                names = ", ".join(one.name for one in self.problem.free)
+                raise UsageError(
+                    f"nothing to fit: on these frames no change of {names} changes what the model shows",
+                    fix="free other parameters, or measure what shows them",
+                )
+            history.append(self._round(number, x))
+            settled = bool((np.abs(x - before) <= _SMALL * self._widths()).all())
+            if not history[-1].held.nearer_than(history[-2].held) and (settled or number > 1):
+                self.notes.append(f"after round {number} what is held out improves no longer")
+                break
+        else:
+            done = f"{counted(self.rounds, 'round')} {'was' if self.rounds == 1 else 'were'} done"
+            self.notes.append(f"{done} and what is held out still improves; run more --rounds")
+        return history, x
+
+    def finish(self, history: list[Round], x: FloatArray) -> tuple[Estimate, list[Round], int]:
+        """The last fit, with all beams that take part. Its numbers are kept; where a round was nearer on what is held
+        out, that is said."""
+        self.problem.bench = self.benches[1]
+        for number in range(_LAST):
+            self.told(f"the last fit, with intervals{'' if number == 0 else ', again from where it ended'}")
+            self.problem.revive()
+            reference = self.problem.bench.reference(self.problem.model(x), f"last {number}")
+            found = estimate(self.problem, reference, x)
+            x = found.x
+            if found.moved < _NEAR:
+                break
+        history = [*history, self._round(len(history), found.x)]
+        best = min(history, key=lambda one: one.held.value)
+        if best.held.nearer_than(history[-1].held):
+            self.notes.append(f"round {best.number} was nearer on what is held out than the last fit, beyond chance")
+        return found, history, len(history) - 1
+
+    def _widths(self) -> FloatArray:
+        return np.array([self.problem.steps.get(one.name, 1.0) for one in self.problem.free])
+
+    def _fitted(self, number: int, x: FloatArray) -> FloatArray:
+        """Where a round ends; from the notebook where it was done before."""
+        kept = None if self.notebook is None else self.notebook.get(f"fit {number}")
+        if kept is None:
+            self.told(f"round {number}: what the model shows")
+            self.problem.revive()
+            reference = self.problem.bench.reference(self.problem.model(x), f"round {number}")
+            there = descend(
+                self.problem, reference, x, steps=_STEPS, told=lambda words: self.told(f"round {number}: {words}")
+            )
+            kept = {"x": there.tolist(), "steps": dict(self.problem.steps), "dead": sorted(self.problem.dead)}
+            if self.notebook is not None:
+                self.notebook.put(f"fit {number}", kept)
+        self.problem.steps, self.problem.dead = dict(kept["steps"]), set(kept["dead"])
+        return np.array(kept["x"])
+
+    def _round(self, number: int, x: FloatArray) -> Round:
+        """A round as it is shown: compared with fresh seeds."""
+        self.told(f"round {number}: comparing with what is held out" if number else "comparing at the start")
+        model = self.problem.model(x)
+        fit, out = self.judge.fit(model), self.judge.held(model)
+        seconds = time.monotonic() - self.began
+        if number == 0:
+            self.floor = self.judge.floor(model)
+        beams = int(np.count_nonzero(self.problem.bench.used))
+        done = Round(number, dict(self.problem.values(x)), fit, out, beams, self.floor, seconds)
+        left = None if number == 0 else seconds / number * (self.rounds + 2 - number)
+        self.watched(done, left)
+        return done
+
+
+def _fewer(bench: Bench, most: int, separable: bool) -> Bench:
+    return thinned(bench, most, "thinned") if separable else bench
+
+
+def _is_moved(found: Estimate) -> bool:
+    return any(p.told != "no effect" for p in found.parameters)
+
+
+def _notes(benches: Sequence[Bench], separable: bool) -> list[str]:
+    counts = [np.count_nonzero(bench.used) for bench in benches]
+    if not separable:
+        return [f"effects look from beam to beam: all {len(benches[1].beams)} beams of the fitted frames are simulated"]
+    return [f"{counts[0]} beams take part in a round and {counts[1]} in the last fit, drawn evenly from all materials"]

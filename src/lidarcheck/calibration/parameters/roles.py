@@ -1,0 +1,105 @@
+"""Which beams are fitted and which are held out, and how many take part: dealt before anything looks at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.calibration.parameters.bench import Bench, seed_of
+from lidarcheck.errors import InputError
+from lidarcheck.inference.beam_table import Beams, key_of
+from lidarcheck.inference.simulator import Frame
+from lidarcheck.model.chain import simulate
+from lidarcheck.model.spec import Model
+
+__all__ = ["Roles", "deal", "is_separable", "thinned"]
+
+BoolArray = npt.NDArray[np.bool_]
+
+_BLOCK = 8
+"""Layers and points of a block, where blocks of one frame's beams are held out."""
+FEWEST_BEAMS = 200
+
+
+@dataclass(frozen=True)
+class Roles:
+    """The bench to fit on and the bench that is held out, and how that was decided, in words."""
+
+    fit: Bench
+    held: Bench
+    words: str
+
+
+def deal(bench: Bench, file: str) -> Roles:
+    """Every other frame, in order of their median distance, is held out; of one frame every other block of beams."""
+    frames, beams = bench.frames, bench.beams
+    if len(frames) > 1:
+        order = sorted(range(len(frames)), key=lambda i: (_distance(frames[i]), frames[i].number))
+        fitted, left = sorted(order[::2]), sorted(order[1::2])
+        words = f"fitted to {_numbers(frames, fitted)}; held out: {_numbers(frames, left)}"
+        in_fit = np.isin(beams.frame, fitted)
+        fit, left_out = bench.restricted(in_fit), bench.restricted(~in_fit)
+    else:
+        words = f"there is one frame: every other block of {_BLOCK} x {_BLOCK} beams is held out"
+        in_fit = _blocks(beams)
+        fit, left_out = (Bench(frames, beams, used, bench.seed, bench.crew) for used in (in_fit, ~in_fit))
+    roles = Roles(fit, left_out, words)
+    for one, what in ((roles.fit, "fit"), (roles.held, "hold out")):
+        count = int(np.count_nonzero(one.used & (one.beams.distance_m > 0.0)))
+        if count < FEWEST_BEAMS:
+            fault = f"only {count} beams that meet a surface are left to {what}"
+            raise InputError(fault, file=file, fix=f"measure more: it takes {FEWEST_BEAMS} to fit and as many to test")
+    return roles
+
+
+def _blocks(beams: Beams) -> BoolArray:
+    row, column = (np.unique(line, return_inverse=True)[1] // _BLOCK for line in (beams.layer, beams.point))
+    return np.asarray((row + column) % 2 == 0)
+
+
+def _distance(frame: Frame) -> float:
+    met = frame.ideal.distance_m[frame.ideal.distance_m > 0.0]
+    return float(np.median(met)) if len(met) else 0.0
+
+
+def _numbers(frames: Sequence[Frame], rows: Sequence[int]) -> str:
+    return f"{'frame' if len(rows) == 1 else 'frames'} {', '.join(str(frames[i].number) for i in rows)}"
+
+
+def is_separable(bench: Bench, model: Model) -> bool:
+    """Whether a beam shows the same, bit by bit, where others are left out: no effect looks from beam to beam."""
+    frame = bench.frames[0]
+    rng = np.random.default_rng(seed_of(bench.seed, "separable"))
+    keep = (bench.beams.frame != 0) | (rng.random(len(bench.beams)) < 0.5)
+    fewer = bench.restricted(keep).frames[0]
+    whole, part = (
+        simulate(f.ideal, model, seed=seed_of(bench.seed, "separable", 1), frame=f.number) for f in (frame, fewer)
+    )
+    rows = np.isin(key_of(0, whole.layer, whole.point), key_of(0, fewer.ideal.layer, fewer.ideal.point))
+    same = whole.take(np.flatnonzero(rows))
+    return len(same) == len(part) and all(
+        np.array_equal(getattr(same, name), getattr(part, name)) for name in ("layer", "range_m", "area", "width_ns")
+    )
+
+
+def thinned(bench: Bench, most: int, purpose: str) -> Bench:
+    """A bench with at most so many beams, drawn by chance; of every material as many as of the others, if it has them.
+
+    Sound where beams are independent: the sums that are fitted are over beams, and which of them are summed up was
+    decided by what they meet and not by what was measured.
+    """
+    rng = np.random.default_rng(seed_of(bench.seed, purpose))
+    if np.count_nonzero(bench.used) == len(bench.beams) <= most:
+        return bench
+    material = np.where(bench.used, bench.beams.material_id, -2)
+    kinds, counts = np.unique(material[bench.used], return_counts=True)
+    keep = np.zeros(len(bench.beams), dtype=bool)
+    left = most
+    for done, i in enumerate(np.argsort(counts, kind="stable")):
+        quota = min(int(counts[i]), left // (len(kinds) - done))
+        keep[rng.permutation(np.flatnonzero(material == kinds[i]))[:quota]] = True
+        left -= quota
+    return bench.restricted(keep)

@@ -1,0 +1,56 @@
+"""Reading a measured frame with its ideal scan, and simulating it with a model whose effects are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lidarcheck.calibration.scenes.checks import check_scene
+from lidarcheck.calibration.scenes.workflow import SceneFrame, simulated_frame
+from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.kpi.variant import check_variant, check_variants
+from lidarcheck.model import Model
+from lidarcheck.rays import Caster
+
+__all__ = ["provenance_of", "read_frame"]
+
+
+def read_frame(
+    measured: Path,
+    ideal: Path,
+    *,
+    model: Model | None = None,
+    simulated: Path | None = None,
+    scene: Caster | None = None,
+    scene_name: str = "",
+    seed: int = 0,
+    number: int = 0,
+) -> SceneFrame:
+    """A frame to compare: simulated with `model`, as frame `number`, or else read from `simulated`.
+
+    `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
+    """
+    scan, meets = load_scan(measured), load_ideal(ideal)
+    if scene is not None:
+        check_scene(meets, scene, scene_name, str(ideal))
+    if model is not None:
+        if model.external is None:
+            check_variant(scan, model.sensor, measured)
+        files = {"file": str(measured), "ideal_file": str(ideal)}
+        return simulated_frame(scan, meets, model, seed=seed, number=number, scene=scene, **files)
+    if simulated is None:
+        raise ValueError("neither a model nor a simulated frame")
+    shown = load_scan(simulated)
+    check_variants(scan, shown, measured)
+    return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
+
+
+def provenance_of(
+    frames: Sequence[tuple[Path, Path]], model: Model | None, simulated: Sequence[Path] = (), *, seed: int = 0
+) -> dict[str, str]:
+    """What a comparison of measured frames with their ideal scans is made from, in words."""
+    files = {f"frame {i}": f"{measured}, ideal {ideal}" for i, (measured, ideal) in enumerate(frames, 1)}
+    if model is not None:
+        chosen = ", ".join(effect.name for effect in model.effects)
+        files["model"] = f"{model.file}, effects: {chosen or 'none'}, seed {seed}"
+    return files | ({"simulated": ", ".join(map(str, simulated))} if simulated else {})

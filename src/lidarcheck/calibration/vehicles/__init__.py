@@ -1,0 +1,1 @@
+"""Cutting vehicles out of scans, comparing them with simulated ones, and merging them into one cloud."""

@@ -1,0 +1,113 @@
+"""Splitting the frames before anything looks at them: to fit, to select, to verify."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import UsageError
+from lidarcheck.inference.simulator import Frame
+
+__all__ = ["Split", "exchanged", "split_frames"]
+
+FEWEST = 3
+_ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
+"""The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
+_WORTH = 0.1
+"""Two frames are swapped where that brings so large a part of the beams to where it is wanted."""
+
+FloatArray = npt.NDArray[np.float64]
+Roles = npt.NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Split:
+    """Frames by what they are for."""
+
+    fit: tuple[Frame, ...]
+    select: tuple[Frame, ...]
+    verify: tuple[Frame, ...]
+
+    def numbers(self) -> Mapping[str, tuple[int, ...]]:
+        """The frames' numbers as in the case's file."""
+        return {name: tuple(f.number for f in getattr(self, name)) for name in ("fit", "select", "verify")}
+
+    def words(self) -> str:
+        """In a sentence."""
+        return "; ".join(f"{name}: frames {', '.join(map(str, numbers))}" for name, numbers in self.numbers().items())
+
+
+def split_frames(frames: Sequence[Frame]) -> Split:
+    """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances; then
+    swap some, so that the frames of the fit have in view what the others have.
+
+    Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
+    """
+    if len(frames) < FEWEST:
+        raise UsageError(
+            f"{len(frames)} {'frame is' if len(frames) == 1 else 'frames are'} too few to split",
+            fix=f"give at least {FEWEST} frames: one each to fit, to select and to verify",
+        )
+    order = sorted(frames, key=lambda f: (_distance(f), f.number))
+    roles = ("fit", "select", "verify") if len(frames) < 5 else _ROLES
+    dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
+    parts = ([f for f, role in zip(order, dealt, strict=True) if role == name] for name in ("fit", "select", "verify"))
+    return Split(*(tuple(sorted(part, key=lambda f: f.number)) for part in parts))
+
+
+def exchanged(split: Split) -> Split:
+    """The select frames take part in the fit, and as many of its frames select in their place: those that the fit lacks
+    least, by the materials that the other frames have in view."""
+    frames = (*split.fit, *split.select, *split.verify)
+    in_view, ways = _in_view(frames), []
+    for chosen in itertools.combinations(range(len(split.fit)), len(split.select)):
+        roles = np.array(["fit"] * (len(split.fit) + len(split.select)) + ["verify"] * len(split.verify))
+        roles[[*chosen]] = "select"
+        ways.append((_unlike(roles, in_view), chosen))
+    _, chosen = min(ways)
+    fit = (*(f for i, f in enumerate(split.fit) if i not in chosen), *split.select)
+    return Split(tuple(sorted(fit, key=lambda f: f.number)), tuple(split.fit[i] for i in chosen), split.verify)
+
+
+def _in_view(frames: Sequence[Frame]) -> FloatArray:
+    """What part of each frame's beams meets each material, or nothing, shape (n_frames, 1 + n_materials)."""
+    met = [np.where(f.ideal.distance_m > 0.0, f.ideal.material_id, -1) for f in frames]
+    materials = np.unique(np.concatenate([[-1], *met]))
+    return np.array([np.bincount(np.searchsorted(materials, one), minlength=len(materials)) / len(one) for one in met])
+
+
+def _swapped(roles: Roles, in_view: FloatArray) -> Roles:
+    """The roles of the frames, shape (n_frames,), after those swaps of two that help most, while any helps enough: an
+    effect that shows on one material alone cannot be fitted where that is nowhere in view."""
+    unlike = _unlike(roles, in_view)
+    for _ in range(len(roles)):
+        swaps = [pair for pair in itertools.combinations(range(len(roles)), 2) if roles[pair[0]] != roles[pair[1]]]
+        found = [(_unlike(_swap(roles, pair), in_view), pair) for pair in swaps]
+        best, pair = min(found)
+        if best > unlike - _WORTH:
+            break
+        roles, unlike = _swap(roles, pair), best
+    return roles
+
+
+def _swap(roles: Roles, pair: tuple[int, int]) -> Roles:
+    other = roles.copy()
+    other[[*pair]] = roles[[*pair[::-1]]]
+    return other
+
+
+def _unlike(roles: Roles, in_view: FloatArray) -> float:
+    """What part of the beams of the other frames, and half of that of those to verify, meets what those of the fit do
+    not."""
+    fit = in_view[roles == "fit"].mean(axis=0)
+    others, verify = in_view[roles != "fit"].mean(axis=0), in_view[roles == "verify"].mean(axis=0)
+    return float(np.maximum(others - fit, 0.0).sum() + 0.5 * np.maximum(verify - fit, 0.0).sum())
+
+
+def _distance(frame: Frame) -> float:
+    met = frame.ideal.distance_m[frame.ideal.distance_m > 0.0]
+    return float(np.median(met)) if len(met) else 0.0

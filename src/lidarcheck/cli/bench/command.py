@@ -1,0 +1,98 @@
+"""`lidarcheck bench`: how fast this machine runs what the project promises."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.outputs import json_text
+from lidarcheck.cli.core.terminal import Column, emit, hush, note, progress, table
+from lidarcheck.errors import UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.cli.bench.kit import Figure, Other
+
+__all__ = ["bench"]
+
+Quick = Annotated[
+    bool, Parameter(negative=(), show_default=False, help="Less input, fewer repeats: a first impression.")
+]
+COLUMNS = (
+    Column("figure"),
+    Column("best", right=True),
+    Column("median", right=True),
+    Column("unit"),
+    Column("n", right=True),
+    Column("times faster than"),
+)
+
+
+def bench(
+    *,
+    json: JsonFlag = False,
+    quick: Quick = False,
+    scaling: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="Curves over beams, pulses, frames and cores instead."),
+    ] = False,
+    out: Annotated[Path | None, Parameter(help="Directory for the curves as PNG, with --scaling.")] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Measure each figure and what a user would otherwise take, side by side."""
+    hush(quiet)
+    if out is not None and not scaling:
+        raise UsageError("--out is for the curves of --scaling", fix="add --scaling, or leave --out out")
+    if scaling:
+        return _scaling(json, quick, out)
+    from lidarcheck.cli.bench.fast import plain_keys
+    from lidarcheck.cli.bench.figures import cases
+    from lidarcheck.cli.bench.machine import machine
+
+    measured: list[Figure] = []
+    tasks = cases(quick)
+    with progress("measuring") as show:
+        for done, (name, task) in enumerate(tasks.items()):
+            show(done, len(tasks), name)
+            measured += task()
+    about = machine()
+    if json:
+        figures = {figure.name: figure for figure in measured}
+        emit(json_text({"machine": about, "quick": quick, **plain_keys(measured), "figures": figures}))
+        return 0
+    note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best and median of n repeats")
+    emit(table(COLUMNS, [_row(figure, other) for figure in measured for other in figure.against or (None,)]))
+    return 0
+
+
+def _scaling(json: bool, quick: bool, out: Path | None) -> int:
+    """The curves as text, or as JSON, and as PNG in `out`."""
+    from lidarcheck.cli.bench.machine import machine
+    from lidarcheck.cli.bench.scaling import scaling_courses
+    from lidarcheck.cli.core.workflow_output import check_out_dir, drawn
+    from lidarcheck.figures.html.page_files import draw_pictures
+    from lidarcheck.formats.plain import plain
+
+    if out is not None:
+        check_out_dir(out)
+    with progress("measuring") as show:
+        courses = scaling_courses(quick, show)
+    if out is not None:
+        out.mkdir(exist_ok=True)
+        draw_pictures(courses, out, "histogram")
+    if json:
+        emit(json_text({"machine": machine(), "quick": quick, "courses": plain(courses)}))
+        return 0
+    for course in courses:
+        emit(drawn(course, "histogram"))
+    return 0
+
+
+def _row(figure: Figure, other: Other | None) -> tuple[str, ...]:
+    """A figure beside one of the others; its own numbers stand in the first of its rows."""
+    first = other is None or figure.against[0] is other
+    own = (figure.name, f"{figure.best:.4g}", f"{figure.median:.4g}", figure.unit, str(figure.repeats))
+    against = f"{other.ratio:.3g} x {other.name}" if other else ""
+    return (*(own if first else ("",) * len(own)), against)

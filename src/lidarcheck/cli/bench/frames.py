@@ -1,0 +1,66 @@
+"""The figures of whole frames: six effects at once, detectors followed one by one, rays cast into a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lidarcheck.cli.bench.kit import MEGA, Figure, Other, duration, rate, times
+from lidarcheck.cli.bench.scene import hills, lab_model, signs_frame
+
+__all__ = ["effects_figures", "raycast_figures"]
+
+ALWAYS: Mapping[str, Mapping[str, float]] = {
+    "incidence_falloff": {},
+    "retro_ghost": {},
+    "blooming_vertical": {},
+    "walk_error": {},
+}
+SIX: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+    "six_effects_rain": {**ALWAYS, "rain": {}, "timing_jitter": {}},
+    "six_effects_fog": {**ALWAYS, "fog": {"mor_m": 200.0}, "ambient_light": {}},
+}
+"""Bright signs on a rainy day, and in fog under the sun, which fill hundreds of bins and raise the noise everywhere."""
+ONE_BY_ONE = ("crosstalk", "afterpulsing")
+"""Effects for which each detector is followed on its own."""
+TRIANGLES = 100_000
+
+
+def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
+    """Seconds of a full frame with six effects, and with each of `ONE_BY_ONE`, beside the same frame without."""
+    from lidarcheck.effects import make
+    from lidarcheck.model import simulate
+
+    frame = signs_frame()
+    if quick:
+        frame = frame.take(np.arange(0, len(frame), 10))
+    plain = lab_model(variant)
+    chosen = {**SIX, **{name: {name: {}} for name in ONE_BY_ONE}}
+    without = min(times(lambda: simulate(frame, plain, seed=1), repeats))
+    figures = []
+    for name, effects in chosen.items():
+        model = plain
+        for effect, settings in effects.items():
+            model = model.with_(make(effect, settings))
+        seconds = times(lambda model=model: simulate(frame, model, seed=1), repeats)  # type: ignore[misc]
+        against = Other("the same frame without", without, without / min(seconds))
+        figures.append(duration(f"frame_{name}_{variant.lower()}_s", seconds, (against,)))
+    return figures
+
+
+def raycast_figures(repeats: int, quick: bool) -> list[Figure]:
+    """Rays per second of a full frame into an ideal scan, beside trimesh with embree, which gives triangles alone."""
+    from lidarcheck.scenes import Scene
+
+    mesh, scene = hills(TRIANGLES)
+    full = Scene((scene,))
+    points = (0, 95) if quick else (0, 959)
+    frame = full.ideal(points=points)
+    seconds = times(lambda: full.ideal(points=points), repeats)
+    best = len(frame) / MEGA / min(seconds)
+    directions = np.random.default_rng(0).normal(size=(len(frame), 3))
+    origins = np.zeros_like(directions)
+    other = len(frame) / MEGA / min(times(lambda: mesh.ray.intersects_location(origins, directions, False), 1))
+    against = (Other("trimesh with embree, locations alone", other, best / other),)
+    return [rate("raycast_mrays_s", "Mrays/s", len(frame) / MEGA, seconds, against)]

@@ -1,0 +1,222 @@
+"""`lidarcheck ghosts`: find signs and their ghosts, and fit the ghost effect to them."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.core.outputs import check_twice, check_writable
+from lidarcheck.cli.core.terminal import hush, note, progress, stage
+from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.errors import UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.ghosts.workflow import GhostScan
+    from lidarcheck.model.spec import Model
+    from lidarcheck.scan import IdealScan
+
+__all__ = ["find", "fit"]
+
+MODEL = "model.toml"
+Scans = Annotated[tuple[Path, ...], Parameter(help="Measured scans, one a dataset, in any format that `info` knows.")]
+Many = Parameter(consume_multiple=True, negative=(), show_default=False)
+
+
+def find(
+    scans: Scans,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(help="Directory for the stripped scans (PCD), the page and pictures.")
+    ] = None,
+    ideal: Annotated[
+        tuple[Path, ...], Many, Parameter(help="Ideal scans, one for each scan: what must be found.")
+    ] = (),
+    model: Annotated[Path | None, Parameter(help="The sensor model; with --ideal the same is simulated.")] = None,
+    simulated: Annotated[
+        tuple[Path, ...], Many, Parameter(help="Simulated scans, one for each, to compare with.")
+    ] = (),
+    range_m: Annotated[
+        tuple[float, ...], Many, Parameter(help="Where a sign must be [m]: one for all scans, or one for each.")
+    ] = (),
+    bright: Annotated[
+        float | None, Parameter(help="The least AREA (else INTENSITY, ...) of a sign; by the sensor if not given.")
+    ] = None,
+    steps: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="Also show what each step of the extraction holds.")
+    ] = False,
+    seed: Seed = 0,
+    plot: Plot | None = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Find signs and their ghosts, and leave nothing else."""
+    hush(quiet)
+    _check_numbers(scans, ideal=ideal, simulated=simulated)
+    _check_options(scans, range_m, bright, ideal, model, simulated)
+    from lidarcheck.calibration.ghosts.files import dataset_names, stripped_files, stripped_name
+    from lidarcheck.figures.pages.ghosts import find_document, find_page
+
+    _check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
+
+    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
+    found = _found(scans, scenes, sensor_model, range_m, bright)
+    others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
+    page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed), steps=steps)
+    document = {"datasets": find_document(found), "simulated": find_document(others)}
+    files = stripped_files({one.name: one.stripped() for one in found})
+    finish(page, document, out=out, json=json, plot=plot, files=files)
+    for one in found if out is not None else ():
+        note(f"{out}/{stripped_name(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
+    return 0
+
+
+def fit(
+    scans: Scans,
+    /,
+    *,
+    ideal: Annotated[tuple[Path, ...], Many, Parameter(help="Ideal scans, one for each scan, in the same order.")],
+    model: Annotated[Path, Parameter(help="The sensor model, with the sign's material; its effects stay.")],
+    out: Annotated[Path, Parameter(help="Directory for model.toml, the model with the fitted effect, and the page.")],
+    bright: Annotated[
+        float | None, Parameter(help="The least AREA of a sign's echo; by the sensor if not given.")
+    ] = None,
+    seed: Seed = 0,
+    plot: Plot | None = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Fit the ghost effect to signs and ghosts measured at several ranges."""
+    hush(quiet)
+    _check_numbers(scans, ideal=ideal)
+    check_twice(scans)
+    _check_options(scans, (), bright, ideal, model, ())
+    _check_places(out, json, (*scans, *ideal, model), [MODEL])
+    from lidarcheck.calibration.ghosts.fit import fit_ghosts
+    from lidarcheck.figures.pages.ghost_fit import fit_document, fit_page
+    from lidarcheck.model.files.write import write_model
+
+    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
+    assert sensor_model is not None
+    found = _found(scans, scenes, sensor_model, (), bright)
+    with stage("fitting"):
+        fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
+    others = _simulated(found, (), scenes, fitted.model, bright, seed)
+    page = fit_page(fitted, others, _provenance(scans, ideal, (), model, seed))
+    files = {MODEL: lambda place: write_model(model, fitted.model, place)}
+    finish(page, fit_document(fitted), out=out, json=json, plot=plot, files=files)
+    note(f"{out / MODEL}: the model with retro_ghost")
+    return 0
+
+
+def _check_numbers(scans: Sequence[Path], **others: Sequence[Path]) -> None:
+    """As many ideal or simulated scans as scans."""
+    if not scans:
+        raise UsageError("no scan was given", fix="name one scan or more, before the options")
+    for option, paths in others.items():
+        if paths and len(paths) != len(scans):
+            what = f"there are {len(scans)} scans and {len(paths)} files for --{option}"
+            raise UsageError(what, fix=f"give --{option} one for each scan, in the same order, behind the scans")
+
+
+def _check_options(
+    scans: Sequence[Path],
+    range_m: Sequence[float],
+    bright: float | None,
+    ideal: Sequence[Path],
+    model: Path | None,
+    simulated: Sequence[Path],
+) -> None:
+    if range_m and len(range_m) not in (1, len(scans)):
+        what = f"there are {len(scans)} scans and {len(range_m)} ranges for --range-m"
+        raise UsageError(what, fix="give one for all, or one for each scan")
+    for value in range_m:
+        if not 0.5 <= value <= 300.0:
+            raise UsageError(f"--range-m {value:g} is out of range", fix="use 0.5 to 300 m")
+    if bright is not None and not 0.0 < bright <= 1e9:
+        raise UsageError(f"--bright {bright:g} is out of range", fix="use a number above 0, up to 1e9")
+    if ideal and model is None:
+        raise UsageError(
+            "--ideal needs --model, which says what materials are retro-reflectors", fix="add --model MODEL.toml"
+        )
+    if ideal and simulated:
+        raise UsageError("--simulated and --ideal are two ways to the same comparison", fix="give one of them")
+
+
+def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None], names: Sequence[str]) -> None:
+    """Refuse what could not be written, before the work."""
+    if json is not None:
+        check_writable(json, option="--json", besides=read)
+    if out is None:
+        return
+    check_out_dir(out, besides=(*read, json), files=names)
+
+
+def _model_of(path: Path | None) -> Model | None:
+    from lidarcheck.calibration.ghosts.files import load_ghost_model
+
+    return None if path is None else load_ghost_model(path)
+
+
+def _ideals_of(paths: Sequence[Path]) -> list[IdealScan]:
+    from lidarcheck.formats import load_ideal
+
+    with stage("reading ideal scans"):
+        return [load_ideal(path) for path in paths]
+
+
+def _found(
+    scans: Sequence[Path],
+    ideals: Sequence[IdealScan],
+    model: Model | None,
+    range_m: Sequence[float],
+    bright: float | None,
+) -> list[GhostScan]:
+    """What each scan shows, and refused where it is not what the ideal scans and the model say."""
+    from lidarcheck.calibration.ghosts.files import dataset_names, find_in
+
+    found = []
+    with progress("looking at") as show:
+        for i, (path, name) in enumerate(zip(scans, dataset_names(scans), strict=True)):
+            show(i, len(scans), path.name)
+            expected = range_m if len(range_m) == 1 else range_m[i : i + 1]
+            ideal = ideals[i] if ideals else None
+            found.append(find_in(path, name, ideal=ideal, model=model, expected_m=expected, bright=bright))
+    return found
+
+
+def _simulated(
+    found: Sequence[GhostScan],
+    paths: Sequence[Path],
+    ideals: Sequence[IdealScan],
+    model: Model | None,
+    bright: float | None,
+    seed: int,
+) -> list[GhostScan]:
+    """The same search in simulated scans: those of `paths`, or of the ideal scans; none without either."""
+    from lidarcheck.calibration.ghosts.files import find_simulated
+    from lidarcheck.calibration.ghosts.workflow import find_ghosts
+    from lidarcheck.formats import load_scan
+
+    others = []
+    for i, one in enumerate(found):
+        if paths:
+            others.append(find_ghosts(load_scan(paths[i]), name=str(paths[i]), sensor=one.sensor, above=bright))
+        elif ideals and model is not None:
+            with stage(f"simulating {one.name}"):
+                others.append(find_simulated(one, ideals[i], model, bright=bright, seed=seed))
+    return others
+
+
+def _provenance(
+    scans: Sequence[Path], ideal: Sequence[Path], simulated: Sequence[Path], model: Path | None, seed: int
+) -> dict[str, str]:
+    given = {"scans": scans, "ideal scans": ideal, "simulated scans": simulated, "model": [model] if model else []}
+    files = {name: ", ".join(str(path) for path in paths) for name, paths in given.items() if paths}
+    return files | {"seed": str(seed), "command": shlex.join(["lidarcheck", *sys.argv[1:]])}

@@ -1,0 +1,1 @@
+"""What all commands share: the parser, the entry, options, outputs, help and the terminal."""

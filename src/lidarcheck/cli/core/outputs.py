@@ -1,0 +1,45 @@
+"""Where a command writes: a file, or standard output; and files that it must not write, or read, twice."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from lidarcheck.cli.core.terminal import emit
+from lidarcheck.errors import InputError, UsageError
+from lidarcheck.figures.html.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
+
+__all__ = ["alone", "as_it_was", "check_twice", "check_writable", "json_text", "write_result"]
+
+
+def check_twice(files: Iterable[Path]) -> None:
+    """Refuse a file that is named twice: it would count as two measurements."""
+    seen: set[str] = set()
+    for file in files:
+        place = os.path.realpath(file)
+        if place in seen:
+            raise UsageError(f"{file} is named twice", fix="name each file once")
+        seen.add(place)
+
+
+@contextlib.contextmanager
+def alone(file: Path, content: bytes) -> Iterator[None]:
+    """Nobody else edits the file while the block runs; refused where it no longer holds what was read of it."""
+    with file.open("rb") as stream:
+        with contextlib.suppress(ImportError, OSError):  # a system, or a file system, may have no locks
+            import fcntl
+
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        if file.read_bytes() != content:
+            raise InputError("was changed by somebody else meanwhile", file=file, fix="run the command again")
+        yield
+
+
+def write_result(path: str | Path, text: str) -> None:
+    """Write text to a file, at once; `-` is standard output, and a device or pipe is written as it is."""
+    if str(path) == STANDARD_OUTPUT:
+        emit(text)
+    else:
+        write_file(path, text)

@@ -1,0 +1,1 @@
+"""`lidarcheck explain`: the command, its benchmark, what it writes, and what is shown while it runs."""

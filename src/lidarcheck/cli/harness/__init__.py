@@ -1,0 +1,1 @@
+"""The commands of the harness, a file each: check, review, report."""

@@ -1,0 +1,70 @@
+"""`lidarcheck check`: scenarios against their goldens."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.core.terminal import complain, emit, hush, progress, stage
+from lidarcheck.cli.core.workers import Scheduler, workers
+from lidarcheck.errors import LidarcheckError
+
+if TYPE_CHECKING:
+    from lidarcheck.harness.reports.results import CheckReport
+
+__all__ = ["check"]
+
+
+def check(
+    *scenario: Annotated[str, Parameter(help="Scenario files, directories of them, or names; all by default.")],
+    seed: Annotated[Seed | None, Parameter(help="Also run fresh seeds, drawn from this one, 0 to 2^64 - 1.")] = None,
+    model: Annotated[Path | None, Parameter(help="A model to ask in the place of the scenarios' own.")] = None,
+    jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
+    json: JsonFile | None = None,
+    html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
+    junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Run scenarios against their goldens."""
+    hush(quiet)
+    outputs = {"--json": json, "--html": html, "--junit": junit}
+    for option, place in outputs.items():
+        if place is not None:
+            others = [other for name, other in outputs.items() if name != option]
+            check_writable(place, option=option, besides=(*scenario, model, *others))
+    from lidarcheck.cli.harness.check_text import report_text
+    from lidarcheck.harness.check import check as run
+    from lidarcheck.harness.reports.annotations import annotations
+    from lidarcheck.harness.reports.junit import junit_text
+
+    try:
+        with workers(scheduler, jobs) as crew, progress("checking") as show:
+            report = run(scenario, seed=seed, model=model, jobs=jobs, crew=crew, progress=show)
+    except LidarcheckError as error:
+        if junit is not None:
+            write_result(junit, junit_text(error))
+        raise
+    if json != "-":
+        emit(report_text(report))
+    for line in annotations(report, os.environ):
+        complain(line)
+    if json is not None:
+        write_result(json, json_text(report.to_dict()))
+    if junit is not None:
+        write_result(junit, junit_text(report))
+    if html is not None:
+        _write_page(report, html)
+    return report.exit_code
+
+
+def _write_page(report: CheckReport, html: Path) -> None:
+    from lidarcheck.figures.html.report import report_html
+
+    with stage("drawing the page"):
+        write_result(html, report_html(report))

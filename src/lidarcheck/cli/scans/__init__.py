@@ -1,0 +1,1 @@
+"""The commands that take scans as they are: compare, convert, info."""

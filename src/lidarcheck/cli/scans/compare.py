@@ -1,0 +1,83 @@
+"""`lidarcheck compare`: the KPIs of a measured scan against a simulated one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import JsonFile, Quiet
+from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
+from lidarcheck.cli.scans.compare_frames import compare_frames
+from lidarcheck.errors import InputError
+
+if TYPE_CHECKING:
+    from lidarcheck.kpi.compare import Comparison
+
+__all__ = ["compare"]
+
+COLUMNS = (
+    Column("KPI"),
+    Column("of"),
+    Column("measured", right=True),
+    Column("simulated", right=True),
+    Column("value", right=True),
+    Column("unit"),
+)
+
+
+def compare(
+    measured: Annotated[Path, Parameter(help="The scan of the real sensor, or a directory of frames.")],
+    simulated: Annotated[Path, Parameter(help="The scan of the model, or a directory of frames named alike.")],
+    /,
+    *,
+    ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show, or a directory.")] = None,
+    model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
+    json: JsonFile | None = None,
+    quiet: Quiet = False,
+) -> int:
+    """Compare a measured scan with a simulated one, or two directories of them frame by frame."""
+    hush(quiet)
+    if measured.is_dir() != simulated.is_dir():
+        file = measured if measured.is_dir() else simulated
+        raise InputError("is a directory, the other side is not", file=file, fix="name two files or two directories")
+    if json is not None:
+        check_writable(json, option="--json", besides=(measured, simulated, ideal, model))
+    from lidarcheck.formats import load_ideal, load_scan
+    from lidarcheck.kpi.compare import compare as run
+    from lidarcheck.model import load_model
+
+    sensor_model = None if model is None else load_model(model)
+    if measured.is_dir():
+        compare_frames(measured, simulated, ideal, sensor_model, json)
+        return 0
+    with stage("reading"):
+        scene = None if ideal is None else load_ideal(ideal)
+        scans = load_scan(measured), load_scan(simulated)
+    with stage("comparing"):
+        files = {"measured": measured, "simulated": simulated}
+        comparison = run(*scans, scene, model=sensor_model, files=files)
+    if json is not None:
+        write_result(json, json_text(comparison.to_dict()))
+    if json != "-":
+        _show(comparison)
+    return 0
+
+
+def _show(comparison: Comparison) -> None:
+    rows = [
+        (row.kpi, row.of, _number(row.measured), _number(row.simulated), _number(row.value), row.unit)
+        for row in comparison.rows()
+    ]
+    emit(table(COLUMNS, rows))
+    for name, why in comparison.left_out.items():
+        note(f"not compared: {name}: {why}")
+
+
+def _number(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    return f"{value:.0f}" if abs(value) < 1e9 and value == int(value) else f"{value:.4g}"

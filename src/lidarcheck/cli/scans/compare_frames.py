@@ -1,0 +1,94 @@
+"""`lidarcheck compare` of two directories: frame after frame, the KPIs over all of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lidarcheck.cli.core.outputs import json_text, write_result
+from lidarcheck.cli.core.terminal import Column, emit, note, progress, table
+from lidarcheck.errors import InputError
+
+if TYPE_CHECKING:
+    from lidarcheck.kpi.over_frames import FrameKpi
+    from lidarcheck.model import Model
+
+__all__ = ["compare_frames", "pairs_of"]
+
+SUFFIXES = (".txt", ".csv", ".pcd", ".las", ".laz", ".ply", ".parquet")
+COLUMNS = (
+    Column("KPI"),
+    Column("of"),
+    Column("frames", right=True),
+    Column("median", right=True),
+    Column("5 %", right=True),
+    Column("95 %", right=True),
+    Column("unit"),
+)
+
+
+def pairs_of(measured: Path, simulated: Path) -> list[tuple[Path, Path]]:
+    """The frames of two directories that have the same name but for its ending, in the order of the names.
+
+    `InputError` where a frame of one has none in the other, or two have one name.
+    """
+    sides = [_frames(directory) for directory in (measured, simulated)]
+    for mine, theirs, directory in ((sides[0], sides[1], simulated), (sides[1], sides[0], measured)):
+        alone = sorted(set(mine) - set(theirs))
+        if alone:
+            what = f"has no frame beside it in {directory}"
+            more = f", nor have {len(alone) - 1} more" if len(alone) > 1 else ""
+            raise InputError(f"{what}{more}", file=mine[alone[0]], fix="give the frames the same names on both sides")
+    return [(sides[0][name], sides[1][name]) for name in sorted(sides[0])]
+
+
+def _frames(directory: Path) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for path in sorted(directory.iterdir()):
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
+            if other := found.get(path.stem):
+                raise InputError(f"is named as {other.name}", file=path, fix="keep one of the two")
+            found[path.stem] = path
+    if not found:
+        raise InputError("holds no frame", file=directory, fix=f"name a directory of {', '.join(SUFFIXES)} files")
+    return found
+
+
+def compare_frames(measured: Path, simulated: Path, ideal: Path | None, model: Model | None, json: str | None) -> None:
+    """Compare the frames of two directories, each read and forgotten; `ideal`: of all, or a directory with one each."""
+    from lidarcheck.formats import load_ideal, load_scan
+    from lidarcheck.kpi.compare import compare
+    from lidarcheck.kpi.over_frames import OverFrames
+
+    pairs = pairs_of(measured, simulated)
+    scenes = None if ideal is None or not ideal.is_dir() else dict(pairs_of(measured, ideal))
+    common = load_ideal(ideal) if ideal is not None and scenes is None else None
+    together, each = OverFrames(), []
+    with progress("comparing") as show:
+        for done, (one, other) in enumerate(pairs):
+            show(done, len(pairs), one.name)
+            scene = load_ideal(scenes[one]) if scenes is not None else common
+            files = {"measured": one, "simulated": other}
+            found = compare(load_scan(one), load_scan(other), scene, model=model, files=files)
+            together.add(found)
+            each.append({"measured": str(one), "simulated": str(other), **found.to_dict()})
+    _tell(together.kpis(), each, json)
+
+
+def _tell(kpis: list[FrameKpi], each: list[dict[str, Any]], json: str | None) -> None:
+    if json is not None:
+        write_result(json, json_text({"over_frames": [kpi._asdict() for kpi in kpis], "frames": each}))
+    if json != "-":
+        emit(table(COLUMNS, [_row(kpi) for kpi in kpis]))
+    reasons = {f"{name}: {why}" for one in each for name, why in one["left_out"].items()}
+    for reason in sorted(reasons):
+        note(f"not compared: {reason}")
+
+
+def _row(kpi: FrameKpi) -> tuple[str, ...]:
+    return kpi.kpi, kpi.of, str(kpi.frames), *map(_number, (kpi.median, kpi.low, kpi.high)), kpi.unit
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.4g}"

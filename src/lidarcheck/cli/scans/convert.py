@@ -1,0 +1,34 @@
+"""`lidarcheck convert`: a file in another format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import Quiet
+from lidarcheck.cli.core.outputs import check_writable
+from lidarcheck.cli.core.terminal import hush, note, stage
+
+__all__ = ["convert"]
+
+
+def convert(
+    source: Annotated[Path, Parameter(name="A", help="The file to read, in any format that `info` knows.")],
+    target: Annotated[Path, Parameter(name="B", help="The file to write; its suffix names the format.")],
+    /,
+    *,
+    quiet: Quiet = False,
+) -> int:
+    """Convert a file; the output's format follows its suffix."""
+    hush(quiet)
+    from lidarcheck.formats.convert import convert as run
+    from lidarcheck.formats.recognise import target_format
+
+    target_format(target)
+    check_writable(target, option="B")
+    with stage(f"converting {source.name}"):
+        run(source, target)
+    note(f"{target}: written from {source}")
+    return 0

@@ -1,0 +1,32 @@
+"""`lidarcheck info`: what a file is and what is in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.outputs import json_text
+from lidarcheck.cli.core.terminal import emit, hush, stage
+
+__all__ = ["info"]
+
+
+def info(
+    file: Annotated[Path, Parameter(help="Any file that lidarcheck reads.")],
+    /,
+    *,
+    json: JsonFlag = False,
+    quiet: Quiet = False,
+) -> int:
+    """Say what a file is and what is in it."""
+    hush(quiet)
+    from lidarcheck.formats.describe import describe
+    from lidarcheck.model import load_model
+
+    with stage(f"reading {file.name}"):
+        description = describe(file, load_model=load_model)
+    emit(json_text(description.to_dict()) if json else str(description))
+    return 0

@@ -1,0 +1,181 @@
+"""`lidarcheck scene`: the ideal scan of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.outputs import check_writable, json_text
+from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
+from lidarcheck.errors import ConfigError, UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.formats.config import LineIndex
+    from lidarcheck.scan import IdealScan
+    from lidarcheck.scenes.files.file import SceneFile
+
+__all__ = ["find_scene", "scene"]
+
+ALL = (
+    Column("scene"),
+    Column("objects", right=True),
+    Column("triangles", right=True),
+    Column("what it shows"),
+)
+
+
+def _sub_beams(_type: Any, tokens: Sequence[Any]) -> int:
+    from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
+
+    text = tokens[0].value
+    if not (text.isascii() and text.isdecimal() and len(text) <= 9 and 1 <= int(text) <= MAX_SUB_BEAMS):
+        raise UsageError(f"--sub-beams {text} is out of range", fix=f"use a whole number from 1 to {MAX_SUB_BEAMS}")
+    return int(text)
+
+
+def scene(
+    scene: Annotated[
+        str | None, Parameter(help="A scene's TOML file, a scenario with a scene, or the name of a built-in scene.")
+    ] = None,
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(help="Where the ideal scan goes: .txt, .csv, .pcd, .ply or .parquet.")
+    ] = None,
+    list_: Annotated[
+        bool, Parameter(name="--list", negative=(), show_default=False, help="List the built-in scenes.")
+    ] = False,
+    sub_beams: Annotated[
+        int | None,
+        Parameter(
+            converter=_sub_beams, help="Rows a beam is divided into per axis, 1 to 8; as the scene says by default."
+        ),
+    ] = None,
+    swept: Annotated[
+        bool,
+        Parameter(negative=(), show_default=False, help="Cast each point column at its time; objects and sensor move."),
+    ] = False,
+    no_second_hits: Annotated[
+        bool, Parameter(negative=(), show_default=False, help="Leave out what mirrors and panes show.")
+    ] = False,
+    json: JsonFlag = False,
+    quiet: Quiet = False,
+) -> int:
+    """Cast the beams into a scene and write what each meets."""
+    hush(quiet)
+    if list_:
+        if scene is not None or out is not None:
+            raise UsageError("--list stands beside a scene or --out", fix="remove one of the two")
+        _show_all(json)
+        return 0
+    if scene is None or out is None:
+        missing = "scene" if scene is None else "--out"
+        fix = "lidarcheck scene highway --out ideal.txt; --list shows the built-in scenes"
+        raise UsageError(f"{missing} is missing", fix=fix)
+    from lidarcheck.formats import save_ideal
+    from lidarcheck.formats.recognise import target_format
+
+    if target_format(out).name == "las":
+        raise UsageError(
+            "LAS holds points, not what a beam meets", file=out, fix="use .txt, .csv, .pcd, .ply or .parquet"
+        )
+    check_writable(out, option="--out", besides=(scene,))
+    with stage(f"reading {scene}"):
+        file = find_scene(scene)
+    check_writable(out, option="--out", besides=file.files)
+    with stage(f"casting {file.name}"):
+        ideal = file.ideal(**_changes(sub_beams, swept, no_second_hits))
+    with stage(f"writing {out.name}"):
+        save_ideal(ideal, out)
+    if json:
+        emit(json_text(_facts(file, ideal, out)))
+    beams, met = _beams(ideal)
+    note(f"{out}: {len(ideal)} rows of {beams} beams of {scene}, {met} of which meet something")
+    return 0
+
+
+def _changes(sub_beams: int | None, swept: bool, no_second_hits: bool) -> dict[str, Any]:
+    """What the options ask for otherwise than the scene."""
+    changes: dict[str, Any] = {} if sub_beams is None else {"sub_beams": sub_beams}
+    return changes | ({"swept": True} if swept else {}) | ({"second_hits": False} if no_second_hits else {})
+
+
+def find_scene(name: str) -> SceneFile:
+    """A built-in by its name, else the scene of a file, of a scenario as this samples it.
+
+    A scenario is told by its KPIs or its model.
+    """
+    from lidarcheck.formats.config import parse_toml
+    from lidarcheck.scenes.files.file import builtin_names, builtin_path, load_scene, scene_of
+
+    if name in builtin_names():
+        return load_scene(builtin_path(name))
+    if not name.endswith(".toml") and not Path(name).exists():
+        return load_scene(builtin_path(name))  # says which name is nearest
+    data, lines = parse_toml(name)
+    if not {"kpis", "model", "frames"} & data.keys():
+        return load_scene(name)
+    if "scene" not in data:
+        raise ConfigError([lines.fault((), "the scenario has no scene", fix='add scene = "NAME" or a [scene] table')])
+    return _as_sampled(scene_of(data["scene"], lines), data, lines)
+
+
+def _as_sampled(file: SceneFile, scenario: dict[str, Any], lines: LineIndex) -> SceneFile:
+    """The scene with what the scenario says of its sampling, key by key, as `check` casts it."""
+    from lidarcheck.formats.config import Config, validate
+    from lidarcheck.scenes.files.file import SamplingTable
+
+    class Asked(Config):
+        sampling: SamplingTable = SamplingTable()
+
+    asked = validate({key: scenario[key] for key in ("sampling",) if key in scenario}, lines, Asked).sampling
+    changes = {key: getattr(asked, key) for key in asked.model_fields_set}
+    return replace(file, sampling=file.sampling.model_copy(update=changes), files=(lines.file, *file.files))
+
+
+def _show_all(json: bool) -> None:
+    from lidarcheck.scenes.files.file import builtin_names, builtin_path, load_scene
+
+    files = [load_scene(builtin_path(name)) for name in builtin_names()]
+    if json:
+        facts = [{"name": file.name, "description": file.description, "path": str(file.path)} for file in files]
+        emit(json_text(facts))
+        return
+    rows = [
+        (file.name, str(len(file.scene.objects)), str(file.scene.triangles), file.description) for file in files
+    ]  # fmt: skip
+    emit(table(ALL, rows))
+
+
+def _facts(file: SceneFile, ideal: IdealScan, out: Path) -> dict[str, Any]:
+    """What was written, and of each object that is seen how many rows and how near."""
+    import numpy as np
+
+    met = ideal.distance_m > 0.0
+    beams, hit = _beams(ideal)
+    numbers = ideal.object_id[met] if ideal.object_id is not None else np.empty(0, dtype=np.int32)
+    distances = ideal.distance_m[met]
+    objects = [
+        {
+            "object": int(number),
+            "name": file.scene.names[int(number)],
+            "rows": int(np.sum(numbers == number)),
+            "nearest_m": float(distances[numbers == number].min()),
+        }
+        for number in np.unique(numbers)
+    ]
+    facts = {"file": str(out), "scene": file.name, "rows": len(ideal), "beams": beams, "beams_that_meet": hit}
+    return {**facts, "materials": np.unique(ideal.material_id[met]).tolist(), "objects": objects}
+
+
+def _beams(ideal: IdealScan) -> tuple[int, int]:
+    """How many beams there are, and how many meet something."""
+    import numpy as np
+
+    beam = ideal.layer.astype(np.int64) << 32 | ideal.point
+    return len(np.unique(beam)), len(np.unique(beam[ideal.distance_m > 0.0]))

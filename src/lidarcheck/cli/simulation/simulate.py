@@ -1,0 +1,131 @@
+"""`lidarcheck simulate`: ideal scans through the sensor model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import Jobs, Quiet, Seed
+from lidarcheck.cli.core.outputs import check_writable
+from lidarcheck.cli.core.terminal import hush, note, progress, stage
+from lidarcheck.cli.core.workers import Scheduler
+from lidarcheck.cli.simulation.simulate_frames import frames_number, simulate_frames
+from lidarcheck.errors import UsageError
+
+if TYPE_CHECKING:
+    from lidarcheck.model import Model
+    from lidarcheck.model.fidelity import Device, Fidelity
+    from lidarcheck.scenes.files.file import SceneFile
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
+    /,
+    *more: Annotated[Path, Parameter(name="MORE", help="Further ideal scans, a file each.")],
+    model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
+    out: Annotated[
+        Path,
+        Parameter(
+            help="Where the echoes go: .txt, .csv, .pcd, .las, .laz, .ply or .parquet; of many frames, a directory."
+        ),
+    ],
+    scene: Annotated[
+        str | None,
+        Parameter(
+            help="What the ideal scan was cast from, for effects that aim beams elsewhere: as `scene` takes it. "
+            "Materials are those of the model, not of the scene."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    frames: Annotated[
+        int | None,
+        Parameter(converter=frames_number, help="So many frames of each ideal scan, with other random numbers each."),
+    ] = None,
+    format: Annotated[
+        Literal["parquet", "pcd", "txt", "csv", "las", "laz", "ply"] | None,
+        Parameter(help="Of many frames: what each is written as, parquet by default."),
+    ] = None,
+    jobs: Jobs | None = None,
+    scheduler: Scheduler | None = None,
+    fidelity: Annotated[
+        Literal["fast", "exact", "reference"],
+        Parameter(help="Echoes from a library, by the exact chain, or detector by detector, which is slow."),
+    ] = "exact",
+    device: Annotated[
+        Literal["cpu", "cuda"], Parameter(help="What runs the exact chain: the processor, or an NVIDIA GPU.")
+    ] = "cpu",
+    quiet: Quiet = False,
+) -> int:
+    """Run ideal scans through the sensor model."""
+    hush(quiet)
+    from lidarcheck.cli.simulation.scene import find_scene
+
+    if more or frames is not None:
+        found = None if scene is None else find_scene(scene)
+        return simulate_frames(
+            (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
+            scheduler=scheduler, fidelity=fidelity, device=device,
+        )  # fmt: skip
+    for option, value in {"--format": format, "--scheduler": scheduler}.items():
+        if value is not None:
+            raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
+    found = None if scene is None else find_scene(scene)
+    return _one(ideal, model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity, device=device)
+
+
+def _one(
+    ideal: Path,
+    model: Path,
+    out: Path,
+    *,
+    scene: SceneFile | None,
+    seed: int,
+    jobs: int | None,
+    fidelity: Fidelity,
+    device: Device,
+) -> int:
+    from lidarcheck.formats import load_ideal, save_scan
+    from lidarcheck.formats.recognise import target_format
+    from lidarcheck.model import load_model
+    from lidarcheck.model import simulate as run
+    from lidarcheck.model.fidelity import check_device
+    from lidarcheck.workers import one_blas_thread
+
+    target_format(out)
+    check_writable(out, option="--out", besides=(ideal, model))
+    sensor_model = load_model(model)
+    check_device(device, fidelity, sensor_model)
+    check_writable(out, option="--out", besides=_read(sensor_model, scene))
+    with stage(f"reading {ideal.name}"):
+        beams_meet = load_ideal(ideal)
+    with progress("simulating") as show, one_blas_thread():
+        scan = run(
+            beams_meet,
+            sensor_model,
+            seed=seed,
+            threads=jobs,
+            scene=None if scene is None else scene.scene,
+            fidelity=fidelity,
+            device=device,
+            progress=lambda done, beams: show(done, beams, f"{beams} beams"),
+        )
+    with stage(f"writing {out.name}"):
+        save_scan(scan, out)
+    note(f"{out}: {len(scan)} echoes from {len(beams_meet)} rows of {ideal}, seed {seed}")
+    return 0
+
+
+def _read(model: Model, scene: SceneFile | None) -> list[Path]:
+    """The files that the model and the scene name."""
+    files = [Path(curve.file) for effect in model.effects for curve in effect.curves()]
+    if model.external is not None:
+        from lidarcheck.harness.goldens.provenance import (
+            external_files,  # takes a while, with all that the harness needs
+        )
+
+        files += external_files(model.external)
+    return files + list(scene.files if scene else ())

@@ -1,0 +1,1 @@
+"""What several effects have in common: draws, ranges, the air, the scattering of bright light."""

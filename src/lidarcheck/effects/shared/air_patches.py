@@ -1,0 +1,127 @@
+"""Air whose density differs from place to place: with height, and by a random field over range and azimuth, another in
+every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import Surroundings
+from lidarcheck.effects.shared.draws import normals
+from lidarcheck.scan import Light
+from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
+
+__all__ = ["Uneven", "brightness", "depth_m", "patches_of", "strata_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+_WAVES = 16
+_SECTOR_DEG = 0.5
+_CELL_M = 1.0
+_STEPS_PER_DOUBLING = 32
+"""What a row's air sends back counts in steps of 2 %, so that few numbers occur: detectors keep tables for each."""
+_BLOCK = 8192
+"""Beams that are looked at together: in large frames few of them look into the same air."""
+_THICKEST = 20.0
+"""The density's logarithm is kept between plus and minus this, far beyond any fog's."""
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """The density of the air relative to even air's: `density` (n_rows, n_cells), in cells of `_CELL_M` of the range;
+    beams of a layer or point column, as `by` says, look into `row[layer]` or `row[point]`."""
+
+    density: FloatArray
+    row: IndexArray
+    by: Literal["layer", "point"]
+
+    def row_of(self, light: Light, beams: slice) -> IndexArray:
+        """The row that each of some beams looks into, (n,)."""
+        at = np.asarray(getattr(light, self.by)[beams], dtype=np.int64)
+        return self.row[np.clip(at, 0, len(self.row) - 1)]
+
+
+def depth_m(parts: Sequence[Uneven], light: Light) -> FloatArray:
+    """The integral of the relative density up to each pulse's range, as metres of even air; shape (n_pulses,).
+
+    The density is the product of the parts'.
+    """
+    found = [np.empty(0)]
+    for beams, density, row in _blocks(parts, light):
+        up_to = np.concatenate([np.zeros((len(density), 1)), np.cumsum(density, axis=1)], axis=1) * _CELL_M
+        first = light.first_pulse[beams.start : beams.stop + 1]
+        at = np.clip(light.pulse_range_m[first[0] : first[-1]] / _CELL_M, 0.0, density.shape[1])
+        cell = np.minimum(at.astype(np.int64), density.shape[1] - 1)
+        mine = np.repeat(row, np.diff(first))
+        low, high = up_to[mine, cell], up_to[mine, cell + 1]
+        found.append(low + (at - cell) * (high - low))
+    return np.concatenate(found)
+
+
+def brightness(
+    parts: Sequence[Uneven], light: Light, profile: FloatArray, step_m: float, extinction_per_m: float
+) -> FloatArray:
+    """What the air sends back to each beam, as a part of what even air would, (n_beams,).
+
+    `profile` (m,): what even air sends back, in cells of `step_m`. Uneven air changes its total, not its form: its
+    density differs little over the range from which nearly all of it comes.
+    """
+    found = [np.empty(0)]
+    at_m = (np.arange(len(profile)) + 0.5) * step_m
+    for _, density, row in _blocks(parts, light):
+        used = at_m < density.shape[1] * _CELL_M
+        here_m, weight = at_m[used], profile[used]
+        cell = (here_m / _CELL_M).astype(np.int64)
+        deep_m = np.cumsum(density, axis=1)[:, cell] * _CELL_M - density[:, cell] * ((cell + 1) - here_m)
+        sent = density[:, cell] * np.exp(-2.0 * extinction_per_m * (deep_m - here_m))
+        part = sent @ weight / max(float(weight.sum()), 1e-300)
+        part = np.exp2(np.round(np.log2(np.maximum(part, 1e-6)) * _STEPS_PER_DOUBLING) / _STEPS_PER_DOUBLING)
+        found.append(part[row])
+    return np.concatenate(found)
+
+
+def _blocks(parts: Sequence[Uneven], light: Light) -> Iterator[tuple[slice, FloatArray, IndexArray]]:
+    """Beams that follow each other, the densities that they look into, and the row of these for each, (n,)."""
+    for start in range(0, len(light), _BLOCK):
+        beams = slice(start, min(start + _BLOCK, len(light)))
+        row, density = np.zeros(beams.stop - start, dtype=np.int64), np.ones((1, 1))
+        for part in parts:
+            pair, row = np.unique(row * len(part.density) + part.row_of(light, beams), return_inverse=True)
+            density = density[pair // len(part.density)] * part.density[pair % len(part.density)]
+        yield beams, density, row
+
+
+def strata_of(around: Surroundings, thinning_per_m: float) -> Uneven:
+    """Air that thins out with the height above the sensor as exp(-t z), z = R sin(elevation); t is `thinning_per_m`."""
+    cells = max(int(np.ceil(around.sensor.max_range_m / _CELL_M)), 1)
+    range_m = (np.arange(cells) + 0.5) * _CELL_M
+    climb = np.sin(np.deg2rad(elevation_deg(np.arange(LAYERS))))
+    density = np.exp(np.clip(-thinning_per_m * climb[:, None] * range_m, -_THICKEST, _THICKEST))
+    return Uneven(density, np.arange(LAYERS), "layer")
+
+
+def patches_of(around: Surroundings, patchiness: float, patch_m: float, patch_deg: float) -> Uneven:
+    """The frame's own patches: exp(s g - s^2 / 2), g Gaussian of standard deviation 1, whose correlation falls by
+    sqrt(e) over `patch_m` of the range and over `patch_deg` of the azimuth; `s` is `patchiness`.
+
+    g is a sum of waves of random directions and phases, which over many frames has that correlation exactly.
+    """
+    # A layer beyond the sensor's own: what a frame has once is drawn apart from what columns have.
+    uniform = around.uniforms([LAYERS], [0], 3 * _WAVES)[0].reshape(3, _WAVES)
+    along, across, phase = normals(uniform[0]), normals(uniform[1]), 2.0 * np.pi * uniform[2]
+    azimuth = azimuth_deg(np.arange(POINTS))
+    sector = np.floor((azimuth - azimuth.min()) / _SECTOR_DEG).astype(np.int64)
+    middle_deg = (np.arange(int(sector.max()) + 1) + 0.5) * _SECTOR_DEG
+    cells = max(int(np.ceil(around.sensor.max_range_m / _CELL_M)), 1)
+    range_m = (np.arange(cells) + 0.5) * _CELL_M
+    turn = (
+        along[:, None, None] * range_m / patch_m
+        + (across[:, None] * middle_deg / patch_deg + phase[:, None])[..., None]
+    )
+    field = np.sqrt(2.0 / _WAVES) * np.cos(turn).sum(axis=0)
+    return Uneven(np.exp(patchiness * field - 0.5 * patchiness**2), sector, "point")

@@ -1,0 +1,149 @@
+"""What is said of a case, before and after the frames that no fit has seen were asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from lidarcheck.explain.decision.closure import Closure
+from lidarcheck.explain.decision.equivalence import Polished
+from lidarcheck.explain.decision.findings import candidates_table, findings_of
+from lidarcheck.explain.decision.footprint_rays import with_best_rays
+from lidarcheck.explain.decision.images import only_images_stay
+from lidarcheck.explain.decision.inside import shows_inside
+from lidarcheck.explain.decision.leftovers import ranges_follow
+from lidarcheck.explain.decision.model_check import Open, calibrated, carries_over
+from lidarcheck.explain.decision.patchy import with_patches
+from lidarcheck.explain.decision.recurring import recurs
+from lidarcheck.explain.decision.splits import only_edges_stay
+from lidarcheck.explain.empirical.description import Description
+from lidarcheck.explain.report.explanation import Explanation, Finding, Gap, Standout, Step
+from lidarcheck.explain.report.wording import depends_on
+from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.inference.nuisances import Nuisance
+from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.model.spec import Model
+
+if TYPE_CHECKING:
+    from lidarcheck.cases.case import Case
+    from lidarcheck.cases.split import Split
+
+__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes", "explanation_of", "objection"]
+
+CALIBRATION = "gain, reflectances and pose"
+"""The last stage of an explained model: small errors put right."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The verdict with its findings, and the models from the case's own to the explained one, effect by effect; of
+    names also what is open with these on the frames seen, which of them `recurring` speaks against, and whether
+    `inside` speaks against all."""
+
+    verdict: str
+    findings: tuple[Finding, ...]
+    stages: tuple[tuple[str, Model], ...]
+    words: str
+    open: Open | None = None
+    recurring: tuple[str, ...] = ()
+    inside: bool = False
+
+    def without_terms(self) -> Answer:
+        """The same without its empirical terms."""
+        finding = replace(self.findings[0], effects=())
+        stages = (self.stages[0], ("empirical: no term helps", self.stages[0][1]))
+        return replace(self, findings=(finding,), stages=stages)
+
+    def without_calibration(self) -> Answer:
+        """The same with the small errors left as they are."""
+        return replace(self, stages=tuple(stage for stage in self.stages if stage[0] != CALIBRATION))
+
+
+def closes(answer: Answer, gap: Gap | None = None) -> bool:
+    """Whether the named effects, if there are any, close the gap on the frames seen; with `gap` on the mean of these
+    and of those that no fit has seen. Not where what strikes at random is the same in every frame, nor where echoes
+    stay in the midst of surfaces of which a view that looks elsewhere has none."""
+    if answer.open is None:
+        return True
+    if answer.recurring or answer.inside:
+        return False
+    names = [finding.name for finding in answer.findings]
+    return carries_over(answer.open if gap is None else answer.open.beside(gap), names)
+
+
+def objection(answer: Answer, gap: Gap | None = None) -> str:
+    """What speaks against the named effects, in words: on the frames seen, or with `gap` on those no fit has seen."""
+    if answer.recurring:
+        places = "the same columns in every frame, beside bright targets, or on one material"
+        return f"{' and '.join(answer.recurring)} would strike {places}"
+    if answer.inside:
+        return "echoes stay in the midst of surfaces, where no edge is"
+    if gap is None:
+        return "too much stays open on the frames seen"
+    part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
+    return f"{part} on frames that no fit has seen"
+
+
+def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
+    """The accepted effects with all that is said of them, and the small errors put right where that helps."""
+    case = bench.lab.model
+    last = with_best_rays(seen, case, last, bench.crew)
+    [(before, noise)] = bench.crew.map(Scale.excess_by_part, [(seen.held, case)])
+    even = findings_of(bench, search, closed, last, float(before.mean()))
+    findings = with_patches(seen, case, even, last.last.nuisance, bench.crew)
+    stages, model = [("", case)], case
+    for finding in findings:
+        for effect in finding.effects:
+            model = model.with_(effect)
+        stages.append((finding.name, model))
+    there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.crew)
+    if there is not model:
+        stages.append((CALIBRATION, there))
+    recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
+    images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
+    edges = only_edges_stay(seen, there, float(before.mean()))
+    open_ = Open(before, after, noise, noise_after, images, following, edges)
+    inside = shows_inside(seen, there, [finding.name for finding in findings])
+    return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
+
+
+def by_terms(bench: Bench, search: Search, left: float, found: Description) -> Answer:
+    """What the residual depends on, and the terms that were found; `left`: the part that no name explains."""
+    depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
+    said = f"{depends}; described as {found.words.replace('; ', ', ')}" if found.effects else depends
+    finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), said, "", found.effects)
+    described = bench.lab.model
+    for effect in found.effects:
+        described = described.with_(effect)
+    name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
+    return Answer("unknown", (finding,), (("", bench.lab.model), (name, described)), depends)
+
+
+def explanation_of(
+    case: Case,
+    split: Split,
+    bench: Bench,
+    where: tuple[Standout, ...],
+    search: Search,
+    answer: Answer,
+    untestable: Mapping[str, str],
+    gap: Gap,
+    seed: int,
+    steps: Sequence[Step],
+) -> Explanation:
+    """Everything together."""
+    return Explanation(
+        verdict=answer.verdict,
+        findings=answer.findings,
+        not_testable=untestable,
+        gap=gap,
+        model=answer.stages[-1][1],
+        steps=tuple(steps),
+        where=where,
+        candidates=candidates_table(bench, search, answer.verdict, answer.findings),
+        split=split.numbers(),
+        seeds={"seed": seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
+        hashes=dict(case.hashes),
+        left_out=dict(case.left_out),
+    )

@@ -1,0 +1,240 @@
+"""Which names explain the data nearly as well: the accepted one's rivals, and the contest between them.
+
+The search judges by summaries, which are blunt far from the case's own model. So rivals are fitted once more around the
+model that each of them makes, and judged there by the distance beam by beam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lidarcheck.explain.search.merit import CHANCE, Trial, accepted, best_of_each_name
+from lidarcheck.explain.search.refine import Judged, judged, polished
+from lidarcheck.explain.search.related import SPECIAL_CASES
+from lidarcheck.explain.search.selection import Bench
+from lidarcheck.explain.search.starts import Probe
+from lidarcheck.explain.search.trial import select_distance
+from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.nuisances import is_usual_error
+from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.model.spec import Model
+from lidarcheck.workers import Crew
+from lidarcheck.workers.threads import done_by
+
+__all__ = ["Polished", "Rival", "contest", "rivals"]
+
+Told = Callable[[str, int, int], object]
+
+_NEAR_MERIT = 0.85
+_MOST = 3
+"""So many names beside the accepted one are looked at, those that explain most."""
+_TWO_KINDS = ("range_offset", "range_scale")
+"""Effects that move echoes, or the light before it is counted in bins: over a range of a bin the summaries mean both
+alike, and beams do not."""
+_MOST_OVERLOOKED = 2
+"""So many names of earlier rounds are tried in an effect's place."""
+_NEAR, _NEAR_PART = 300.0, 0.06
+"""A rival's distance is larger by no more than this, or this part of what it explains."""
+_MOST_EQUAL = 2
+_MARGIN = 2.0
+"""Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
+_MUCH_LESS = 0.6
+"""An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
+_ALL_ALIKE, _LESS = {("walk_error", "range_offset"), ("motion", "range_offset")}, 0.8
+"""A walk read off the data can be nearly the same at all amplitudes, a motion in all columns of a narrow view: to take
+an offset's place it must leave no more than this part of what that does, and its summaries be no farther; where a walk
+or a motion was accepted it stays. A motion whose summaries are nearer by more than chance must only leave no more. Any
+rival whose summaries are farther by more than chance must leave no more than this part, too."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect in the place of an accepted one: its name, that one's place, the fit, how much farther it is, and
+    whether it is near enough to be that one's equal."""
+
+    name: str
+    place: int
+    fit: Fit
+    farther: float
+    near: bool = True
+
+
+@dataclass(frozen=True)
+class Polished:
+    """The winner of a contest: its fit, the lab around its model with the last fit there, each effect's equals, all
+    that were compared with it beam by beam, and the gap that it left there; `behind`: how much farther all is with
+    another name in an effect's place, of those that are not near."""
+
+    fit: Fit
+    lab: Lab
+    last: Fit
+    equals: Mapping[str, tuple[str, ...]]
+    compared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    left: float = np.inf
+    behind: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
+    """The effects that explained nearly as much as an accepted one, in its place; the nearest first.
+
+    Where more than chance is left, also those that explained more in an earlier round than it did in its own: beside
+    another effect whose fit has taken up a part of theirs, they explain less than they do when all is fitted together.
+    """
+    names = now.names()
+    asked = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
+    asked += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
+    if now.distance - bench.lab.floor_distance > CHANCE:
+        asked += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
+    best = now.distance + select_distance(bench.select, now)
+    tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in asked)
+    found = []
+    for (place, trial), (swapped, distance) in zip(asked, done_by(bench.crew, _swapped, tasks), strict=True):
+        farther = distance - best
+        near = farther < max(_NEAR, _NEAR_PART * trial.merit)
+        usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
+        found.append(Rival(trial.name, place, swapped, farther, near and not usual))
+        told("equivalence", len(found), len(asked))
+    return sorted(found, key=lambda one: one.farther)
+
+
+def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of the round in which an effect was accepted that came near it, the best of each other name. Merits
+    that differ by less than chance leaves of a fit say nothing."""
+    last = accepted(name, trials)
+    if last is None:
+        return []
+    least = min(_NEAR_MERIT * last.merit, last.merit - CHANCE)
+    others = (t for t in trials if t.round == last.round and t.name not in names)
+    return best_of_each_name(t for t in others if t.merit > least)[:_MOST]
+
+
+def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
+    """The best trial of the same effect's other kind, which the summaries hardly tell from it."""
+    last = accepted(probe.name, trials)
+    if last is None or probe.name not in _TWO_KINDS:
+        return []
+    found = [t for t in trials if t.round == last.round and t.name == probe.name and t.probe.variant != probe.variant]
+    return [t for t in best_of_each_name(found) if t.merit > _NEAR_MERIT * last.merit]
+
+
+def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+    """The trials of earlier rounds that explained more than an effect did in the round that accepted it, the best of
+    each name that none of the later rounds brought near it."""
+    last = accepted(name, trials)
+    if last is None:
+        return []
+    near = {*names, *(one.name for one in _near(name, names, trials))}
+    earlier = (t for t in trials if t.round < last.round and t.passes and t.name not in near)
+    return best_of_each_name(t for t in earlier if t.merit > last.merit)[:_MOST_OVERLOOKED]
+
+
+def _swapped(lab: Lab, select: Lab, now: Fit, place: int, trial: Trial) -> tuple[Fit, float]:
+    """The fit with another effect in one's place, all fitted again, and how far it is on all frames."""
+    mine = trial.fit.names().index(trial.name)
+    probes, x = list(now.probes), list(now.x)
+    probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
+    found = fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+    return found, found.distance + select_distance(select, found)
+
+
+def contest(
+    scale: Scale,
+    model: Model,
+    now: Fit,
+    others: Sequence[Rival],
+    seed: int,
+    *,
+    known: Judged | None = None,
+    crew: Crew | None = None,
+) -> Polished:
+    """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
+
+    A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
+    all that one does and more, or if its summaries are farther; or, if it is such a one's special case, where it is not
+    much farther, and so a motion with much nearer summaries in an offset's place. Those that chance may make
+    as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
+    `known`: the accepted effects where they were judged already.
+    """
+    names = now.names()
+    behind = {
+        name: {one.name: one.farther for one in others if one.place == k and not one.near and one.name != name}
+        for k, name in enumerate(names)
+    }
+    others = [one for one in others if one.near]
+    if not others:
+        lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
+        return Polished(now, lab, last, {}, behind=behind)
+    fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
+    found = [*done_by(crew or Crew(), judged, ((scale.held, model, one, seed) for one in fits))]
+    own = known or found.pop(0)
+    both = list(zip(others[:_MOST], found, strict=True))
+    now, own = _of_its_kind(now, own, both)
+    others = [one for one in others if one.name != names[one.place]]
+    rest = [(one, its) for one, its in both if one.name != names[one.place]]
+    if not rest:
+        return Polished(now, own.lab, own.last, {}, left=own.left, behind=behind)
+    gaps = {one.name: its.left for one, its in rest}
+    best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
+    most = own.left + _MARGIN * own.chance
+    equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(names)}
+    if not _takes_its_place(best.name, its, names[best.place], own):
+        compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(names)}
+        return Polished(now, own.lab, own.last, equals, compared, own.left, behind)
+    most = its.left + _MARGIN * own.chance
+    near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
+    beaten = (names[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
+    return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
+
+
+def _of_its_kind(now: Fit, own: Judged, both: Sequence[tuple[Rival, Judged]]) -> tuple[Fit, Judged]:
+    """The accepted effects, or the same ones of another kind where they are nearer."""
+    for one, its in both:
+        if one.name == now.names()[one.place] and _takes_its_place(one.name, its, one.name, own):
+            now, own = one.fit, its
+    return now, own
+
+
+def _handicap(rival: str, accepted: str) -> float:
+    """By what the gap that a rival leaves is multiplied before it is compared with the accepted one's."""
+    if SPECIAL_CASES.get(rival) == accepted:
+        return 1.0 / _MUCH_LESS
+    if (rival, accepted) in _ALL_ALIKE:
+        return 1.0 / _LESS
+    return _MUCH_LESS if SPECIAL_CASES.get(accepted) == rival else 1.0
+
+
+def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> bool:
+    """Whether a rival is nearer beam by beam by more than chance, and by much where its summaries say the opposite; a
+    special case need only not be farther by more than chance, a motion with much nearer summaries only be no farther
+    than an offset."""
+    # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
+    margin = _MARGIN * max(own.chance, its.chance)
+    nearer = _beyond_floor(own) - _beyond_floor(its)
+    if (rival, accepted) in _ALL_ALIKE:
+        if nearer < 0.0:
+            return False
+        if rival == "motion" and nearer > CHANCE:
+            return its.left < own.left
+    handicap = _handicap(rival, accepted)
+    if handicap == 1.0 and rival != accepted and nearer < -CHANCE:
+        handicap = 1.0 / _LESS
+    return handicap * its.left < own.left + (margin if handicap < 1.0 else -margin)
+
+
+def _beyond_floor(one: Judged) -> float:
+    """How far the summaries around a model of its own are, beyond where they are if nothing is missing."""
+    return one.last.distance - one.lab.floor_distance
+
+
+def _equals(
+    others: Sequence[Rival], place: int, winner: str, gaps: Mapping[str, float], most: float
+) -> tuple[str, ...]:
+    """The names of the rivals in a place whose gaps are no larger, the smallest first; not those of which the winner
+    is a special case, which are near because they can do what it does."""
+    near = [one.name for one in others if one.place == place and gaps.get(one.name, np.inf) < most]
+    near = [name for name in near if SPECIAL_CASES.get(name) != winner]
+    return tuple(sorted(near, key=lambda name: gaps[name])[:_MOST_EQUAL])

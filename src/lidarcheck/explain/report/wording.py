@@ -1,0 +1,106 @@
+"""Summaries in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.explain.report.explanation import Standout
+from lidarcheck.inference.summary import Summary
+
+__all__ = ["depends_on", "place_words", "standouts"]
+
+FloatArray = npt.NDArray[np.float64]
+
+# fmt: off
+_MORE = {
+    "range": ("ranges are longer", "ranges are shorter"),
+    "area": ("echoes are stronger (AREA)", "echoes are weaker (AREA)"),
+    "peak": ("echoes are higher (PEAK)", "echoes are lower (PEAK)"),
+    "width": ("echoes are wider (WIDTH)", "echoes are narrower (WIDTH)"),
+    "range scatter along columns": (
+        "range scatters more from layer to layer", "range scatters less from layer to layer",
+    ),
+    "range scatter along layers": (
+        "range scatters more from column to column", "range scatters less from column to column",
+    ),
+    "area scatter": ("AREA scatters more", "AREA scatters less"),
+    "width scatter": ("WIDTH scatters more", "WIDTH scatters less"),
+    "detected": ("surfaces are detected more often", "surfaces are detected less often"),
+    "range along elevation": (
+        "ranges are longer where the surface recedes upward", "ranges are shorter where the surface recedes upward",
+    ),
+    "range along azimuth": (
+        "ranges are longer where the surface recedes to the left",
+        "ranges are shorter where the surface recedes to the left",
+    ),
+    "echoes in front": ("more echoes in front of the surface", "fewer echoes in front of the surface"),
+    "echoes behind": ("more echoes behind the surface", "fewer echoes behind the surface"),
+    "echoes without a surface": ("more echoes of beams that meet nothing", "fewer echoes of beams that meet nothing"),
+    "other echoes": ("more echoes of no surface of their own beam", "fewer echoes of no surface of their own beam"),
+    "strength of other echoes": ("echoes of no surface are stronger", "echoes of no surface are weaker"),
+}
+# fmt: on
+_SUBJECT = {
+    "range": "the range",
+    "area": "AREA",
+    "peak": "PEAK",
+    "width": "WIDTH",
+    "range scatter along columns": "the scatter of range",
+    "range scatter along layers": "the scatter of range",
+    "area scatter": "the scatter of AREA",
+    "width scatter": "the scatter of WIDTH",
+    "detected": "detection",
+    "range along elevation": "the range along slopes",
+    "range along azimuth": "the range along slopes",
+    "echoes in front": "echoes in front of surfaces",
+    "echoes behind": "echoes behind surfaces",
+    "echoes without a surface": "echoes without a surface",
+    "other echoes": "echoes of no surface",
+    "strength of other echoes": "the strength of echoes of no surface",
+}  # fmt: skip
+
+
+def standouts(names: Sequence[Summary], r: FloatArray, level: float, most: int = 24) -> tuple[Standout, ...]:
+    """The summaries beyond a level, the largest first; `r` (n_summaries,) in standard deviations."""
+    found = []
+    for i in np.argsort(-np.abs(r), kind="stable")[:most]:
+        if abs(r[i]) <= level:
+            break
+        one = names[int(i)]
+        found.append(Standout(one.feature, one.covariate, one.bin, float(r[i]), place_words(one, float(r[i]))))
+    return tuple(found)
+
+
+def place_words(one: Summary, z: float) -> str:
+    """One summary as half a sentence: `echoes are weaker (AREA) at range 20-30 m (-12.3 sd)`."""
+    text = _MORE[one.feature][0 if z > 0.0 else 1]
+    where = "" if one.covariate == "all" else f" at {one.covariate} {one.bin}"
+    if one.covariate == "from column to column":
+        text, where = f"{_SUBJECT[one.feature]} changes from column to column", ""
+    return f"{text}{where} ({z:+.1f} sd)"
+
+
+def depends_on(names: Sequence[Summary], r: FloatArray, most: int = 3) -> str:
+    """What a residual depends on: for the features that stand out most, the covariates over which they vary most."""
+    groups: dict[tuple[str, str], list[float]] = {}
+    for one, value in zip(names, r, strict=True):
+        if one.covariate not in ("all", "each layer", "frame"):
+            groups.setdefault((one.feature, one.covariate), []).append(float(value))
+    strength = {}
+    for key, values in groups.items():
+        sizes = np.array(values)
+        # A bin has unit variance by chance; what a covariate explains counts per bin, so that many bins do not win.
+        strength[key] = float((sizes**2).sum() - len(sizes)) / np.sqrt(len(sizes))
+    words: list[str] = []
+    seen: set[str] = set()
+    for (feature, covariate), value in sorted(strength.items(), key=lambda item: (-item[1], item[0])):
+        if value <= 4.0 or len(words) >= most:
+            break
+        subject = _SUBJECT[feature]
+        if subject not in seen:
+            seen.add(subject)
+            words.append(f"{subject} depends on {covariate}")
+    return "; ".join(words) or "no single covariate stands out"

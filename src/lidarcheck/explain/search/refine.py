@@ -1,0 +1,50 @@
+"""The last fit: the accepted effects on all frames but those of the verification, around the model that has them.
+
+Summaries are compressed far from the model that they are relative to, and there a fit is blunt. Around the explained
+model the residuals are small, so that parameters and their intervals come out sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lidarcheck.explain.search.relisted import read_again
+from lidarcheck.explain.search.whole_bins import at_whole_steps
+from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.simulator import Frame, Lab
+from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.model.spec import Model
+
+__all__ = ["Judged", "judged", "polished"]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit around its own model, with the lab around that, and the gap that it leaves beam by beam, beyond its own
+    noise; that noise's standard deviation is `chance`."""
+
+    lab: Lab
+    last: Fit
+    left: float
+    chance: float
+
+
+def judged(scale: Scale, model: Model, now: Fit, seed: int) -> Judged:
+    """The fit polished on the scale's frames, and judged there."""
+    lab, last = polished(scale.frames, model, now, seed)
+    return Judged(lab, last, *scale.excess(last.model(model), last.nuisance))
+
+
+def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tuple[Lab, Fit]:
+    """A lab around the explained model, and the same effects and nuisances fitted again there.
+
+    Of the new fit and the old one the nearer is taken: far from the sensor's form there may be no better point.
+    """
+    lab = Lab(frames, now.model(model), seed)
+    there = fit(lab, now.probes, now.x, rounds=0, nuisance=now.nuisance)
+    best = fit(lab, now.probes, now.x, rounds=3, nuisance=now.nuisance)
+    best = fit_nuisance(lab, best, rounds=2)
+    best = read_again(lab, best)
+    again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
+    return lab, at_whole_steps(lab, min((there, best, again), key=lambda one: one.distance))

@@ -1,0 +1,184 @@
+"""A workflow's figure as SVG text, small, for a page that has many: colours and dashes are the page's CSS.
+
+A series is class `s0`, `s1` ...: its colour, its dashes as a line, its shape as dots.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.figures.drawing.map_svg import map_svg
+from lidarcheck.figures.drawing.panel import Band, Dots, Line, Panel, depth, packed, squeezed
+from lidarcheck.figures.drawing.scales import equal_spans, limits, one_a_cell
+from lidarcheck.figures.drawing.svg import LETTER, Frame, nodes, short, svg, text
+
+__all__ = ["HEIGHT", "WIDTH", "panel_svg", "stacked"]
+
+FloatArray = npt.NDArray[np.float64]
+
+WIDTH, HEIGHT = 420.0, 232.0
+_LEFT, _TITLE, _ROW, _LONGEST = 44.0, 16.0, 11.0, 16
+_CELLS, _MOST_DOTS = (1.5, 2.5, 4.0), 3000
+"""Dots that would fall into one square of such a size are drawn once; into a larger one where they are many."""
+_MOST_NODES = 1500
+_SHAPES = (
+    "h0",
+    "m-1.8-1.8l3.6 3.6m0-3.6l-3.6 3.6",
+    "m-1.6-1.6h3.2v3.2h-3.2z",
+    "m-2.2 0h4.4m-2.2-2.2v4.4",
+    "m0-2.2l2 3.6h-4z",
+    "m0-2.2l2.2 2.2l-2.2 2.2l-2.2-2.2z",
+    "m-2.2 0h4.4",
+    "m0-2.2v4.4",
+)
+
+
+def panel_svg(panel: Panel, *, width: float = WIDTH, height: float = HEIGHT) -> str:
+    """One pair of axes as an SVG element; says so where there is nothing to draw."""
+    if panel.grid is not None:
+        return map_svg(panel, panel.grid, width, height)
+    points = panel.points()
+    words = f"{panel.title}: {panel.y_label} over {panel.x_label}" if panel.y_label else panel.title
+    if not len(points):
+        nothing = text(width / 2.0, height / 2.0, "nothing to draw", "middle", "label")
+        return svg(f"{words}: nothing to draw", nothing, name="chart", width=width, height=height)
+    legend, top = _legend(panel, width)
+    frame, stretched = _frame(panel, points, width, height, top)
+    label = f"{panel.x_label} (not to one scale)" if stretched else panel.x_label
+    y_ticks = [(float(i), squeezed(name, _LONGEST)) for i, name in enumerate(panel.y_names)] if panel.y_names else None
+    parts = [frame.axes(frame.x_ticks(), label, y_ticks=y_ticks), legend]
+    parts += [_band(frame, band) for band in panel.bands]
+    parts += [_line(frame, line) for line in sorted(panel.lines, key=lambda line: line.series is not None)]
+    parts += [_dots(frame, dots) for dots in sorted(panel.dots, key=depth)]
+    return svg(words, "".join(parts), name="chart", width=width, height=height)
+
+
+def _frame(panel: Panel, points: FloatArray, width: float, height: float, top: float) -> tuple[Frame, bool]:
+    """The axes, and whether lengths on them had to be stretched."""
+    x, y = limits(points[:, 0], 0.02), limits(points[:, 1], 0.04)
+    letters = max((len(squeezed(name, _LONGEST)) for name in panel.y_names), default=0)
+    frame = Frame(x, y, panel.log_x, panel.log_y, width, height, max(_LEFT, LETTER * letters + 10.0), top)
+    if not panel.equal:
+        return frame, False
+    x, y, equal = equal_spans(x, y, frame.right - frame.left, frame.bottom - frame.top)
+    return dataclasses.replace(frame, x=x, y=y), not equal
+
+
+def _legend(panel: Panel, width: float) -> tuple[str, float]:
+    """(the y label to the left; to the right the series with a piece of their line or a dot, where the axes begin)."""
+    names: list[tuple[int | None, str]] = []
+    if not panel.y_names:
+        names = [(i, squeezed(panel.names[i], 40)) for i in sorted(panel.drawn())]
+    names += [(None, f"({squeezed(name, 40)}: nothing)") for name in panel.absent]
+    names += [(None, f"and {panel.more} more, not drawn")] if panel.more else []
+    lengths = [LETTER * len(words) + (32.0 if i is not None else 10.0) for i, words in names]
+    parts, y = [], 13.0
+    if panel.y_label:
+        parts.append(text(4.0, y, panel.y_label, "start", "label"))
+        y += _ROW if sum(lengths) + LETTER * len(panel.y_label) > width - 10.0 else 0.0
+    dotted, lined = ({one.series for one in some} for some in (panel.dots, panel.lines))
+    for row in packed(lengths, width - 10.0):
+        x = width - 6.0 - sum(lengths[i] for i in row)
+        for i in row:
+            series, words = names[i]
+            x += lengths[i]
+            parts.append(text(x, y, words, "end"))
+            if series is not None:
+                left, middle = x - lengths[i] + 8.0, y - 3.0
+                if series in lined:
+                    parts.append(f'<path class="line s{series}" d="M{left:.1f} {middle:.1f}h18"/>')
+                if series in dotted:
+                    parts.append(f'<path class="dots s{series}" d="M{left + 9:.1f} {middle:.1f}{_SHAPES[series]}"/>')
+        y += _ROW
+    return "".join(parts), max(y, 24.0) if names else 24.0
+
+
+def _line(frame: Frame, line: Line) -> str:
+    name = f"line s{line.series}" if line.series is not None else "bar" if line.heavy else "reference"
+    places = _fewer([_place(frame, x, y) for x, y in zip(line.x.tolist(), line.y.tolist(), strict=True)])
+    path = _path(places)
+    if not path:
+        return ""
+    drawn = f'<path class="{name}" d="{path}"/>'
+    if line.filled:
+        ends = [place for place in places if np.isfinite(place[0])]
+        shape = f"M{ends[0][0]:.1f} {frame.bottom:.1f}{path.replace('M', 'L')}L{ends[-1][0]:.1f} {frame.bottom:.1f}z"
+        drawn = f'<path class="area s{line.series}" d="{shape}"/>{drawn}'
+    return drawn
+
+
+def _path(places: Sequence[tuple[float, float]]) -> str:
+    """The path through the places, broken where there is none; level and upright pieces are written short."""
+    path, before = [], (math.nan, math.nan)
+    for x, y in places:
+        if math.isfinite(x):
+            short_form = f"H{x:.1f}" if y == before[1] else f"V{y:.1f}" if x == before[0] else f"L{x:.1f} {y:.1f}"
+            path.append(short_form if math.isfinite(before[0]) else f"M{x:.1f} {y:.1f}")
+        before = (x, y)
+    return "".join(path)
+
+
+def _place(frame: Frame, x: float, y: float) -> tuple[float, float]:
+    if not (math.isfinite(x) and math.isfinite(y)):
+        return math.nan, math.nan
+    return round(frame.across(x), 1), round(frame.up(y), 1)
+
+
+def _fewer(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The places without those in the middle of a level or upright piece, and every so many-th of what is too many."""
+    ends = [(math.nan, math.nan), *places, (math.nan, math.nan)]
+    kept = [
+        here
+        for before, here, after in zip(ends, places, ends[2:], strict=False)
+        if not (before[0] == here[0] == after[0] or before[1] == here[1] == after[1])
+    ]
+    step = -(-len(kept) // _MOST_NODES)
+    return kept if step <= 1 else [*kept[:-1:step], kept[-1]]
+
+
+def _band(frame: Frame, band: Band) -> str:
+    good = np.isfinite(band.x) & np.isfinite(band.low) & np.isfinite(band.high)
+    parts = []
+    for piece in np.split(np.arange(len(good)), np.flatnonzero(np.diff(good.astype(np.int8))) + 1):
+        if len(piece) and good[piece[0]]:
+            upper = [(frame.across(band.x[i]), frame.up(band.high[i])) for i in piece]
+            lower = [(frame.across(band.x[i]), frame.up(band.low[i])) for i in piece[::-1]]
+            parts.append(f"{nodes([*upper, *lower])}z")
+    name = "body" if band.solid else "interval"
+    return f'<path class="{name} s{band.series}" d="{"".join(parts)}"/>' if parts else ""
+
+
+def _dots(frame: Frame, dots: Dots) -> str:
+    if dots.series is None:
+        return "".join(
+            f'<circle class="ring" cx="{frame.across(a):.1f}" cy="{frame.up(b):.1f}" r="3.2"/>'
+            for a, b in zip(dots.x.tolist(), dots.y.tolist(), strict=True)
+        )
+    room = frame.right - frame.left, frame.bottom - frame.top
+    points = np.column_stack([dots.x, dots.y])
+    for cell in _CELLS:
+        cells = (int(room[0] / cell), int(room[1] / cell))
+        points = one_a_cell(points[:, 0], points[:, 1], (frame.x, frame.y), cells)
+        if len(points) <= _MOST_DOTS:
+            break
+    shape = _SHAPES[dots.series]
+    path = "".join(f"M{frame.across(x):.1f} {frame.up(y):.1f}{shape}" for x, y in points.tolist())
+    return f'<path class="dots s{dots.series}" d="{path}"/>' if path else ""
+
+
+def stacked(panels: Sequence[Panel], title: str, style: str) -> str:
+    """An SVG file of its own: the title, and the panels below each other; `style`: the CSS that a page would have."""
+    parts = [f'<rect class="paper" width="{WIDTH:g}" height="{_TITLE + HEIGHT * len(panels):g}"/>']
+    parts.append(text(4.0, 13.0, short(title, 80)))
+    for i, panel in enumerate(panels):
+        place = f'<svg y="{_TITLE + HEIGHT * i:g}" width="{WIDTH:g}" height="{HEIGHT:g}" '
+        parts.append(panel_svg(panel).replace("<svg ", place, 1))
+    whole = svg(title, "".join(parts), name="chart", width=WIDTH, height=_TITLE + HEIGHT * len(panels))
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * WIDTH:g}" '
+    opening, _, body = whole.replace("<svg ", head, 1).partition(">")
+    return f"{opening}><style>{style}.paper {{ fill: var(--paper); }}</style>{body}\n"

@@ -1,0 +1,1 @@
+"""The gate: which seeds run, what chance gives, and whether a KPI has moved."""

@@ -1,0 +1,144 @@
+"""Which seeds are run for what, and running them side by side.
+
+A golden is made from its own 64 seeds, of which the first 8 are the paired ones; 32 more make the reference of its
+distances, so that no seed is compared with itself. Fresh seeds follow from one number and are never among these.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.harness.gate import gate
+from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.model.external import stop_external_models
+from lidarcheck.workers import Crew, Held, Threads, one_blas_thread
+from lidarcheck.workers.cores import usable_cores
+
+__all__ = [
+    "GOLDEN_SEEDS",
+    "QUANTILE_LEVELS",
+    "REFERENCE_SEEDS",
+    "Job",
+    "Progress",
+    "Runner",
+    "SeedRecord",
+    "distance",
+    "fresh_seeds",
+    "quantile_function",
+    "record_of",
+]
+
+GOLDEN_SEEDS = tuple(range(gate.FULL_SEEDS))
+REFERENCE_SEEDS = tuple(range(gate.FULL_SEEDS, gate.FULL_SEEDS + 32))
+QUANTILE_LEVELS = 129
+_LOWEST_FRESH, _FRESH_BITS = 1 << 20, 31
+
+Progress = Callable[[int, int, str], None]
+"""Called with (seeds done, seeds to do, scenario)."""
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SeedRecord:
+    """What is kept of one seed: KPI values, trials, the quantile function of each feature, the echoes' digest."""
+
+    values: Mapping[str, float]
+    trials: Mapping[str, int]
+    quantiles: Mapping[str, FloatArray]
+    digest: str
+
+
+class Job(NamedTuple):
+    """A scenario to be run: its name, what runs a seed of it, and the list that its records are appended to."""
+
+    label: str
+    run: Callable[[int], Measurement]
+    records: list[SeedRecord]
+
+
+class Runner:
+    """Runs seeds of several scenarios side by side, whose results do not depend on who works.
+
+    `crew`: who works, `jobs` threads where None: the kernels release the interpreter's lock. On an error or interrupt
+    nothing new is started, external models are killed, kernels that run are waited for, and no record is kept.
+    `progress` is called from the calling thread.
+    """
+
+    def __init__(self, jobs: int | None = None, progress: Progress | None = None, crew: Crew | None = None) -> None:
+        self._jobs = jobs or usable_cores()
+        self._progress = progress or (lambda done, total, label: None)
+        self._crew = crew
+        self._held: dict[int, Held[Callable[[int], Measurement]]] = {}
+        self._done = 0
+
+    def seeds(self, jobs: Sequence[Job], seeds: Sequence[int]) -> None:
+        """Run `seeds` of every job and append their records, in the order of the seeds."""
+        tasks = [(job, seed) for job in jobs for seed in seeds]
+        if not tasks:
+            return
+        total = self._done + len(tasks)
+        self._progress(self._done, total, tasks[0][0].label)
+        found: list[SeedRecord] = []
+        # External models may run for minutes; nobody waits for them after an error or an interrupt.
+        own = Threads(self._jobs, hurry=stop_external_models)
+        with one_blas_thread(), own if self._crew is None else contextlib.nullcontext(self._crew) as crew:
+            for record in crew.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
+                self._progress(self._done + len(found) + 1, total, tasks[len(found)][0].label)
+                found.append(record)
+        self._done = total
+        for (job, _), record in zip(tasks, found, strict=True):
+            job.records.append(record)
+
+    def _holding(self, job: Job) -> Held[Callable[[int], Measurement]]:
+        """What runs a seed, the same thing for all seeds of a scenario."""
+        return self._held.setdefault(id(job.run), Held(job.run))
+
+
+def _run(run: Callable[[int], Measurement], seed: int) -> SeedRecord:
+    return record_of(run(seed))
+
+
+def fresh_seeds(number: int | None, count: int) -> tuple[int, ...]:
+    """`count` different seeds that follow from `number` (None: the usual ones), none of them a golden's own."""
+    name = "default" if number is None else str(number)
+    seeds: dict[int, None] = {}
+    draw = 0
+    while len(seeds) < count:
+        word = hashlib.sha256(f"fresh seed {name} {draw}".encode()).digest()
+        seed = int.from_bytes(word[:8], "big") % (1 << _FRESH_BITS)
+        if seed >= _LOWEST_FRESH:
+            seeds[seed] = None
+        draw += 1
+    return tuple(seeds)
+
+
+def quantile_function(sample: npt.NDArray[np.floating[Any]]) -> FloatArray:
+    """The sample's quantiles at the 129 levels (i + ½)/129; nan throughout if it is empty or holds a nan."""
+    values = np.sort(np.asarray(sample, dtype=np.float64).ravel())
+    if values.size == 0 or not np.isfinite(values).all():
+        return np.full(QUANTILE_LEVELS, np.nan)
+    levels = (np.arange(QUANTILE_LEVELS) + 0.5) / QUANTILE_LEVELS
+    return values[np.minimum((levels * values.size).astype(np.int64), values.size - 1)]
+
+
+def distance(quantiles: FloatArray, reference: FloatArray) -> float:
+    """1-Wasserstein distance [the feature's unit] of two quantile functions, by the midpoint rule over their levels."""
+    return float(np.abs(quantiles - reference).mean())
+
+
+def record_of(measurement: Measurement) -> SeedRecord:
+    """The measurement without its samples, which are large."""
+    return SeedRecord(
+        values={name: float(value) for name, value in measurement.values.items()},
+        trials={name: int(count) for name, count in measurement.trials.items()},
+        quantiles={name: quantile_function(sample) for name, sample in measurement.samples.items()},
+        digest=measurement.digest,
+    )

@@ -1,0 +1,193 @@
+"""Reading and writing goldens: TOML that a person can review, and that shows when a person has edited it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lidarcheck.errors import GoldenError
+from lidarcheck.formats.atomic import write_text
+from lidarcheck.harness.gate import gate
+from lidarcheck.harness.goldens.golden import Golden, KpiGolden
+from lidarcheck.harness.goldens.provenance import Provenance
+from lidarcheck.harness.kpis.spec import KpiSpec
+
+__all__ = ["FORMAT", "dump_golden", "load_golden", "save_golden"]
+
+FORMAT = 1
+_HEAD = (
+    "# What the KPIs of this scenario were when somebody last agreed to them. Written by `lidarcheck review`: do not\n"
+    "# edit it, the content hash at the end would no longer fit.\n"
+)
+_ANEW = "make it anew with `lidarcheck review --accept all`"
+_RELEASE_ANEW = "make it anew from the last golden with `lidarcheck review --release`"
+_SPEC_FIELDS = ("kind", "unit", "direction", "tolerance", "low", "high", "feature")
+_NUMBER_FIELDS = ("mean", "sd", "seeds", "drawn", "trials")
+_WORDS = ("reason", "reason_date", "verdict")
+
+
+def load_golden(path: Path, *, release: bool = False) -> Golden:
+    """Read a golden; `GoldenError` if it is not TOML, not a golden, of another format, or edited by hand.
+
+    `release`: it is a release golden, which is made anew in another way.
+    """
+    anew = _RELEASE_ANEW if release else _ANEW
+    restore = f"restore it from version control, or {anew}"
+    document = _parse(path, restore)
+    if document.get("format") != FORMAT:
+        raise GoldenError(
+            f"golden format {document.get('format')!r} is not {FORMAT}",
+            file=path,
+            fix=f"use the lidarcheck that wrote it, or {anew}",
+        )
+    try:
+        content = document["provenance"].pop("content", None)
+        if content != _content_hash(document):
+            raise GoldenError("the golden was edited by hand: its content hash does not fit", file=path, fix=restore)
+        return _golden(document)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise GoldenError(f"this is no golden: {type(error).__name__} {error}", file=path, fix=restore) from error
+
+
+def save_golden(golden: Golden, path: Path) -> None:
+    """Write the golden, whole or not at all."""
+    write_text(path, dump_golden(golden))
+
+
+def dump_golden(golden: Golden) -> str:
+    """The golden's file content."""
+    head = {"format": FORMAT, "scenario": golden.scenario, "digests": list(golden.digests)}
+    kpis = {name: _kpi_table(kpi) for name, kpi in golden.kpis.items()}
+    provenance = _provenance_table(golden.provenance)
+    provenance["content"] = _content_hash({**head, "kpis": kpis, "provenance": provenance})
+    parts = [_HEAD + _lines(head)]
+    parts += [f"[kpis.{_string(name)}]\n{_lines(table)}" for name, table in kpis.items()]
+    parts += [f"[provenance]\n{_lines(provenance)}"]
+    return "\n".join(parts)
+
+
+def _parse(path: Path, restore: str) -> dict[str, Any]:
+    try:
+        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        if not text.strip():
+            raise GoldenError("the golden is empty", file=path, fix=restore)
+        return tomllib.loads(text)
+    except FileNotFoundError as error:
+        raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`") from error
+    except OSError as error:
+        raise GoldenError(f"cannot read: {error.strerror or error}", file=path, fix="check the file") from error
+    except UnicodeDecodeError as error:
+        raise GoldenError("the golden is not UTF-8 text", file=path, fix=restore) from error
+    except tomllib.TOMLDecodeError as error:
+        where = re.search(r"at line (\d+)", str(error))
+        line = int(where.group(1)) if where else None
+        raise GoldenError(f"the golden is not TOML: {error}", file=path, line=line, fix=restore) from error
+
+
+def _golden(document: Mapping[str, Any]) -> Golden:
+    provenance = dict(document["provenance"])
+    provenance["kept"] = tuple(provenance.get("kept", ()))
+    return Golden(
+        scenario=str(document["scenario"]),
+        kpis={name: _kpi(name, table) for name, table in document.get("kpis", {}).items()},
+        digests=tuple(document["digests"]),
+        provenance=Provenance(**provenance),
+    )
+
+
+def _kpi(name: str, table: Mapping[str, Any]) -> KpiGolden:
+    null = tuple(float(value) for value in table.get("null", ()))
+    if null and len(null) != len(gate.NULL_LEVELS):
+        raise ValueError(f"{name} has {len(null)} null quantiles, not {len(gate.NULL_LEVELS)}")
+    reference = gate.Reference(
+        mean=float(table["mean"]),
+        sd=float(table["sd"]),
+        seeds=int(table["seeds"]),
+        drawn=int(table["drawn"]),
+        paired=tuple(float(value) for value in table["paired"]),
+        trials=float(table.get("trials", 0.0)),
+        null=null,
+    )
+    spec = KpiSpec(name=name, **{field: table[field] for field in _SPEC_FIELDS if field in table})
+    words = {word: str(table.get(word, "")) for word in _WORDS}
+    return KpiGolden(spec, reference, tuple(float(value) for value in table.get("reference", ())), **words)
+
+
+def _kpi_table(kpi: KpiGolden) -> dict[str, Any]:
+    table = {field: getattr(kpi.spec, field) for field in _SPEC_FIELDS}
+    table |= {field: getattr(kpi.reference, field) for field in _NUMBER_FIELDS}
+    table["trials"] = kpi.reference.trials or None
+    table["paired"] = list(kpi.reference.paired)
+    if kpi.reference.null:
+        table["null_levels"], table["null"] = list(gate.NULL_LEVELS), list(kpi.reference.null)
+    if kpi.quantiles:
+        table["reference"] = list(kpi.quantiles)
+    table |= {word: getattr(kpi, word) or None for word in _WORDS}
+    return {name: value for name, value in table.items() if value is not None}
+
+
+def _provenance_table(provenance: Provenance) -> dict[str, Any]:
+    table = {field.name: getattr(provenance, field.name) for field in dataclasses.fields(provenance)}
+    table["kept"] = list(table["kept"])
+    return {name: value for name, value in table.items() if value or name not in ("kept", "base")}
+
+
+def _content_hash(document: Mapping[str, Any]) -> str:
+    """SHA-256 over what the document says, so that line ends, spaces and comments do not count."""
+    return hashlib.sha256(json.dumps(_canonical(document), sort_keys=True).encode()).hexdigest()
+
+
+def _canonical(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _canonical(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(item) for item in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _number(float(value))
+    return value if isinstance(value, str | bool) else str(value)
+
+
+def _lines(table: Mapping[str, Any]) -> str:
+    return "".join(f"{name} = {_value(value)}\n" for name, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, list):
+        return _array(value)
+    return str(value) if isinstance(value, int) else _number(value)
+
+
+def _array(values: Sequence[Any]) -> str:
+    words = [_value(value) for value in values]
+    short = f"[{', '.join(words)}]"
+    if len(short) <= 100:
+        return short
+    rows, row = [], ""
+    for word in words:
+        if row and len(row) + len(word) > 116:
+            rows.append(row.rstrip())
+            row = ""
+        row += f"{word}, "
+    return "[\n" + "".join(f"  {line}\n" for line in (*rows, row.rstrip())) + "]"
+
+
+def _number(value: float) -> str:
+    if math.isnan(value):
+        return "nan"
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    text = repr(value)
+    return text if "." in text or "e" in text else f"{text}.0"
+
+
+def _string(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")

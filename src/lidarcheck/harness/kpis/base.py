@@ -1,0 +1,83 @@
+"""What a kind of KPI is, and the statistics that kinds are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.harness.kpis.selection import Seen
+from lidarcheck.harness.kpis.spec import Direction, GateKind
+
+__all__ = ["KpiKind", "distance_kind", "quantile", "share", "slope", "spread_between", "standard_deviation"]
+
+FloatArray = npt.NDArray[np.float64]
+
+Needs = Literal["beams", "surface", "edge"]
+"""What a kind must find in its selection: any beam, one that meets a surface, one beside surfaces at two ranges."""
+
+
+@dataclass(frozen=True, slots=True)
+class KpiKind:
+    """One kind of KPI: either `value`, a number per seed, or `sample`, whose distribution's distance is taken.
+
+    `trials`: of a proportion. `needs`: without it in the selection the kind means nothing. `meaning`: one line for
+    help and documentation.
+    """
+
+    meaning: str
+    unit: str
+    direction: Direction = "target"
+    gate: GateKind = "mean"
+    value: Callable[[Seen], float] | None = None
+    trials: Callable[[Seen], int] | None = None
+    sample: Callable[[Seen], FloatArray] | None = None
+    needs: Needs = "surface"
+
+
+def distance_kind(meaning: str, unit: str, sample: Callable[[Seen], FloatArray]) -> KpiKind:
+    """The distance of a feature's distribution from the golden's."""
+    return KpiKind(f"1-Wasserstein distance of the {meaning} distribution", unit, "lower", "distance", sample=sample)
+
+
+def share(part: float, whole: float) -> float:
+    """Part over whole; NaN where there is no whole."""
+    return part / whole if whole else float("nan")
+
+
+def standard_deviation(values: npt.NDArray[Any]) -> float:
+    """With n - 1; NaN for fewer than two values."""
+    return float(values.std(ddof=1)) if len(values) > 1 else float("nan")
+
+
+def quantile(values: FloatArray, level: float) -> float:
+    """Linear between the values; NaN without any."""
+    return float(np.quantile(values, level)) if len(values) else float("nan")
+
+
+def slope(x: npt.NDArray[Any], y: FloatArray) -> float:
+    """Of the straight line of least squares, y over x; NaN for fewer than three points, or where all x are equal."""
+    if len(x) < 3 or x.min() == x.max():
+        return float("nan")
+    off = x - x.mean()
+    return float(off @ (y - y.mean()) / (off @ off))
+
+
+def spread_between(values: FloatArray, group: npt.NDArray[Any]) -> float:
+    """Standard deviation between groups' true means, what scatters within them taken off; 0 where chance explains all.
+
+    The analysis-of-variance estimator of a one-way random model (Searle, Casella and McCulloch, Variance Components,
+    1992, ch. 3), cut at 0. NaN for fewer than two groups, or where no group has two values.
+    """
+    _, index, count = np.unique(group, return_inverse=True, return_counts=True)
+    n, k = len(values), len(count)
+    if k < 2 or n <= k:
+        return float("nan")
+    means = np.bincount(index, weights=values) / count
+    within = float(((values - means[index]) ** 2).sum()) / (n - k)
+    between = float((count * (means - values.mean()) ** 2).sum()) / (k - 1)
+    size = (n - float((count**2).sum()) / n) / (k - 1)
+    return float(np.sqrt(max((between - within) / size, 0.0)))

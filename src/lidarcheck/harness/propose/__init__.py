@@ -1,0 +1,1 @@
+"""Proposals: what a golden would become, and scenarios that would have caught what explain found."""

@@ -1,0 +1,1 @@
+"""What a run of the gate says to machines: results, JUnit, annotations."""

@@ -1,0 +1,1 @@
+"""Reviewing proposals and accepting them, and the reference of a release."""

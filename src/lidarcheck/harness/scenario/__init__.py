@@ -1,0 +1,1 @@
+"""Scenarios: the file, its beams, what it asks for, and measuring it."""

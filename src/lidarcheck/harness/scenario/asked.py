@@ -1,0 +1,138 @@
+"""From a scenario's `[[kpis]]` tables to what is asked: the kind, the selection, the name, the thresholds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.config import LineIndex
+from lidarcheck.formats.config_words import shown
+from lidarcheck.harness.kpis.registry import KINDS
+from lidarcheck.harness.kpis.selection import Echoes, Fired, Selection
+from lidarcheck.harness.kpis.spec import KpiSpec
+from lidarcheck.harness.scenario.file import WINDOW_M, KpiTable
+from lidarcheck.kpi.pairing import pair_with_ideal
+from lidarcheck.scan import IdealScan, Scan
+
+__all__ = ["AskedKpi", "ask", "hashed"]
+
+_LATER_KEYS = ("layers", "points", "echo_range_m")
+"""Keys that younger scenarios may have: left out they say nothing, so that older goldens keep their hash."""
+
+
+@dataclass(frozen=True)
+class AskedKpi:
+    """One KPI of a scenario: its kind in `KINDS`, what it looks at, what is asked of it.
+
+    `measured`: for a distance from a measured file, that file's sample, shape (n,); None otherwise.
+    """
+
+    kind: str
+    spec: KpiSpec
+    selection: Selection
+    measured: npt.NDArray[np.float64] | None = None
+
+
+def ask(
+    tables: Sequence[KpiTable], ideal: IdealScan, measured: Scan | None, lines: LineIndex, faults: list[InputError]
+) -> tuple[AskedKpi, ...]:
+    """The KPIs; to `faults` come names that occur twice and selections that cannot show what is asked."""
+    fired = Fired.of(ideal)
+    asked: list[AskedKpi] = []
+    for index, table in enumerate(tables):
+        try:
+            made = _one(table, ideal, fired, measured)
+        except UsageError as error:
+            faults.append(lines.fault(("kpis", index), error.what, fix=error.fix))
+            continue
+        if any(other.spec.name == made.spec.name for other in asked):
+            what = f"there are two KPIs {shown(made.spec.name)}"
+            faults.append(lines.fault(("kpis", index), what, fix="give one of them another name"))
+        asked.append(made)
+    return tuple(asked)
+
+
+def hashed(table: KpiTable) -> dict[str, Any]:
+    """What of a KPI enters the scenario's content hash."""
+    values = table.model_dump(mode="json")
+    return {key: value for key, value in values.items() if value is not None or key not in _LATER_KEYS}
+
+
+def _one(kpi: KpiTable, ideal: IdealScan, fired: Fired, measured: Scan | None) -> AskedKpi:
+    kind = KINDS[kpi.kpi]
+    selection = _selection(kpi, ideal, fired)
+    name = kpi.name or ".".join([kpi.kpi, *_label(kpi)])
+    from_file = kind.sample is not None and measured is not None
+    spec = KpiSpec(
+        name=name,
+        kind="mean" if from_file else kind.gate,
+        unit=kind.unit,
+        direction=kpi.direction or kind.direction,
+        tolerance=kpi.tolerance,
+        low=kpi.low,
+        high=kpi.high,
+        feature=name if kind.gate == "distance" and not from_file else None,
+    )
+    if kind.sample is None or measured is None:
+        return AskedKpi(kpi.kpi, spec, selection)
+    sample = kind.sample(selection.seen(Echoes.of(measured, pair_with_ideal(ideal, measured))))
+    if not len(sample):
+        raise UsageError(f"the measured file has no echo for {name}", fix="look at other beams, or widen window_m")
+    return AskedKpi(kpi.kpi, spec, selection, sample)
+
+
+def _selection(kpi: KpiTable, ideal: IdealScan, fired: Fired) -> Selection:
+    """The part of the scenario that a KPI looks at; windows include both ends."""
+    rows = np.ones(len(ideal), dtype=np.bool_)
+    if kpi.object is not None:
+        if ideal.object_id is None:
+            raise UsageError("object is asked for, but the ideal scan has no ObjectID", fix="select by material")
+        rows &= np.isin(ideal.object_id, kpi.object)
+    if kpi.material is not None:
+        rows &= np.isin(ideal.material_id, kpi.material)
+    windows: list[tuple[tuple[float, float] | None, npt.NDArray[Any]]] = [
+        (kpi.layers, ideal.layer),
+        (kpi.points, ideal.point),
+        (kpi.range_m, ideal.distance_m),
+        (kpi.incidence_deg, ideal.incidence_deg),
+    ]
+    for window, column in windows:
+        if window is not None:
+            rows &= (column >= window[0]) & (column <= window[1])
+    if not rows.any():
+        fix = "check its object, material, layers, points, range_m and incidence_deg"
+        raise UsageError("the KPI selects no beams", fix=fix)
+    selection = Selection(fired, rows, kpi.window_m, kpi.echo_range_m)
+    needs = KINDS[kpi.kpi].needs
+    if needs == "surface" and not selection.meeting.any():
+        raise UsageError(f"{kpi.kpi} needs a surface, and no selected beam meets one", fix="select other beams")
+    if needs == "edge" and not selection.at_edge.any():
+        what = f"{kpi.kpi} needs neighbouring surfaces more than {2.0 * kpi.window_m:g} m apart in range"
+        raise UsageError(f"{what}, and no selected beam has them", fix="select beams at an edge, or lower window_m")
+    return selection
+
+
+def _label(kpi: KpiTable) -> list[str]:
+    """What tells this selection from others, for the KPI's name."""
+    parts = []
+    for word, ids in (("object", kpi.object), ("material", kpi.material)):
+        if ids is not None:
+            parts.append(f"{word}_{'_'.join(map(str, ids))}")
+    for word, span in (("layers", kpi.layers), ("points", kpi.points)):
+        if span is not None:
+            parts.append(f"{word}_{span[0]}_{span[1]}")
+    for word, window, unit in (
+        ("", kpi.range_m, "m"),
+        ("", kpi.incidence_deg, "deg"),
+        ("echo_", kpi.echo_range_m, "m"),
+    ):
+        if window is not None:
+            parts.append(f"{word}{window[0]:g}_{window[1]:g}{unit}".replace(".", "p"))
+    if kpi.window_m != WINDOW_M:
+        parts.append(f"within_{kpi.window_m:g}m".replace(".", "p"))
+    return parts

@@ -1,0 +1,1 @@
+"""What explaining and calibrating share: beams as a table, residuals, summaries, the fit, and the gap."""

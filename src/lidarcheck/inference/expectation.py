@@ -1,0 +1,130 @@
+"""What a model shows of each beam: how often it detects the surface, the features' means and their spreads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.inference.beam_table import Beams
+from lidarcheck.inference.pairing import Sights
+
+__all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+Partners = tuple[tuple[IndexArray, IndexArray], tuple[IndexArray, IndexArray]]
+
+CLIP = 6.0
+"""A residual counts at most so many standard deviations: single strays do not move a mean."""
+SPREAD_CLIP = 16.0
+SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))
+"""The features whose scatter is looked at, and between which neighbours: 0 along the column, 1 along the layer."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What the model shows: detection probability (n,), mean and spread of each feature (n, 4); known (n,).
+
+    `partner`: pairs of neighbours on one surface, along the column and along the layer, whose differences show
+    scatter whatever the mean does; `square_mean`, `square_spread` (4,): of the scatter statistics. `at_edge` (n,):
+    beams beside which there is another surface, or nothing.
+    """
+
+    probability: FloatArray
+    mean: FloatArray
+    spread: FloatArray
+    known: npt.NDArray[np.bool_]
+    square_mean: FloatArray
+    square_spread: FloatArray
+    at_edge: npt.NDArray[np.bool_]
+    partner: Partners
+
+
+def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
+    """What a model shows of each beam, from what it shows with some seeds."""
+    seen = np.array([s.detected for s in base])
+    values = np.array([s.feature for s in base])
+    count = seen.sum(axis=0)
+    known = (count >= 2) & ~beams.crease
+    mean = np.where(known[:, None], values.sum(axis=0) / np.maximum(count, 1)[:, None], 0.0)
+    off = np.where(seen[..., None] & known[None, :, None], values - mean, 0.0)
+    free = np.maximum(count - 1, 1)[:, None]
+    own = (off**2).sum(axis=0) / free
+    spread = _smooth_spread(mean[:, 1], own, known, np.maximum(count - 1, 0))
+    probability = _smooth_probability(mean[:, 1], count, len(base), known, beams.distance_m > 0.0)
+    partner = (_partners(beams, 0), _partners(beams, 1))
+    square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
+    own, beside = beams.distance_m[:, None], beams.neighbour_m
+    apart = np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside)
+    at_edge = np.asarray(np.any((beside >= 0.0) & apart, axis=1)) | beams.crease
+    return Expected(probability, mean, spread, known, square_mean, square_spread, at_edge, partner)
+
+
+def _scatter(
+    u: FloatArray,
+    valid: npt.NDArray[np.bool_],
+    partner: Partners,
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and spread of the scatter statistics under the model."""
+    centre, width = np.empty(4), np.empty(4)
+    u = np.clip(u, -CLIP, CLIP)
+    for j, (feature, axis) in enumerate(SCATTERS):
+        mine, other = partner[axis]
+        both = valid[:, mine] & valid[:, other]
+        square = np.minimum(0.5 * (u[:, mine, feature] - u[:, other, feature]) ** 2, SPREAD_CLIP)[both]
+        centre[j], width[j] = (square.mean(), square.std() + 1e-3) if len(square) else (1.0, 1.0)
+    return centre, width
+
+
+def _partners(beams: Beams, axis: int) -> tuple[IndexArray, IndexArray]:
+    """Beams and their neighbours above (axis 0) or to the left (axis 1) on the same surface."""
+    own, beside = beams.distance_m, beams.neighbour_m[:, 2 * axis]
+    mine = np.flatnonzero((own > 0.0) & (beside > 0.0) & (np.abs(beside - own) < 0.06 * own))
+    sort = np.lexsort((beams.layer, beams.point, beams.frame) if axis == 0 else (beams.point, beams.layer, beams.frame))
+    following = np.empty(len(beams), dtype=np.int64)
+    following[sort[:-1]] = sort[1:]
+    following[sort[-1]] = sort[-1]
+    return mine, following[mine]
+
+
+_GROUPS = 40
+_LEAST_SPREAD = (0.004, 0.01, 0.01, 0.3)
+"""Ranges are reported in steps of 1 cm, widths in steps of 1 ns: a residual cannot be known better."""
+
+
+def _smooth_probability(
+    log_area: FloatArray, count: IndexArray, of: int, known: npt.NDArray[np.bool_], hit: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """How often each beam's surface is detected: as often as in the simulations, and once more as often as beams alike.
+
+    Of a thousand beams of bright surfaces that all see them, none is expected to be lost: a few that are say much.
+    Beams that are hardly seen are alike; 0 where nothing is hit.
+    """
+    edges = _brightness_edges(log_area, known)
+    group = np.where(known, np.searchsorted(edges, log_area), len(edges) + 1)
+    seen = np.bincount(group, hit * (count + 0.5 / of))
+    beside = seen / np.maximum(np.bincount(group, hit * (of + 1.0 / of)), 1e-9)
+    return np.asarray(np.where(hit, (count + beside[group]) / (of + 1.0), 0.0))
+
+
+def _brightness_edges(log_area: FloatArray, known: npt.NDArray[np.bool_]) -> FloatArray:
+    """The edges between groups of beams about as bright."""
+    shares = np.linspace(0.0, 1.0, _GROUPS + 1)[1:-1]
+    return np.asarray(np.quantile(log_area[known], shares)) if known.any() else np.zeros(0)
+
+
+def _smooth_spread(
+    log_area: FloatArray, variance: FloatArray, known: npt.NDArray[np.bool_], free: IndexArray
+) -> FloatArray:
+    """Spread of each feature as a function of the amplitude, from beams alike; shape (n, 4)."""
+    edges = _brightness_edges(log_area, known)
+    place = np.searchsorted(edges, log_area)
+    weight = np.bincount(place[known], free[known], len(edges) + 1)
+    spread = np.empty_like(variance)
+    for j, least in enumerate(_LEAST_SPREAD):
+        total = np.bincount(place[known], (variance[:, j] * free)[known], len(edges) + 1)
+        spread[:, j] = np.sqrt(total / np.maximum(weight, 1.0) + least**2)[place]
+    return spread

@@ -1,0 +1,115 @@
+"""The echoes of no surface of their own beam: where they lie, beside what, and how strong they are."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.inference.beam_table import SIDES, Beams
+from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.strata import RANGE_EDGES_M
+from lidarcheck.inference.summary import Summary
+
+__all__ = ["Strays"]
+
+FloatArray = npt.NDArray[np.float64]
+
+_STRAY = 0.15
+"""The part of the beams along an edge that a usual error of the pose leads to the other side."""
+_GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
+_RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
+_MATCH_OFFSETS = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
+
+
+class Strays:
+    """Where the other echoes lie: in range, behind their surface, at a neighbour's or a bright target's range; and how
+    strong they are. `names`: of what `counts` counts."""
+
+    def __init__(self, beams: Beams) -> None:
+        self.beams = beams
+        own, beside = beams.distance_m[:, None], beams.neighbour_m
+        differs = (beside > 0.0) & (np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside))
+        nearer = beside < own
+        # Of each side and kind, by how many beams along such edges a usual error of the pose counts.
+        edges = np.array([(differs & kind).sum(axis=0) for kind in (nearer, ~nearer)]).T
+        self._usual = np.sqrt(1.0 + (_STRAY * edges) ** 2)
+        self.names = _names()
+
+    def counts(self, sights: Sights) -> FloatArray:
+        """The numbers, those of a kind that edges make divided by how many these usually make, shape (n_names,)."""
+        beams = self.beams
+        lone = sights.extra_side < 0
+        beam, range_m = sights.extra_beam[lone], sights.extra_m[lone]
+        own = beams.distance_m[beam]
+        times = range_m / np.maximum(own, 1e-9)
+        retro, hit = beams.retro[beam], own > 0.0
+        strong = (beams.signal[beam] >= 3.0) & ~retro
+        parts = [
+            _histogram(range_m, RANGE_EDGES_M),
+            _histogram((range_m - own)[hit], _GAP_EDGES_M),
+            _histogram(times[retro], _RATIO_EDGES),
+            _histogram(times[strong], _RATIO_EDGES),
+            self._beside(sights),
+            *(self._at_bright(sights, side) for side in range(len(SIDES))),
+            _strengths(range_m, sights.extra_area[lone]),
+        ]
+        return np.concatenate(parts)
+
+    def _beside(self, sights: Sights) -> FloatArray:
+        """Echoes at the range of what a neighbouring beam meets: besides the own surface's echo, or in its place.
+
+        In its place they come from a pose that is off by a part of a beam, all along an edge at once: such counts are
+        measured by the number of beams along such edges. In order of side, nearer or farther, besides or in its place.
+        """
+        found = sights.extra_side >= 0
+        beam, side = sights.extra_beam[found], sights.extra_side[found]
+        farther = sights.extra_m[found] >= self.beams.distance_m[beam]
+        kind = (side * 2 + farther) * 2 + ~sights.detected[beam]
+        counts = np.bincount(kind, minlength=4 * len(SIDES)).reshape(len(SIDES), 2, 2).astype(np.float64)
+        counts[:, :, 1] /= self._usual
+        return counts.ravel()
+
+    def _at_bright(self, sights: Sights, side: int) -> FloatArray:
+        """Echoes at the range of the next bright target along the column or the layer, by how far it lies."""
+        beams, beam = self.beams, sights.extra_beam
+        match = (beams.bright[beam, side] > 0) & (np.abs(sights.extra_m - beams.bright_m[beam, side]) < 2.5)
+        match &= (sights.extra_side < 0) | sights.detected[beam]
+        return _histogram(beams.bright[beam[match], side], _MATCH_OFFSETS)
+
+
+def _histogram(value: npt.NDArray[Any], edges: Sequence[float]) -> FloatArray:
+    """How many lie between ascending edges, the last bin open."""
+    place = np.searchsorted(np.asarray(edges), value, side="right")
+    return np.bincount(place, minlength=len(edges) + 1)[1:].astype(np.float64)
+
+
+def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
+    """How strong echoes are, over range; a mean that counts as much as the number behind it."""
+    place = np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1
+    n = len(RANGE_EDGES_M)
+    count = np.bincount(place, minlength=n)
+    return np.asarray(np.bincount(place, (log_area - 4.8) / 0.6, n) / np.sqrt(np.maximum(count, 1)))
+
+
+def _names() -> list[Summary]:
+    """The names of what `Strays.counts` counts."""
+    others = "other echoes"
+    found = _between(others, "range", RANGE_EDGES_M, "m")
+    found += _between(others, "behind their surface", _GAP_EDGES_M, "m")
+    found += _between(others, "over their retro-reflector's range", _RATIO_EDGES, "times")
+    found += _between(others, "over their surface's range", _RATIO_EDGES, "times")
+    kinds = itertools.product(SIDES, ("nearer", "farther"), ("besides its own", "for its own"))
+    found += [Summary(others, "at a neighbour's range", ", ".join(kind)) for kind in kinds]
+    for side in SIDES:
+        found += _between(others, f"at a bright target's range {side}", _MATCH_OFFSETS, "beams off")
+    return found + _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
+
+
+def _between(feature: str, covariate: str, edges: Sequence[float], unit: str) -> list[Summary]:
+    """The names of the bins between ascending edges, the last open."""
+    ends = [*edges[1:], np.inf]
+    return [Summary(feature, covariate, f"{a:g}-{b:g} {unit}") for a, b in zip(edges, ends, strict=True)]

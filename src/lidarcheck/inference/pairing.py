@@ -1,0 +1,99 @@
+"""What a scan shows of each beam: paired residuals of the surface's echo, and the echoes of no surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.inference.beam_table import Beams, key_of
+from lidarcheck.inference.kernels import write_nearest
+from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
+from lidarcheck.scan import Scan
+
+__all__ = ["FEATURES", "Sights", "sights_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+
+FEATURES = ("range", "area", "peak", "width")
+"""The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]."""
+
+
+_STEPS = 1.0
+"""An aim that is off by so many beams still shows a surface as the same one."""
+
+
+@dataclass(frozen=True)
+class Sights:
+    """What scans of all frames show of each beam of a `Beams` table.
+
+    `detected` (n,): an echo within 2 m of a surface of the beam, or, where the surface is seen at a grazing angle,
+    within what an aim off by a part of a beam makes of its range; of several the nearest. `feature` (n, 4): that echo's
+    features in the order of `FEATURES`, 0 where there is none. `strayed` (n,): beams that show nothing but a
+    neighbour's surface, as an aim off by a fraction of a beam makes them.
+
+    The other echoes, in order of the beams, shape (m,): `extra_beam`, `extra_m` (range), `extra_area` (ln AREA),
+    `extra_peak` (ln PEAK), `extra_width` [ns], and `extra_side`, the side whose neighbour meets a surface at that
+    range, as `beams.SIDES`, -1 for none.
+    """
+
+    detected: npt.NDArray[np.bool_]
+    feature: FloatArray
+    extra_beam: IndexArray
+    extra_m: FloatArray
+    extra_area: FloatArray
+    extra_peak: FloatArray
+    extra_width: FloatArray
+    extra_side: IndexArray
+    strayed: npt.NDArray[np.bool_]
+
+
+def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
+    """Pair the echoes of the frames' scans with what the beams meet; every echo's beam must be in the table."""
+    frame = np.concatenate([np.full(len(scan), i) for i, scan in enumerate(scans)])
+    columns = ("layer", "point", "range_m", "area", "peak", "width_ns")
+    layer, point, range_m, area, peak, width = (
+        np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in columns
+    )
+    beam = np.searchsorted(beams.key, key_of(frame, layer, point))
+    surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
+    residual = np.where(surface >= 0, range_m - np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], np.inf)
+    nearest = np.full(len(beams), -1)
+    write_nearest(beam, np.abs(residual), OF_SURFACE_M + _STEPS * beams.step_m, nearest)
+    own = nearest[nearest >= 0]
+    detected = np.zeros(len(beams), dtype=bool)
+    detected[beam[own]] = True
+    feature = np.zeros((len(beams), len(FEATURES)))
+    log_area, log_peak = np.log(np.maximum(area, 1.0)), np.log(np.maximum(peak, 1.0))
+    for j, value in enumerate((residual, log_area, log_peak, width)):
+        feature[beam[own], j] = value[own]
+    others = np.ones(len(beam), dtype=bool)
+    others[own] = False
+    rest = np.flatnonzero(others)
+    rest = rest[np.lexsort((range_m[rest], beam[rest]))]
+    side = _sides(beams, beam[rest], range_m[rest])
+    strayed = np.zeros(len(beams), dtype=bool)
+    strayed[beam[rest][side >= 0]] = True
+    return Sights(
+        detected=detected,
+        feature=feature,
+        extra_beam=beam[rest],
+        extra_m=range_m[rest],
+        extra_area=log_area[rest],
+        extra_peak=log_peak[rest],
+        extra_width=width[rest],
+        extra_side=side,
+        strayed=strayed & ~detected,
+    )
+
+
+def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:
+    """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
+    beside, own = beams.neighbour_m[beam], beams.distance_m[beam]
+    reach = (1.0 + 0.03 * range_m)[:, None] + beams.neighbour_step_m[beam]
+    near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < reach)
+    near &= (own[:, None] == 0.0) | (np.abs(own[:, None] - beside) > reach)
+    return np.where(near.any(axis=1), near.argmax(axis=1), -1)

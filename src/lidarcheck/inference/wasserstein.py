@@ -1,0 +1,265 @@
+"""The gap between measured and simulated echoes, on frames that no fit has seen, by a distance that no fit used.
+
+Per beam the features are compared as distributions: in each stratum (a material, an amplitude, a patch of the field
+of view ...) the 1-Wasserstein distance of measured and simulated residuals, in the model's own standard deviations,
+and the differences in how often surfaces are detected and other echoes appear. The gap is their mean over strata,
+features and ways to stratify.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.explain.report.explanation import Gap, Interval
+from lidarcheck.inference.beam_table import Beams, beams_of
+from lidarcheck.inference.kernels import areas_between
+from lidarcheck.inference.nuisances import Nuisance
+from lidarcheck.inference.pairing import FEATURES, Sights, sights_of
+from lidarcheck.inference.simulator import Frame
+from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions
+from lidarcheck.inference.summaries import Expected, expectation
+from lidarcheck.model.chain import simulate
+from lidarcheck.model.spec import Model
+from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.workers import Crew, Held
+from lidarcheck.workers.threads import mapped
+
+__all__ = ["PARTS", "Scale", "excesses", "gap_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+PARTS = (*FEATURES, "detected", "other echoes")
+_BASE_SEEDS = 6
+_SEEDS, _FLOORS = 4, 6
+_RESAMPLED = 16
+_CLIP = 12.0
+_STRATA = ("material", "amplitude", "layer", "point", "edge", "field of view")
+_RATE_SPREAD = 0.05
+"""One other echo in twenty beams weighs as much as a shift by a standard deviation."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Some frames with all that measuring the gap takes: beams, what the case's model expects, the strata."""
+
+    frames: tuple[Frame, ...]
+    beams: Beams
+    expected: Expected
+    strata: tuple[IndexArray, ...]
+    seed: int
+    surfaces: tuple[Surfaces, ...]
+
+    @classmethod
+    def of(cls, frames: Sequence[Frame], model: Model, seed: int) -> Scale:
+        """The scale of some frames, in the spreads of a model."""
+        beams = beams_of([f.ideal for f in frames], model)
+        surfaces = tuple(Surfaces(f.ideal) for f in frames)
+        runs = mapped(lambda k: _sights(frames, surfaces, beams, model, seed, 9000 + k), range(_BASE_SEEDS))
+        expected = expectation(beams, runs)
+        log_area = np.where(expected.known, expected.mean[:, 1], np.nan)
+        found = [*divisions(beams, log_area, {}), *fine_divisions(beams)]
+        strata = tuple(d.bin for d in found if d.covariate in _STRATA)
+        return cls(tuple(frames), beams, expected, strata, seed, surfaces)
+
+    @functools.cached_property
+    def held(self) -> Held[Scale]:
+        """The scale for the tasks of a crew."""
+        return Held(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is kept only to save time."""
+        return {name: value for name, value in self.__dict__.items() if name != "held"}
+
+    @functools.cached_property
+    def measured(self) -> Sights:
+        """What was measured."""
+        return sights_of(self.beams, [f.measured for f in self.frames])
+
+    def simulated(self, model: Model, first: int, count: int, nuisance: Nuisance | None = None) -> list[Sights]:
+        """What a model shows, with seeds of its own."""
+        nuisance = nuisance or Nuisance()
+        run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
+        seeds = range(first, first + count)
+        return mapped(lambda k: _sights(self.frames, posed, self.beams, run, self.seed, k), seeds)
+
+    def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
+        """The gap that a model leaves beyond its own noise, and that noise's standard deviation."""
+        beyond, noise = self.excess_by_part(model, nuisance)
+        return float(beyond.mean()), float(noise.mean(axis=1).std(ddof=1))
+
+    def excess_by_part(
+        self, model: Model, nuisance: Nuisance | None = None, weight: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same for each of `PARTS`, shape (n_parts,), and some draws of the noise, shape (n_draws, n_parts).
+        `weight` (n_beams,): how much each beam counts, all alike where None.
+
+        A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
+        scatters more than the sensor.
+        """
+        shown = self.simulated(model, 9300, _SEEDS, nuisance)
+        others = self.simulated(model, 9400, _FLOORS, nuisance)
+        noise = np.array([self.distance(other, shown, weight) for other in others])
+        return np.abs(self.distance(self.measured, shown, weight) - noise.mean(axis=0)), noise
+
+    def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
+        """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
+        return np.asarray(self.distances(one, others, [np.ones(len(self.beams)) if weight is None else weight])[0])
+
+    def distances(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+        """The same for several weights of the beams, shape (n_weights, n_parts)."""
+        parts = np.zeros((len(weights), len(PARTS)))
+        parts[:, :4] = self._shifts(one, others, weights)
+        for stratum in self.strata:
+            for i, weight in enumerate(weights):
+                parts[i, 4] += self._losses(stratum, one, others, weight)
+                parts[i, 5] += self._strays(stratum, one, others, weight)
+        return np.asarray(parts / max(len(self.strata), 1))
+
+    def _shifts(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+        """The 1-Wasserstein distances of the four features, in standard deviations: means over the bins of each way to
+        make strata, summed over these; (n_weights, 4)."""
+        mine = np.flatnonzero(self.expected.known & one.detected)
+        theirs = [np.flatnonzero(self.expected.known & other.detected) for other in others]
+        row, count = np.concatenate([mine, *theirs]), len(mine)
+        found = np.zeros((len(weights), 4))
+        for j in range(4):
+            own = self._standard(one, mine, j)
+            value = np.concatenate([own, *(self._standard(o, t, j) for o, t in zip(others, theirs, strict=True))])
+            ascending = np.argsort(value)
+            beam, ordered = row[ascending], (value[ascending], ascending < count)
+            for stratum in self.strata:
+                found[:, j] += _apart_in(stratum, beam, *ordered, weights)
+        return found
+
+    def _standard(self, sights: Sights, rows: IndexArray, feature: int) -> FloatArray:
+        off = (sights.feature[rows, feature] - self.expected.mean[rows, feature]) / self.expected.spread[rows, feature]
+        return np.asarray(np.clip(off, -_CLIP, _CLIP))
+
+    def _losses(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> float:
+        """Mean difference of the detection probability, in its own standard deviations of a single beam."""
+        hit = (self.beams.distance_m > 0.0) & (stratum >= 0)
+        bins = int(stratum.max()) + 1
+        count = np.bincount(stratum[hit], weight[hit], bins)
+        safe = np.maximum(count, 1e-9)
+        p = np.bincount(stratum[hit], (weight * one.detected)[hit], bins) / safe
+        q = sum(np.bincount(stratum[hit], (weight * o.detected)[hit], bins) for o in others) / safe / len(others)
+        spread = np.sqrt(np.maximum(q * (1.0 - q), 0.0025))
+        return float((count * np.abs(p - q) / spread).sum() / max(count.sum(), 1e-9))
+
+    def _strays(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> float:
+        """Mean over strata of the differences in the rate of other echoes, summed over bins of their range."""
+        used = stratum >= 0
+        bins, cells = int(stratum.max()) + 1, len(RANGE_EDGES_M)
+        count = np.bincount(stratum[used], weight[used], bins)
+
+        def rates(sights: Sights) -> FloatArray:
+            mine = used[sights.extra_beam]
+            beam = sights.extra_beam[mine]
+            cell = np.searchsorted(np.asarray(RANGE_EDGES_M), sights.extra_m[mine], side="right") - 1
+            return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells).astype(np.float64)
+
+        difference = np.abs(rates(one) - sum(rates(o) for o in others) / len(others)).reshape(bins, cells)
+        # A bin in which one echo in five beams is other has a spread of its own.
+        return float(difference.sum() / max(count.sum(), 1e-9) / _RATE_SPREAD)
+
+
+def _sights(
+    frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: Beams, model: Model, seed: int, k: int
+) -> Sights:
+    shown = functools.partial(simulate, model=model, seed=(seed << 16) + k, threads=1)
+    pairs = zip(frames, surfaces, strict=True)
+    return sights_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
+
+
+def _apart_in(
+    stratum: IndexArray, beam: IndexArray, value: FloatArray, first: BoolArray, weights: Sequence[FloatArray]
+) -> list[float]:
+    """Mean over the bins of a stratum of the 1-Wasserstein distances between the `first` values and the others; one for
+    each of the beams' weights. `value`, ascending, is of the beams `beam`."""
+    scratch = np.empty((5, int(stratum.max()) + 1))
+    found = []
+    for weight in weights:
+        areas_between(value, beam, first, stratum, weight, scratch)
+        share, apart = scratch[0], scratch[4]
+        found.append(float((share * apart).sum() / max(share.sum(), 1e-9)))
+    return found
+
+
+Told = Callable[[int, int, float], object]
+"""Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
+
+
+def excesses(scale: Scale, models: Sequence[Model], crew: Crew | None = None) -> list[tuple[float, float]]:
+    """`Scale.excess` of each model."""
+    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model) for model in models))]
+
+
+def gap_of(
+    scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None, crew: Crew | None = None
+) -> Gap:
+    """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
+
+    The floor is what two simulations of the last model are apart, and by how much, more or less, another one would be,
+    each part on its own: what a perfect model is expected to leave. What a stage's own model makes by chance counts as
+    much as the last one's: an effect that strikes at random adds noise to the model, which is no gap. Intervals are 5 %
+    to 95 % quantiles over beams drawn anew with replacement.
+    """
+    found: list[FloatArray] = []
+    chance: list[FloatArray] = []
+    for apart, own in (crew or Crew()).map(_apart, ((scale.held, model) for _, model in stages)):
+        found.append(apart)
+        chance.append(own)
+        if told is not None:
+            told(len(found), len(stages) + 1, float(np.abs(apart[0] - own.mean(axis=0)).mean()))
+    noise = chance[-1].mean(axis=0)
+    # A measurement that is nearer than a model's own simulations are to each other differs from it too.
+    parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
+    totals = [_interval(one[0].mean(), [drawn.mean() for drawn in one[1:]]) for one in parts]
+    lowest = noise + _by_chance(chance[-1])
+    drawn = chance[-1].mean(axis=1) + (lowest - noise).mean()
+    floor = _interval(float(lowest.mean()), list(drawn), centred=True)
+    by_feature = {
+        name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(lowest[j])) for j, name in enumerate(PARTS)
+    }
+    waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
+    return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
+
+
+def _by_chance(own: FloatArray) -> FloatArray:
+    """How far one more draw is expected to be from the mean of some draws (n, n_parts), to either side; (n_parts,)."""
+    n = len(own)
+    # Draws are nearer to their own mean than another one is.
+    return np.asarray(np.abs(own - own.mean(axis=0)).mean(axis=0) * np.sqrt((n + 1.0) / (n - 1.0)))
+
+
+def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:
+    """The parts of the gap between the measurement and a model, as it is and with beams drawn anew, and those between
+    the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts)."""
+    shown = scale.simulated(model, 9100, _SEEDS)
+    others = scale.simulated(model, 9200, _FLOORS)
+    chance = np.array([scale.distance(other, shown) for other in others])
+    return scale.distances(scale.measured, shown, _drawn_anew(scale)), chance
+
+
+def _drawn_anew(scale: Scale) -> list[FloatArray]:
+    """How often each beam counts: once, and as drawn with replacement, so many times."""
+    rng = np.random.default_rng(np.random.SeedSequence([scale.seed & 0xFFFFFFFF, 5]))
+    # Whole columns are drawn: what shakes or moves in the sweep moves a column at once.
+    column = np.unique(scale.beams.frame * 1024 + scale.beams.point, return_inverse=True)[1]
+    columns = column.max() + 1
+    drawn = [rng.multinomial(columns, np.full(columns, 1.0 / columns)) for _ in range(_RESAMPLED)]
+    return [np.ones(len(scale.beams)), *(times[column].astype(float) for times in drawn)]
+
+
+def _interval(value: float, draws: Sequence[float], *, centred: bool = False) -> Interval:
+    """The spread of the draws about the value; resampling itself adds noise, which only the spread may keep."""
+    low, high = np.quantile(draws, [0.05, 0.95])
+    middle = float(np.mean(draws)) if not centred else value
+    return Interval(float(value), float(max(value + low - middle, 0.0)), float(value + high - middle))

@@ -1,0 +1,1 @@
+"""The exact chain on a GPU."""

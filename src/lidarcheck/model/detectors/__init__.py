@@ -1,0 +1,1 @@
+"""The reference by detectors: every SPAD on its own, slow and simple; crosstalk and afterpulsing need it."""

@@ -1,0 +1,1 @@
+"""The exact chain: from pulses in bins to echoes, compiled."""

@@ -1,0 +1,136 @@
+"""A group of beams through the exact chain, side by side: draws and rates, avalanches, echoes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.exact import background as bg
+from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
+from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulses import Pulses, add_pulses
+from lidarcheck.model.exact.single import RESERVE, Level, Scratch, look_around, place_dead
+from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.streams import Stream, fill_abreast, rewind, skip
+
+__all__ = ["simulate_group"]
+
+
+@kernel
+def simulate_group(
+    numbers: Numbers,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    level: Level,
+    pulses: Pulses,
+    held: int,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Simulate the beams of the group's first `held` lanes, which have one background and no haze.
+
+    Each beam's draws are those that `simulate_alone` gives it, and so are its echoes.
+    """
+    group = scratch.group
+    bins: Any = np.int64(0)
+    for lane in range(held):
+        group.key[lane] = beams[np.uint64(group.beam[lane])]
+        bins = max(bins, group.length[lane])
+    fill_abreast(stream, group.key, (RESERVE + bins + 3) // 4, group.words, group.draws)
+    draw_entry(numbers, group, level.dead_rate, held, scratch.inverse)
+    group.rates[: bins * LANES] = level.per_bin
+    for lane in range(LANES):
+        if lane < held:
+            _enter(numbers, stream, lane, scratch)
+            begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
+            i: Any = np.uint64(group.beam[lane])
+            add_pulses(pulses, i, begin, end, group.rates, lane, LANES)
+        for k in range(group.length[lane] if lane < held else 0, bins):
+            group.rates[k * LANES + lane] = 0.0
+    run_abreast(numbers, group, bins, scratch.inverse)
+    find_abreast(numbers, group, bins, held, echoes)
+    for lane in range(held):
+        _finish(numbers, stream, level, pulses, lane, scratch, echoes)
+    group.counts[: numbers.dead * LANES] = 0.0
+
+
+@inlined
+def _enter(numbers: Numbers, stream: Stream, lane: int, scratch: Scratch) -> None:
+    """Put the avalanches before the window where they belong; `block` is the first that the beam has not used yet."""
+    group, counts = scratch.group, scratch.counts
+    rewind(stream, group.key[lane])
+    skip(stream, RESERVE + group.length[lane])
+    if group.dead[lane] > 0:
+        for k in range(1, RESERVE - 2):
+            scratch.draws[k] = group.draws[k * LANES + lane]
+        place_dead(numbers, stream, scratch, group.dead[lane], 0)
+        for age in range(1, numbers.dead):
+            group.counts[(numbers.dead - age) * LANES + lane] = counts[numbers.pad - age]
+            counts[numbers.pad - age] = 0
+    group.block[lane] = stream.counter[0]
+
+
+@inlined
+def _finish(
+    numbers: Numbers,
+    stream: Stream,
+    level: Level,
+    pulses: Pulses,
+    lane: int,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Look for a lane's echoes that reach beyond its window."""
+    group = scratch.group
+    begin, dead, on = group.begin[lane], group.dead[lane], last_on(numbers, group, lane)
+    end = begin + group.length[lane]
+    before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
+    quiet = bg.is_plainly_quiet(numbers, scratch.blocks, before, behind, begin, end, dead, on)
+    if not quiet:
+        _rewind_lane(group, stream, lane)
+        quiet = bg.looks_quiet(numbers, scratch.blocks, stream, scratch.draws, before, behind, begin, end, dead, on)
+    if not quiet:
+        _look_closer(numbers, stream, level, pulses, lane, on, scratch, echoes)
+
+
+@inlined
+def _rewind_lane(group: Abreast, stream: Stream, lane: int) -> None:
+    """Go to the first draw of a lane's beam that the group has not used."""
+    rewind(stream, group.key[lane])
+    stream.counter[0] = group.block[lane]
+
+
+@kernel
+def _look_closer(
+    numbers: Numbers,
+    stream: Stream,
+    level: Level,
+    pulses: Pulses,
+    lane: int,
+    on: int,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Find the echoes of a lane that may have some beyond its window; `on`: detectors ON at its end."""
+    group = scratch.group
+    i: Any = np.uint64(group.beam[lane])
+    begin, end = group.begin[lane], group.begin[lane] + group.length[lane]
+    before, behind = group.draws[(RESERVE - 2) * LANES + lane], group.draws[(RESERVE - 1) * LANES + lane]
+    _rewind_lane(group, stream, lane)
+    dead, draws = group.dead[lane], scratch.draws
+    if not bg.is_quiet(numbers, scratch.blocks, stream, draws, before, behind, begin, end, dead, on):
+        _copy(numbers, lane, scratch)
+        look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
+
+
+@kernel
+def _copy(numbers: Numbers, lane: int, scratch: Scratch) -> None:
+    """Put a lane's avalanches where those of a beam on its own stand."""
+    group = scratch.group
+    first = numbers.pad + group.begin[lane] - numbers.dead
+    for k in range(numbers.dead + group.length[lane]):
+        scratch.counts[first + k] = int(group.counts[k * LANES + lane])

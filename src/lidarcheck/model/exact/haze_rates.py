@@ -1,0 +1,213 @@
+"""Backscatter of the air as kernels see it: avalanches per bin of a profile that what a beam meets may cut short.
+
+The profile consists of cells of constant density, so its rates are a sum of ramps: a row of unit pulses, one a bin,
+that ends at x leaves W_k(x) in bin k, which is tabulated. The uncut profile is worked out once, and so is what is left
+of it where it ends at a cell's edge; a row then costs the ramp of the cell that it ends in.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.exact.haze_front import Front, front_of
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
+from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import whole_below
+from lidarcheck.scan import Haze, Light
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+
+__all__ = ["HazeRates", "add_haze", "haze_end", "haze_rates_of"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_ROOM = 1 << 21
+"""Numbers that the table of cut profiles may hold; of finer profiles, it holds every second edge, or every third."""
+
+
+class HazeRates(NamedTuple):
+    """The haze of all beams; without any, `begin` and `last` are 0 and the arrays are empty.
+
+    `begin`, `last`: the bins `begin` ... `last - 1` can see it. Beam i has the rows `first[i]` ...
+    `first[i + 1] - 1`, in order of their `end` [bins]; `share` is their factor. `whole` (bins,): avalanches per armed
+    SPAD in each bin of the uncut profile. `ceiling` (bins + 1,): the most of `whole` from a bin on. `step` [bins]:
+    length of a cell; `density` (m,): S per bin of range in a cell. `cut[j]`: what `whole` would be if it ended where
+    cell j `stride` begins; its columns are the bins from `before + 1` ahead of that edge's on. `ramps`: see
+    `PulseForm`; `before`, `behind`: bins around a pulse that it holds. `front`: counts where it is bright.
+    """
+
+    begin: int
+    last: int
+    first: IntArray
+    end: FloatArray
+    share: FloatArray
+    whole: FloatArray
+    ceiling: FloatArray
+    step: float
+    density: FloatArray
+    cut: FloatArray
+    stride: int
+    ramps: FloatArray
+    before: int
+    behind: int
+    front: Front
+
+
+def haze_rates_of(light: Light, form: PulseForm, sensor: Sensor, numbers: Numbers) -> HazeRates:
+    """The light's haze as kernels see it; none where it holds no light."""
+    haze, bin_m = light.haze, 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns
+    if haze is None or not (np.any(haze.density_per_m > 0.0) and np.any(haze.row_share > 0.0)):
+        return _without_haze(numbers)
+    first, end, share = _rows_by_end(haze)
+    step, density = haze.step_m / bin_m, haze.density_per_m * bin_m
+    factors = np.add.reduceat(np.append(share, 0.0), first[:-1])[first[1:] > first[:-1]]
+    most = numbers.detectors * float(factors.max())
+    before, behind = (int(reach) for reach in form.reach(most * density.sum() * step))
+    behind = min(behind, max(numbers.bins, before))
+    seen = min(len(density), math.ceil((numbers.bins + before + 1) / step))
+    density = np.ascontiguousarray(density[:seen])
+    lit = np.flatnonzero(density)
+    if len(lit) == 0:
+        return _without_haze(numbers)
+    ramps = form.ramps(before, behind)
+    columns = before + behind + 4
+    stride = seen * columns // _ROOM + 1
+    cut = np.zeros((seen // stride + 1, columns))
+    whole = np.zeros(numbers.bins)
+    _tabulate(step, density, ramps, before, stride, cut, whole)
+    begin = min(max(math.floor(lit[0] * step) - before, 0), numbers.bins)
+    last = min(math.floor((lit[-1] + 1) * step) + behind + 1, numbers.bins)
+    usual = float(np.partition(factors, len(factors) // 2)[len(factors) // 2])
+    background = float(light.background_per_ns[0]) * sensor.bin_ns
+    front = front_of(numbers, begin, background + usual * whole, len(light))
+    ceiling = np.append(np.maximum.accumulate(whole[::-1])[::-1], 0.0)
+    tables = (step, density, cut, stride, ramps, before, behind, front)
+    return HazeRates(begin, last, first, end / bin_m, share, whole, ceiling, *tables)
+
+
+def _without_haze(numbers: Numbers) -> HazeRates:
+    none, table = np.zeros(0), np.zeros((0, 0))
+    front = front_of(numbers, 0, none, 0)
+    return HazeRates(0, 0, np.zeros(0, dtype=np.int64), none, none, none, none, 1.0, none, table, 1, table, 0, 0, front)
+
+
+def _rows_by_end(haze: Haze) -> tuple[IntArray, FloatArray, FloatArray]:
+    """`first`, `end` and `share` of the rows that see anything, each beam's in order of their ends."""
+    beam = np.repeat(np.arange(len(haze.first_row) - 1), np.diff(haze.first_row))
+    kept = np.flatnonzero((haze.row_share > 0.0) & (haze.row_end_m > 0.0))
+    if len(kept) < len(beam):
+        beam = beam[kept]
+    end, share = haze.row_end_m[kept], haze.row_share[kept]
+    if np.any((beam[1:] == beam[:-1]) & (end[1:] < end[:-1])):
+        order = np.lexsort((share, end, beam))
+        end, share = end[order], share[order]
+    rows = np.bincount(beam, minlength=len(haze.first_row) - 1)
+    return np.concatenate([[0], np.cumsum(rows)]).astype(np.int64), end, share
+
+
+@inlined
+def _add_ramp(
+    ramps: FloatArray, before: int, at: float, weight: float, origin: int, low: int, high: int, rates: FloatArray
+) -> None:
+    """Add `weight` W_k(at) to the bins `low` ... `high - 1`; index 0 of `rates` is bin `origin`."""
+    middle = whole_below(at)
+    position = (at - middle) * PHASES
+    phase = int(position)
+    above = weight * (position - phase)
+    below = weight - above
+    nearer, farther = ramps[phase], ramps[phase + 1]
+    start = max(middle - before, low)
+    stop = min(middle - before + ramps.shape[1], high)
+    for k in range(low, min(start, high)):
+        rates[k - origin] += weight
+    column, bin_ = np.uint64(start - middle + before), np.uint64(start - origin)
+    for k in range(np.uint64(max(stop - start, 0))):
+        rates[bin_ + k] += below * nearer[column + k] + above * farther[column + k]
+
+
+@kernel
+def _tabulate(
+    step: float, density: FloatArray, ramps: FloatArray, before: int, stride: int, cut: FloatArray, whole: FloatArray
+) -> None:
+    """Fill `cut` and `whole`, cell by cell; `whole` is, at each cell's edge, the profile that ends there."""
+    bins = len(whole)
+    for cell in range(len(density) + 1):
+        begin = cell * step
+        low = whole_below(begin) - before - 1
+        if cell % stride == 0:
+            for column in range(cut.shape[1]):
+                if 0 <= low + column < bins:
+                    cut[cell // stride, column] = whole[low + column]
+        if cell < len(density) and density[cell] > 0.0:
+            end = (cell + 1) * step
+            high = min(whole_below(end) - before + ramps.shape[1], bins)
+            _add_ramp(ramps, before, end, density[cell], 0, max(low, 0), high, whole)
+            _add_ramp(ramps, before, begin, -density[cell], 0, max(low, 0), high, whole)
+
+
+@inlined
+def haze_end(numbers: Numbers, haze: HazeRates, beam: int, faint: float) -> int:
+    """The bin from which on a beam's haze is at most `faint` avalanches per armed SPAD and bin; 0 without any haze."""
+    if haze.last == 0 or haze.first[beam] == haze.first[beam + 1]:
+        return 0
+    rows_end = haze.first[beam + 1]
+    longest = min(haze.end[rows_end - 1], 2.0 * haze.last)
+    weight = 0.0
+    for row in range(haze.first[beam], rows_end):
+        weight += haze.share[row]
+    low, high = haze.begin, min(whole_below(longest) + haze.behind + 1, haze.last)
+    while low < high:
+        middle = (low + high) // 2
+        if weight * haze.ceiling[middle] <= faint:
+            high = middle
+        else:
+            low = middle + 1
+    return low if low > haze.begin else 0
+
+
+@inlined
+def _add_scaled(weight: float, whole: FloatArray, low: int, high: int, origin: int, rates: FloatArray) -> None:
+    """Add `weight` times `whole` to the bins `low` ... `high - 1`; index 0 of `rates` is bin `origin`."""
+    # An unsigned index cannot count from the array's end, which saves the test for it.
+    source, bin_ = np.uint64(low), np.uint64(low - origin)
+    for k in range(np.uint64(max(high - low, 0))):
+        rates[bin_ + k] += weight * whole[source + k]
+
+
+@kernel
+def add_haze(haze: HazeRates, beam: int, begin: int, end: int, rates: FloatArray) -> None:
+    """Add the haze's avalanches per armed SPAD to `rates` of the bins `begin` ... `end - 1` (index 0 is `begin`)."""
+    profile_end = len(haze.density) * haze.step
+    weight = 0.0
+    top = min(end, haze.last)
+    for row in range(haze.first[beam + 1] - 1, haze.first[beam] - 1, -1):
+        share, at = haze.share[row], haze.end[row]
+        if at < profile_end:
+            whole_end = _add_cut(haze, at, share, begin, end, rates)
+            _add_scaled(weight, haze.whole, max(whole_end, begin), top, begin, rates)
+            top = min(top, whole_end)
+        weight += share
+    _add_scaled(weight, haze.whole, max(begin, haze.begin), top, begin, rates)
+
+
+@inlined
+def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rates: FloatArray) -> int:
+    """Add a row's haze from where its end is felt; returns the bin before which it is the uncut profile."""
+    last_cell = min(int(at / haze.step), len(haze.density) - 1)
+    table_row = last_cell // haze.stride
+    first_cell = table_row * haze.stride
+    base = whole_below(first_cell * haze.step) - haze.before - 1
+    for k in range(max(base, begin), min(base + haze.cut.shape[1], end)):
+        rates[k - begin] += share * haze.cut[table_row, k - base]
+    high = min(whole_below(at) - haze.before + haze.ramps.shape[1], end)
+    for cell in range(first_cell, last_cell + 1):
+        density = share * haze.density[cell]
+        low = max(base, begin)
+        _add_ramp(haze.ramps, haze.before, min((cell + 1) * haze.step, at), density, begin, low, high, rates)
+        _add_ramp(haze.ramps, haze.before, cell * haze.step, -density, begin, low, high, rates)
+    return base

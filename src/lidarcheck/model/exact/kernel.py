@@ -1,0 +1,111 @@
+"""The exact chain: from the light of beams to their echoes.
+
+The N detectors of a beam are exchangeable, so the avalanche counts of the last `dead_bins` bins are all that the future
+depends on: K_k ~ Binomial(armed_k, 1 - exp(-rate_k)). Most beams are run side by side (`group.py`), others, such as
+hazy ones, on their own (`single.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
+from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.group import simulate_group
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
+from lidarcheck.model.exact.single import RESERVE, Level, Scratch, chain, enter, level_of, new_scratch, simulate_alone
+from lidarcheck.model.jit import kernel
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.streams import Stream, fill, rewind
+
+__all__ = ["Scratch", "new_scratch", "simulate_beams", "trace_beams"]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_FEW = 8
+"""Beams of one background, fewer than which are faster on their own than side by side."""
+
+
+@kernel
+def trace_beams(
+    numbers: Numbers,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    per_bin: FloatArray,
+    pulses: Pulses,
+    scratch: Scratch,
+    traces: npt.NDArray[np.int32],
+) -> None:
+    """Run the chain through all bins of every beam; `traces` (n, bins) takes the detectors ON in each bin."""
+    counts, rates, draws = scratch.counts, scratch.rates, scratch.draws
+    for i in range(len(beams)):
+        rewind(stream, beams[i])
+        rates[:] = per_bin[i]
+        add_rates(pulses, i, 0, numbers.bins, rates)
+        fill(stream, draws, RESERVE + numbers.bins)
+        dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin[i]))
+        dead = enter(numbers, stream, scratch, dead_rate, 0)
+        chain(numbers, scratch, 0, numbers.bins, dead)
+        for k in range(numbers.bins):
+            on = 0
+            for age in range(numbers.on):
+                on += counts[numbers.pad + k - age]
+            traces[i, k] = on
+        counts[:] = 0
+
+
+@kernel
+def simulate_beams(
+    numbers: Numbers,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    per_bin: FloatArray,
+    pulses: Pulses,
+    order: IntArray,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Simulate the beams in `order`, independent of each other, into `echoes`.
+
+    `beams` (n,): numbers that streams know them by; `per_bin` (n,): background avalanches per armed SPAD and bin. Beams
+    of one background should stand together in `order`, since each change of it costs a table.
+    """
+    group, n = scratch.group, len(order)
+    level = Level(-1.0, 0.0, 0.0)
+    most_bins = MOST_BINS if numbers.detectors <= MOST_DETECTORS else -1
+    at: Any = np.int64(0)
+    held: Any = np.int64(0)
+    while True:
+        few = 0
+        alike = at < n and per_bin[np.uint64(order[at])] == level.per_bin
+        if alike and held < LANES:
+            # An unsigned index cannot count from the array's end, which saves the tests for it.
+            beam: Any = np.uint64(order[at])
+            at += 1
+            begin, end = pulse_window(numbers, pulses, beam)
+            if scratch.blocks.crowded[0]:
+                begin, end = 0, numbers.bins
+            if pulses.haze.last > 0 or end - begin > most_bins:
+                group.alone[0], few = beam, 1
+            else:
+                group.beam[held], group.begin[held], group.length[held] = beam, begin, end - begin
+                held += 1
+        elif held >= _FEW:
+            simulate_group(numbers, stream, beams, level, pulses, held, scratch, echoes)
+            held = 0
+        elif held > 0:
+            for lane in range(held):
+                group.alone[lane] = group.beam[lane]
+            few, held = held, 0
+        elif at < n:
+            level = level_of(numbers, scratch.blocks, pulses, per_bin[np.uint64(order[at])])
+        else:
+            return
+        for k in range(few):
+            simulate_alone(numbers, stream, beams, level, pulses, np.uint64(group.alone[k]), scratch, echoes)

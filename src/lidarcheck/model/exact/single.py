@@ -1,0 +1,292 @@
+"""The exact chain of a beam on its own: from its light to its echoes, bin by bin, for all its detectors at once.
+
+The N detectors of a beam are exchangeable, so the avalanche counts of the last `dead_bins` bins are all that the future
+depends on: K_k ~ Binomial(armed_k, 1 - exp(-rate_k)). The chain runs explicitly where signal is expected; what lies
+before and after is background alone, whose rare echoes `background.py` finds without visiting every bin.
+
+Arrays of a beam's trace start `pad` bins before bin 0: bin k stands at index pad + k.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.model.exact import background as bg
+from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
+from lidarcheck.model.exact.binomial import binomial, inverses
+from lidarcheck.model.exact.blocks import Blocks, new_blocks, tabulate
+from lidarcheck.model.exact.echoes import Echoes, find_echoes
+from lidarcheck.model.exact.haze_front import Front, look_up
+from lidarcheck.model.exact.haze_rates import haze_end
+from lidarcheck.model.exact.numbers import Numbers
+from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
+from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.streams import Stream, fill, rewind
+
+__all__ = [
+    "RESERVE",
+    "Level",
+    "Scratch",
+    "chain",
+    "enter",
+    "hazy",
+    "level_of",
+    "look_around",
+    "new_scratch",
+    "place_dead",
+    "simulate_alone",
+]
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_FIRST_DRAW = np.uint64(RESERVE)
+_PIECE = 32
+"""Bins of a piece of a hazy beam."""
+_PIECE_SHIFT = np.uint64(20)
+"""Blocks of draws that a piece has, as a power of two: more than it can use up."""
+_RARE = 0.25
+"""Avalanches of all detectors in a bin below which it is faster to go from candidate to candidate."""
+_BATCH = 12
+"""Draws that candidates fetch at a time, three each: blocks of draws that are made together overlap."""
+
+
+class Level(NamedTuple):
+    """A background: avalanches per armed SPAD and bin; see `enter`; and the faint haze that may lie over it."""
+
+    per_bin: float
+    dead_rate: float
+    faint: float
+
+
+class Scratch(NamedTuple):
+    """What a thread works in: avalanches per bin, all zero; rates per bin; draws; 1 / k; background blocks; beams that
+    are simulated side by side."""
+
+    counts: IntArray
+    rates: FloatArray
+    draws: FloatArray
+    inverse: FloatArray
+    blocks: Blocks
+    group: Abreast
+
+
+def new_scratch(numbers: Numbers) -> Scratch:
+    """Work space for one thread."""
+    return Scratch(
+        counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
+        rates=np.empty(numbers.bins),
+        draws=np.empty(RESERVE + numbers.bins + 4),
+        inverse=inverses(numbers.detectors),
+        blocks=new_blocks(numbers),
+        group=new_abreast(numbers),
+    )
+
+
+@inlined
+def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> Level:
+    """A background's level, for which it fills the blocks' table."""
+    dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin))
+    faint = max(blocks.calm - per_bin, 0.1 * per_bin) if pulses.haze.last > 0 else 0.0
+    tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
+    return Level(per_bin, dead_rate, faint)
+
+
+@inlined
+def enter(numbers: Numbers, stream: Stream, scratch: Scratch, dead_rate: float, begin: int) -> int:
+    """Put the avalanches of the `dead - 1` bins before `begin` into `counts` as background alone leaves them.
+
+    In the steady state a detector is dead with probability (dead - 1) p / (1 + (dead - 1) p), its last avalanche
+    equally likely in each of those bins: with probability 1 - exp(-dead_rate). Returns how many are dead.
+    """
+    dead = binomial(scratch.draws[0], numbers.detectors, dead_rate, scratch.inverse)
+    place_dead(numbers, stream, scratch, dead, begin)
+    return dead
+
+
+@inlined
+def place_dead(numbers: Numbers, stream: Stream, scratch: Scratch, dead: int, begin: int) -> None:
+    """Spread the last avalanches of `dead` detectors over the `dead - 1` bins before `begin`; draws from 1 on."""
+    draws = scratch.draws
+    at, limit = 1, RESERVE - 2
+    for _ in range(dead):
+        if at == limit:
+            fill(stream, draws, 8)
+            at, limit = 0, 8
+        age = 1 + int(draws[at] * (numbers.dead - 1))
+        scratch.counts[numbers.pad + begin - age] += 1
+        at += 1
+
+
+@kernel
+def chain(numbers: Numbers, scratch: Scratch, begin: int, end: int, dead: int) -> None:
+    """Run the avalanche counts from `begin` to `end - 1`, given `dead` detectors that are dead on entry."""
+    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
+    armed = numbers.detectors - dead
+    first = np.uint64(numbers.pad + begin)
+    rearmed = np.uint64(numbers.pad + begin - numbers.dead)
+    for k in range(np.uint64(end - begin)):
+        armed += counts[rearmed + k]
+        fired = binomial(draws[_FIRST_DRAW + k], armed, rates[k], scratch.inverse)
+        counts[first + k] = fired
+        armed -= fired
+
+
+@kernel
+def _candidates(
+    numbers: Numbers, stream: Stream, scratch: Scratch, begin: int, end: int, most: float, origin: int
+) -> None:
+    """Run the avalanche counts from `begin` to `end - 1` from candidate to candidate, where avalanches are rare.
+
+    Candidates strike (bin, detector) cells as a Poisson process of the rate `most` a cell, no less than that of any of
+    the bins, and are real with the ratio of the rates; a detector avalanches that is armed and struck by a real one.
+    """
+    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
+    detectors = float(numbers.detectors)
+    wait = 1.0 / (most * detectors)
+    time = float(begin)
+    bin_, cell, armed, tried, hit = -1, -1, 0, 0, False
+    at = _BATCH
+    while True:
+        if at == _BATCH:
+            fill(stream, draws, _BATCH)
+            at = 0
+        time -= math.log(1.0 - draws[at]) * wait
+        if time >= end:
+            return
+        real = draws[at + 1] * most < rates[int(time) - origin]
+        candidate = int((time - int(time)) * detectors)
+        if int(time) != bin_:
+            bin_, cell, tried = int(time), -1, 0
+            armed = numbers.detectors
+            for age in range(1, numbers.dead):
+                armed -= counts[numbers.pad + bin_ - age]
+        if candidate != cell:
+            cell = candidate
+            hit = draws[at + 2] * (numbers.detectors - tried) < armed
+            tried += 1
+            armed -= 1 if hit else 0
+        if hit and real:
+            counts[numbers.pad + bin_] += 1
+            hit = False
+        at += 3
+
+
+@kernel
+def _bin_by_bin(numbers: Numbers, scratch: Scratch, front: Front, begin: int, end: int, origin: int) -> None:
+    """Run the avalanche counts from `begin` to `end - 1`, given those before; draw 0 is for bin `begin`."""
+    counts, draws, rates = scratch.counts, scratch.draws, scratch.rates
+    armed = numbers.detectors
+    for age in range(1, numbers.dead):
+        armed -= counts[numbers.pad + begin - age]
+    first = np.uint64(numbers.pad + begin)
+    rearmed = np.uint64(numbers.pad + begin - numbers.dead)
+    rate = np.uint64(begin - origin)
+    armed -= counts[rearmed]
+    for k in range(np.uint64(end - begin)):
+        armed += counts[rearmed + k]
+        fired = look_up(front, begin + np.int64(k), armed, rates[rate + k], draws[k])
+        if fired < 0:
+            fired = binomial(draws[k], armed, rates[rate + k], scratch.inverse)
+        counts[first + k] = fired
+        armed -= fired
+
+
+@kernel
+def hazy(
+    numbers: Numbers, stream: Stream, scratch: Scratch, pulses: Pulses, beam: int, per_bin: float, begin: int, end: int
+) -> None:
+    """Run the avalanche counts from `begin` to `end - 1`, piece by piece, each in the way that is the faster.
+
+    A piece has draws of its own, so that what happens in one moves no draws of another.
+    """
+    rates = scratch.rates
+    rates[: end - begin] = per_bin
+    add_rates(pulses, beam, begin, end, rates)
+    piece = begin // _PIECE
+    while piece * _PIECE < end:
+        low, high = max(piece * _PIECE, begin), min((piece + 1) * _PIECE, end)
+        most = 0.0
+        for k in range(low - begin, high - begin):
+            most = max(most, rates[k])
+        stream.counter[0] = np.uint64(piece + 1) << _PIECE_SHIFT
+        if most * numbers.detectors < _RARE:
+            if most > 0.0:
+                _candidates(numbers, stream, scratch, low, high, most, begin)
+        else:
+            fill(stream, scratch.draws, high - low)
+            _bin_by_bin(numbers, scratch, pulses.haze.front, low, high, begin)
+        piece += 1
+    stream.counter[0] = np.uint64(numbers.bins) << _PIECE_SHIFT
+
+
+@kernel
+def simulate_alone(
+    numbers: Numbers,
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    level: Level,
+    pulses: Pulses,
+    i: Any,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Simulate beam `i`; `level`: its background, for which the blocks' table is filled."""
+    counts, rates, draws, blocks = scratch.counts, scratch.rates, scratch.draws, scratch.blocks
+    rewind(stream, beams[i])
+    is_hazy = pulses.haze.last > 0 and not blocks.crowded[0] and pulses.haze.first[i] < pulses.haze.first[i + 1]
+    begin, end = pulse_window(numbers, pulses, i)
+    if is_hazy:
+        begin = pulses.haze.begin if end == 0 else min(begin, pulses.haze.begin)
+        end = max(begin, end, haze_end(numbers, pulses.haze, i, level.faint))
+    if blocks.crowded[0]:
+        begin, end = 0, numbers.bins
+    fill(stream, draws, RESERVE if is_hazy else RESERVE + end - begin)
+    before, behind = draws[RESERVE - 2], draws[RESERVE - 1]
+    dead = enter(numbers, stream, scratch, level.dead_rate, begin)
+    if is_hazy:
+        hazy(numbers, stream, scratch, pulses, i, level.per_bin, begin, end)
+    else:
+        rates[: end - begin] = level.per_bin
+        add_rates(pulses, i, begin, end, rates)
+        chain(numbers, scratch, begin, end, dead)
+    on_at_end = find_echoes(numbers, counts, begin, end, i, echoes)
+    if bg.is_quiet(numbers, blocks, stream, draws, before, behind, begin, end, dead, on_at_end):
+        counts[numbers.pad + begin - numbers.dead : numbers.pad + end] = 0
+    else:
+        look_around(numbers, stream, level, pulses, i, begin, end, scratch, echoes)
+
+
+@kernel
+def look_around(
+    numbers: Numbers,
+    stream: Stream,
+    level: Level,
+    pulses: Pulses,
+    i: Any,
+    begin: int,
+    end: int,
+    scratch: Scratch,
+    echoes: Echoes,
+) -> None:
+    """Find the echoes of beam `i` all over its trace, since some may reach beyond its window; clear `counts`."""
+    counts = scratch.counts
+    bg.add_outside(
+        numbers,
+        scratch.blocks,
+        stream,
+        scratch.draws,
+        begin,
+        end,
+        level.per_bin,
+        pulses,
+        i,
+        scratch.rates,
+        counts,
+    )
+    find_echoes(numbers, counts, 0, numbers.bins, i, echoes)
+    counts[:] = 0

@@ -1,0 +1,1 @@
+"""Model files: read, written, and changed in place without losing a comment."""

@@ -1,1 +1,0 @@
-"""Pictures for people: pages and images. The only importer of matplotlib."""

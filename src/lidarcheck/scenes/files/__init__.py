@@ -1,0 +1,1 @@
+"""A scene's file: its objects and their shapes."""

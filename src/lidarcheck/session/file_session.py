@@ -1,0 +1,307 @@
+"""One file being edited: undo and redo, the journal, saving, and what happens to the file meanwhile."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import glob
+import time
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.formats.atomic import write_bytes
+from lidarcheck.formats.table import counted
+from lidarcheck.session.history import Edit, History, edit_between
+from lidarcheck.session.journal import Journal, Record, read_journal
+from lidarcheck.session.lock import FileLock
+from lidarcheck.session.places import key_of, private_directory, sha256
+
+__all__ = ["ChangedOnDisk", "FileSession", "journal_of"]
+
+_ABANDONED_S = 60.0
+
+
+class ChangedOnDisk(InputError):
+    """The file is no longer what the edits began from; the user must say what shall happen."""
+
+
+class Content(Protocol):
+    """What a file holds, with its bytes."""
+
+    @property
+    def content(self) -> bytes | None:
+        """The bytes; every edited file has some."""
+
+
+T = TypeVar("T", bound=Content)
+
+
+class FileSession(Generic[T]):
+    """A file, edited. `current` is what is shown, `saved` what the edits differ from.
+
+    Every edit is in the journal before it counts. Where another process edits the file, or nothing can be kept beside
+    it, the session is `read_only`, which then says why. `found`: edits of an earlier session that was not ended;
+    `bring_back` or `forget` them. `notice`: what else was found at the start, for the log.
+    """
+
+    NOUN = "row"
+
+    def __init__(self, path: Path, root: Path) -> None:
+        self.path = path
+        self.saved = self.current = self._load()
+        self.history = History()
+        self.read_only = ""
+        self.notice = ""
+        self.found: list[Record] = []
+        self._root = root
+        self._journal: Journal | None = None
+        self._lock: FileLock | None = None
+        self._seen = self._hash_of_saved()
+        self._claim()
+
+    # What a kind of file says of itself
+
+    def _load(self) -> T:
+        """The file as it is on the disk now."""
+        raise NotImplementedError
+
+    def _parse(self, content: bytes) -> T:
+        """What such bytes hold."""
+        raise NotImplementedError
+
+    def _differences(self, before: T, after: T) -> list[Any]:
+        """What differs, a row each."""
+        raise NotImplementedError
+
+    def _alike(self, _one: T, _other: T) -> bool:
+        """Whether the differences of two contents can be told row by row."""
+        return True
+
+    # The session
+
+    def _claim(self) -> None:
+        """Take the lock and look for a journal; else say in `read_only` why there is no editing."""
+        try:
+            directory = private_directory(self._root)
+            self._lock = self._lock or FileLock(directory / f"{key_of(self.path)}.lock")
+            self._journal = Journal(journal_of(self.path, self._root))
+            if not self._lock.take():
+                self.read_only = f"{self.path.name} is being edited by {self._lock.holder()}; it can be seen only"
+                return
+            self.read_only = ""
+            self._look_back(self._journal)
+            _sweep(self.path)
+        except InputError as error:
+            self.read_only = error.lines()[0].removeprefix("error: ")
+        except OSError as error:
+            self.read_only = f"{self.path.name} can be seen only: its lock cannot be taken, {error.strerror or error}"
+
+    def claim_again(self) -> bool:
+        """Try to become the editor; whether this session is."""
+        if self.read_only:
+            self._claim()
+            if not self.read_only:
+                self.reload()
+        return not self.read_only
+
+    @property
+    def content(self) -> bytes:
+        """The file's bytes with all edits."""
+        return _bytes(self.current)
+
+    @property
+    def dirty(self) -> bool:
+        """Whether there is something to save."""
+        return self.content != _bytes(self.saved)
+
+    def diff(self) -> list[Any]:
+        """What saving would change."""
+        return self._differences(self.saved, self.current)
+
+    # Edits
+
+    def _edit(self, after: T, what: str) -> bool:
+        """Make an edit that leads to `after`; whether it changes anything."""
+        edit = edit_between(self.content, _bytes(after), what)
+        if edit is None:
+            return False
+        self._keep(edit.record())
+        self.current = after
+        self.history.add(edit)
+        return True
+
+    def undo(self) -> str:
+        """Take the last edit back; what it was, empty if there is none."""
+        return self._step("undo")
+
+    def redo(self) -> str:
+        """Make the edit that was taken back again; what it was, empty if there is none."""
+        return self._step("redo")
+
+    def _step(self, verb: str) -> str:
+        self._check_editable()
+        edit = self.history.last(verb)
+        if edit is None:
+            return ""
+        after = self._parse(edit.applied(self.content, back=verb == "undo"))
+        self._keep({verb: True})
+        self.current = after
+        self.history.move(verb)
+        return edit.what
+
+    def _check_editable(self) -> None:
+        if self.read_only:
+            raise UsageError(self.read_only, fix="reload tries again")
+        if self.found:
+            raise UsageError("edits of an earlier session wait", fix="bring them back or leave them first")
+
+    def _keep(self, record: Record) -> None:
+        assert self._journal is not None
+        if not self._journal.path.exists():
+            self._journal.begin(self._head())
+        self._journal.append(record)
+
+    def _head(self) -> Record:
+        base = base64.b64encode(self.content).decode()
+        return {"file": str(self.path), "base": base, "saved": self._hash_of_saved()}
+
+    # The disk
+
+    def _hash_of_saved(self) -> str:
+        """The hash of the file that the edits began from; empty where there was none."""
+        return sha256(_bytes(self.saved))
+
+    def changed_on_disk(self) -> bool:
+        """Whether the file is no longer what was read or saved last."""
+        return self._disk_hash() != self._seen
+
+    def _disk_hash(self) -> str:
+        try:
+            return sha256(self.path.read_bytes())
+        except OSError:
+            return ""
+
+    def save(self, *, overwrite: bool = False) -> int:
+        """Write the file, atomic; how much changed, as `diff`. `ChangedOnDisk` unless `overwrite` is given."""
+        self._check_editable()
+        if not overwrite and self.changed_on_disk():
+            there = "changed" if self.path.exists() else "was removed"
+            fix = "overwrite it, or reload it and lose the edits here"
+            raise ChangedOnDisk(f"the file {there} since it was read", file=self.path, fix=fix)
+        number = len(self.diff())
+        write_bytes(self.path, self.content)
+        self._mark_saved()
+        return number
+
+    def _mark_saved(self) -> None:
+        self.saved = self.current
+        self._seen = sha256(self.content)
+        assert self._journal is not None
+        # The file is in its place: a journal that cannot be told so is recognised by the file's hash.
+        with contextlib.suppress(InputError):
+            if self._journal.path.exists():
+                self._journal.append({"saved": self._seen})
+
+    def reload(self) -> None:
+        """Read the file again; edits that were not saved are gone, and what could be undone too."""
+        self.saved = self.current = self._load()
+        self._seen = self._hash_of_saved()
+        self.history = History()
+        if self._journal is not None and not self.read_only:
+            self._journal.clear()
+            self.found = []
+
+    def accept_disk(self) -> None:
+        """Keep the edits, and take what is on the disk now as known: saving will not ask about it again."""
+        self._seen = self._disk_hash()
+
+    # Recovery
+
+    def _look_back(self, journal: Journal) -> None:
+        """Find edits of an earlier session that the file lacks; a journal without any is removed."""
+        try:
+            records = read_journal(journal.path)
+            if len(records) > 1 and sha256(_replay(records, self.path)[0]) != self._seen:
+                self._parse(_replay(records, self.path)[0])
+                self.found = records
+        except LidarcheckError as error:
+            aside = journal.path.with_suffix(".damaged")
+            with contextlib.suppress(OSError):
+                journal.path.replace(aside)
+            self.notice = f"{error.lines()[0]} as {aside.name}"
+        if not self.found:
+            journal.clear()
+
+    def found_in_words(self) -> str:
+        """What an earlier session left, for the question whether to bring it back."""
+        after = self._parse(_replay(self.found, self.path)[0])
+        edits = sum("edit" in record for record in self.found)
+        number = len(self._differences(self.saved, after)) if self._alike(self.saved, after) else edits
+        return f"{self.path.name}: an earlier session ended with {counted(number, self.NOUN)} not saved"
+
+    def bring_back(self) -> None:
+        """Make the edits of the earlier session again, undo included."""
+        content, self.history, saved = _replay(self.found, self.path)
+        self.current = self._parse(content)
+        # A file that is none of the journal's states was changed by somebody else: saving must ask.
+        if self._seen not in saved:
+            self._seen = saved[-1]
+        if not self._alike(self.saved, self.current):
+            self.saved = self._parse(base64.b64decode(self.found[0]["base"]))
+        self.found = []
+
+    def forget(self) -> None:
+        """Leave the edits of the earlier session; its journal is kept beside, in case of a mistake."""
+        assert self._journal is not None
+        self._journal.close()
+        if self._journal.path.exists():
+            self._journal.path.replace(self._journal.path.with_suffix(".left"))
+        self.found = []
+
+    def close(self) -> None:
+        """End the session: with nothing left to save its journal goes; else it stays for the next start."""
+        if self._journal is not None:
+            if self._lock is not None and self._lock.held and not self.dirty and not self.found:
+                self._journal.clear()
+            self._journal.close()
+        if self._lock is not None:
+            self._lock.drop()
+
+
+def journal_of(path: Path, root: Path) -> Path:
+    """Where the journal of a file lies, whether there is one or not."""
+    return root / ".lidarcheck" / "tui" / f"{key_of(path)}.journal"
+
+
+def _bytes(held: Content) -> bytes:
+    assert held.content is not None
+    return held.content
+
+
+def _sweep(path: Path) -> None:
+    """Remove what a killed process left of a save: parts of this file that nobody has written to for a minute."""
+    with contextlib.suppress(OSError):
+        for part in path.parent.glob(f".{glob.escape(path.name[:32])}.*.part"):
+            if time.time() - part.stat().st_mtime > _ABANDONED_S:
+                part.unlink()
+
+
+def _replay(records: list[Record], path: Path) -> tuple[bytes, History, list[str]]:
+    """(the content after all edits, their history, the hashes that the file had when it was saved)."""
+    try:
+        content, history = base64.b64decode(records[0]["base"]), History()
+        saved = [str(records[0]["saved"])]
+        for record in records[1:]:
+            if "edit" in record:
+                edit = Edit.of(record)
+                content = edit.applied(content)
+                history.add(edit)
+            elif "undo" in record or "redo" in record:
+                verb = "undo" if "undo" in record else "redo"
+                content = history.move(verb).applied(content, back=verb == "undo")
+            elif "saved" in record:
+                saved.append(str(record["saved"]))
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"the journal is damaged: {error}", file=path, fix="it is kept") from error
+    return content, history, saved

@@ -1,0 +1,1 @@
+"""What the screens compute, without a terminal: checks, explanations, pages of workflows, proposals."""

@@ -1,0 +1,178 @@
+"""Running scenarios against their goldens, one after the other, and what the last run of each found."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.session.places import private_directory, sha256
+
+if TYPE_CHECKING:
+    from lidarcheck.harness.kpis.spec import KpiSpec
+
+__all__ = ["Cancelled", "KpiLine", "Outcome", "Runs", "check_scenario", "run_scenarios"]
+
+Check = Callable[..., Any]
+Told = Callable[[int, int, str], None]
+
+
+class Cancelled(Exception):
+    """The user has stopped the run."""
+
+
+@dataclass(frozen=True)
+class KpiLine:
+    """A KPI of a run; numbers are None where there are none. `limit`: the absolute limits, in words."""
+
+    name: str
+    verdict: str
+    fails: bool
+    unit: str
+    golden: float | None
+    now: float | None
+    tolerance: float | None
+    catches: float | None
+    limit: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the last run of a scenario found. `verdict`: holds, changed, fell out, or fault; `problems` in lines.
+
+    `against`: hash of the scenario's and its golden's bytes, so that it shows when either has changed since.
+    """
+
+    name: str
+    verdict: str
+    time: float
+    seconds: float
+    against: str
+    kpis: tuple[KpiLine, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    @property
+    def fallen(self) -> int:
+        """How many KPIs fell out."""
+        return sum(kpi.fails for kpi in self.kpis)
+
+    @property
+    def moved(self) -> int:
+        """How many KPIs are not as the golden has them, whether that matters or not."""
+        return sum(kpi.verdict not in ("identical", "equivalent") for kpi in self.kpis)
+
+
+class Runs:
+    """The last outcome of each scenario, kept in the project."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.last: dict[str, Outcome] = {}
+        with contextlib.suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+            text = (root / ".lidarcheck" / "tui" / "runs.json").read_text(encoding="utf-8")
+            self.last = {str(name): _outcome(found) for name, found in json.loads(text).items()}
+
+    def add(self, outcome: Outcome) -> None:
+        """Note an outcome, and keep it if the project can be written."""
+        self.last[outcome.name] = outcome
+        with contextlib.suppress(InputError, OSError):
+            document = {name: asdict(found) for name, found in self.last.items()}
+            from lidarcheck.formats.atomic import write_text
+
+            write_text(private_directory(self.root) / "runs.json", json.dumps(document) + "\n")
+
+
+def _outcome(found: Mapping[str, Any]) -> Outcome:
+    kpis = tuple(KpiLine(**kpi) for kpi in found["kpis"])
+    return Outcome(**{**found, "kpis": kpis, "problems": tuple(found["problems"])})
+
+
+def against(path: Path) -> str:
+    """The hash of a scenario's and its golden's bytes."""
+    from lidarcheck.harness.layout import layout_of
+
+    parts = []
+    for file in (path, layout_of(path).golden(path.stem)):
+        try:
+            parts.append(file.read_bytes())
+        except OSError:
+            parts.append(b"")
+    return sha256(b"\0".join(parts))[:16]
+
+
+def run_scenarios(
+    paths: Sequence[Path],
+    *,
+    told: Told,
+    found: Callable[[Outcome], object],
+    stop: threading.Event,
+    check: Check | None = None,
+) -> None:
+    """Run scenarios one by one; `found` gets each outcome. A fault of one does not keep the others from running.
+
+    `told` gets (scenarios done, scenarios to do, what runs now). `Cancelled` when `stop` is set.
+    """
+    for number, path in enumerate(paths):
+
+        def progress(done: int, total: int, _label: str, number: int = number, path: Path = path) -> None:
+            if stop.is_set():
+                raise Cancelled
+            told(number, len(paths), f"{path.stem} {done}/{total}")
+
+        progress(0, 0, path.stem)
+        found(check_scenario(path, progress, check))
+    told(len(paths), len(paths), "")
+
+
+def check_scenario(path: Path, progress: Told | None = None, check: Check | None = None) -> Outcome:
+    """Run one scenario against its golden."""
+    start, hashed = time.time(), against(path)
+    try:
+        report = (check or _harness())([path], progress=progress)
+    except LidarcheckError as error:
+        lines = tuple(line.removeprefix("error: ") for line in error.lines())
+        return Outcome(path.stem, "fault", start, time.time() - start, hashed, problems=lines)
+    result = report.scenarios[0]
+    kpis = tuple(_line(kpi) for kpi in result.kpis)
+    moved = any(kpi.verdict not in ("identical", "equivalent") for kpi in kpis)
+    verdict = "fell out" if result.failed else "changed" if moved else "holds" if kpis else "not run"
+    problems = (*result.problems, *result.notes)
+    return Outcome(result.name, verdict, start, time.time() - start, hashed, kpis, problems)
+
+
+def _harness() -> Check:
+    from lidarcheck.harness.check import check
+
+    return check
+
+
+def _line(kpi: Any) -> KpiLine:
+    spec = kpi.spec
+    now = kpi.old if kpi.verdict == "identical" and not kpi.fresh else kpi.new
+    return KpiLine(
+        kpi.name, kpi.verdict.value, kpi.fails, unit_of(spec), known(kpi.old), known(now), known(spec.tolerance),
+        known(kpi.smallest), limits_of(spec), kpi.note,
+    )  # fmt: skip
+
+
+def unit_of(spec: KpiSpec) -> str:
+    """The unit of a KPI; empty for a pure number."""
+    return "" if spec.unit == "1" else spec.unit
+
+
+def limits_of(spec: KpiSpec) -> str:
+    """The absolute limits of a KPI, in words."""
+    ends = ((">=", spec.low), ("<=", spec.high))
+    return " ".join(f"{sign} {end:g}" for sign, end in ends if end is not None and abs(end) < 1e300)
+
+
+def known(value: float | None) -> float | None:
+    """A number; None for what is none."""
+    return None if value is None or value != value else float(value)

@@ -1,0 +1,147 @@
+"""The table of a LUT, edited by keys."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.lut import Axis, LutTable
+from lidarcheck.session.file_session import journal_of
+from lidarcheck.session.lut_session import LutSession
+from lidarcheck.tui.screens.blooming.editor import Editor
+from lidarcheck.tui.themes import Role
+from lidarcheck.tui.widgets.lines import Line, line
+
+__all__ = ["TableEditor"]
+
+_AXES: tuple[Axis, Axis] = ("vertical", "horizontal")
+
+
+class TableEditor(Editor[LutSession]):
+    """One of the tables of the LUT file that is open."""
+
+    TYPED = "type a value first: 0 to 1000, or with a point a true Y"
+
+    def table(self, *, saved: bool = False) -> LutTable | None:
+        """The table as it is edited, or as it was saved; None without a file."""
+        if self.session is None:
+            return None
+        return (self.session.saved if saved else self.session.current).tables[self.view.axis]
+
+    def files(self) -> list[str]:
+        """The names of the project's sound LUT files."""
+        return [entry.name for entry in self.view.ours.project.of("lut")]
+
+    def find(self) -> None:
+        """Open what was open, or what an ended session left; keep the session where its file is still there."""
+        if self.session is not None:
+            return
+        project, wanted, names = self.view.ours.project, self.view.ours.state.selected.get("lut", ""), self.files()
+        left = (entry.name for entry in project.of("lut") if journal_of(entry.path, project.root).exists())
+        usual = [wanted if wanted in names else names[0]] if names else []
+        name = next(iter([*left, *usual]), "")
+        if name:
+            self.open(name)
+
+    def open(self, name: str) -> None:
+        """Open a LUT file of the project."""
+        app = self.view.ours
+        entry = next(entry for entry in app.project.of("lut") if entry.name == name)
+        try:
+            session = LutSession(entry.path, app.project.root)
+        except LidarcheckError as error:
+            self.view.say(error)
+            return
+        first = self.session is None
+        if self.session is not None:
+            self.session.close()
+        self.session, self.marked, self.typed = session, set(), ""
+        app.state.selected["lut"] = name
+        wanted, tables = app.state.selected.get("axis", ""), session.current.tables
+        self.view.axis = next((a for a in _AXES if a == wanted and a in tables), next(iter(tables)))
+        row = app.state.selected.get("row", "")
+        self.at = int(row) if first and row.isdigit() else 0
+        for words in (session.notice, session.read_only):
+            if words:
+                self.view.say(words, bad=True)
+        if session.found:
+            app.show_screen(self.view.NAME)
+            self.ask_back()
+
+    def next_file(self) -> bool:
+        """The next LUT file; whether there is one."""
+        names = self.files()
+        if self.session is None or len(names) < 2:
+            self.view.say("there is no other LUT file")
+            return False
+        if self.session.dirty:
+            self.view.say("save the edits first (^S), or take them back (u)", bad=True)
+            return False
+        now = self.view.ours.state.selected.get("lut", "")
+        self.open(names[(names.index(now) + 1) % len(names)] if now in names else names[0])
+        return True
+
+    # What is shown
+
+    def count(self) -> int:
+        """The rows of the table."""
+        table = self.table()
+        return 0 if table is None else len(table)
+
+    def lines(self) -> tuple[str, list[Line], bool]:
+        """X, scaled value and Y of each row."""
+        table, saved = self.table(), self.table(saved=True)
+        if self.session is None or table is None or saved is None:
+            app = self.view.ours
+            words = [line(app.inside(e.fault), "bad") for e in app.project.of("lut", sound=False) if e.fault]
+            return "Table", words or [line(" no LUT file in this project", "dim")], False
+        self.within()
+        title = f"{self.session.path.name} {self.view.axis}{' *' if self.session.dirty else ''}"
+        rows = zip(table.rows(), saved.y.tolist(), strict=True)
+        return title, [self._row(number, row, row.y != before) for number, (row, before) in enumerate(rows)], True
+
+    def _row(self, number: int, row: Any, edited: bool) -> Line:
+        mark = "*" if number in self.marked else " "
+        pointer = ">" if number == self.at else " "
+        look: Role = "edited" if edited else "text"
+        scaled = f"{row.scaled:>6}"
+        if number == self.at and self.typed:
+            scaled = f"{self.typed + '_':>6}"
+        return ((f"{pointer}{mark}{row.x:>8g}", "text"), (f"{scaled}{row.y:>12.7g}{'~' if edited else ' '}", look))
+
+    def diff_lines(self) -> list[Line]:
+        """Row, X, scaled value and Y, before and after."""
+        assert self.session is not None
+        head = f"{'table':11}{'row':>4}{'X':>9}{'scaled':>8}{'new':>6}{'Y':>13}{'new':>13}"
+        lines = [line(head, "title")]
+        for c in self.session.diff():
+            old, new = c.scaled
+            lines.append(line(f"{c.table:11}{c.row:>4}{c.x:>9g}{old:>8}{new:>6}{c.before:>13.7g}{c.after:>13.7g}"))
+        return lines
+
+    def under_cursor(self) -> str:
+        """The row under the cursor in words, for where the table itself is not seen."""
+        table = self.table()
+        if table is None:
+            return ""
+        row = table.rows()[min(self.at, len(table) - 1)]
+        return f"X = {row.x:g}: scaled {row.scaled}, Y = {row.y:.7g}"
+
+    # Edits
+
+    def enter(self, typed: str) -> None:
+        """A scaled value or a true Y."""
+        self.edit(lambda session: session.set(self.view.axis, self.rows(), typed))
+
+    def nudge(self, steps: int) -> None:
+        """Along the scale."""
+        self.edit(lambda session: session.nudge(self.view.axis, self.rows(), steps))
+
+    def smooth(self) -> None:
+        """On the log scale."""
+        self.edit(lambda session: session.smooth(self.view.axis, self.rows()))
+
+    def read_again(self) -> None:
+        """It may have other tables now."""
+        if self.session is not None and self.view.axis not in self.session.current.tables:
+            self.view.axis = next(iter(self.session.current.tables))

@@ -1,0 +1,113 @@
+"""What Explain does with an answer: shows what accepting changes, writes it, takes it back."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.jobs.explained import Adoption, CaseState, adoption, take_back, take_over
+from lidarcheck.tui.screens.base import View
+from lidarcheck.tui.screens.goldens.accept import diff_lines
+from lidarcheck.tui.widgets.dialogs import Ask, AskText
+from lidarcheck.tui.widgets.lines import line
+
+__all__ = ["Adopting"]
+
+
+class Adopting(View):
+    """A screen with explained cases."""
+
+    @property
+    def chosen(self) -> CaseState | None:
+        """The case under the cursor."""
+        raise NotImplementedError
+
+    def action_accept(self) -> None:
+        """Into the case's own model, or into a new file."""
+        state = self.chosen
+        if state is None or state.model is None:
+            self.say("there is no case to accept a model of")
+            return
+        target = state.model
+        self._plan(state, target, lambda change: self._ask(state, change))
+
+    def _plan(self, state: CaseState, target: Path, then: Callable[[Adoption], object]) -> None:
+        """Make out what would be written, beside the interface."""
+        ours = self.ours
+
+        def make() -> None:
+            try:
+                ours.soon(then, adoption(state, target))
+            except LidarcheckError as error:
+                ours.soon(ours.say, error)
+            except (OSError, ValueError) as error:
+                ours.soon(self._refused, f"cannot be accepted: {error}")
+
+        threading.Thread(target=make, name="adopt", daemon=True).start()
+
+    def _refused(self, words: str) -> None:
+        self.say(words, bad=True)
+
+    def _ask(self, state: CaseState, change: Adoption) -> None:
+        """The difference, and what to do with it."""
+        name = self.ours.inside(str(change.target))
+        words = []
+        if state.found is not None and state.found.verdict == "unknown":
+            words.append(line("These terms describe what is missing and do not explain it.", "bad"))
+        if change.rewritten:
+            words.append(line(f"Comments and layout are not kept: {change.rewritten}", "bad"))
+        answers = {"Enter": f"write {name}"}
+        if change.before is not None:
+            answers |= {"n": "a new file instead"}
+        title = f"Accept: how {name} changes" if change.before is not None else f"Accept: {name}, beside the case's"
+        ask = Ask(title, [*words, *diff_lines(change.diff)], answers, unasked=True)
+        self.app.push_screen(ask, lambda key: self._answered(state, change, key))
+
+    def _answered(self, state: CaseState, change: Adoption, key: str | None) -> None:
+        if key == "Enter":
+            self._write(state, change)
+        elif key == "n":
+            where = state.name.replace("/", "_").removesuffix(".toml")
+            ask = AskText("The new model file, in the project", f"{where}_explained.toml")
+            self.app.push_screen(ask, lambda name: self._named(state, name))
+        else:
+            self.say("not accepted: nothing was written")
+
+    def _named(self, state: CaseState, name: str | None) -> None:
+        if name is None:
+            self.say("not accepted: nothing was written")
+            return
+        self._plan(state, self.ours.project.root / name, lambda change: self._ask(state, change))
+
+    def _write(self, state: CaseState, change: Adoption) -> None:
+        try:
+            take_over(state, change)
+        except (LidarcheckError, OSError) as error:
+            self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot write: {error}")
+            return
+        self.say(f"{self.ours.inside(str(change.target))}: written; u takes it back")
+        self._files_changed()
+
+    def action_take_back(self) -> None:
+        """What was accepted last, once asked."""
+        state = self.chosen
+        if state is None:
+            self.say("there is no case")
+            return
+        ask = Ask(f"Take back what was accepted of {state.name}?", [], {"Enter": "take it back"})
+        self.app.push_screen(ask, lambda key: self._back(state) if key == "Enter" else None)
+
+    def _back(self, state: CaseState) -> None:
+        try:
+            target = take_back(state)
+        except (LidarcheckError, OSError) as error:
+            self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be taken back: {error}")
+            return
+        self.say(f"{self.ours.inside(str(target))}: as it was before")
+        self._files_changed()
+
+    def _files_changed(self) -> None:
+        for view in self.ours.views():
+            view.project_changed()

@@ -1,0 +1,326 @@
+"""Explain: the cases of the project, explaining one of them in a process of its own, and its answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+
+from lidarcheck.effects.base import find
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.table import counted
+from lidarcheck.tui.bars import STOPS
+from lidarcheck.tui.jobs.explain_run import PROGRAM, ExplainRun, command_of
+from lidarcheck.tui.jobs.explained import CaseState, case_files, look_at, ready
+from lidarcheck.tui.screens.base import bindings
+from lidarcheck.tui.screens.explain.accept import Adopting
+from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, heard_lines, step_lines
+from lidarcheck.tui.widgets.dialogs import AskText
+from lidarcheck.tui.widgets.lines import Line, Lines, line, wrapped
+
+__all__ = ["Explain"]
+
+_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
+_EVERY_S = 0.3
+_EMPTY = (
+    "no case in this project",
+    "A case is a directory with case.toml: a model, and three frames or more, each with what its beams meet",
+    "and what was measured. docs/explain.md shows one to try.",
+)
+
+
+class Explain(Adopting):
+    """Cases, the steps of a run, and the answer."""
+
+    NAME = "explain"
+    WORDS: ClassVar[dict[str, str]] = {
+        "cases": "Every case of the project with what its last run found. '?' behind it: the model or a frame has "
+        "changed since. r explains a case, which takes a minute or more on all cores; x stops it, and what was done "
+        "is kept.",
+        "steps": "The steps of the run that is going on, how far each is, and the time that is left.",
+        "answer": "What is missing in the model, with intervals and how sure that is; how much of the gap is gone on "
+        "frames that no fit has seen; where model and measurement disagree; every candidate with its scores; what "
+        "these scenes cannot show; what changes in the model. v goes from part to part. While a run goes on: what it "
+        "has found so far.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [
+        *bindings("explain"),
+        *(Binding(key, f"move('{key}')", show=False) for key in _KEYS),
+    ]
+    DEFAULT_CSS = """
+    Explain #cases { height: 20%; min-height: 4; }
+    Explain #steps { height: 7; display: none; }
+    Explain.runs #steps { display: block; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(id=self.NAME)
+        self.program: Sequence[str] = PROGRAM
+        self.cases: list[CaseState] = []
+        self.at = 0
+        self.part = 0
+        self.run: ExplainRun | None = None
+        self.of: CaseState | None = None
+        self.looks = 0
+        self._waits = False
+        self._faults: dict[Path, str] = {}
+
+    def compose(self) -> ComposeResult:
+        """The cases above, the steps of a run, and the answer."""
+        yield Lines("Cases", label="c", id="cases")
+        yield Lines("Steps", label="s", id="steps")
+        yield Lines("Answer", label="a", id="answer")
+
+    def on_mount(self) -> None:
+        """The answer is laid out for its width."""
+        self.query_one("#answer", Lines).when_resized = self.draw
+
+    # What is there
+
+    def project_changed(self) -> None:
+        """Look at the cases and at what earlier runs have left, beside the interface."""
+        ours = self.ours
+        root, paths = ours.project.root, case_files(ours.project)
+
+        def look() -> None:
+            try:
+                found = [look_at(root, path) for path in paths]
+            except (OSError, ValueError) as error:
+                ours.soon(ours.say, f"the cases cannot be read: {error}")
+                return
+            ours.soon(self._looked, found)
+
+        threading.Thread(target=look, name="cases", daemon=True).start()
+
+    def action_look(self) -> None:
+        """Look again, as if nothing had been refused."""
+        self._faults.clear()
+        self.project_changed()
+
+    def _looked(self, found: Sequence[CaseState]) -> None:
+        self.cases = [self._with_fault(case) for case in found]
+        names = [case.name for case in self.cases]
+        wanted = self.ours.state.selected.get(self.NAME, "")
+        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.looks += 1
+        self.draw()
+
+    def _with_fault(self, case: CaseState) -> CaseState:
+        """What the last run of this session refused it for, until it is run again."""
+        fault = case.fault or self._faults.get(case.path, "")
+        return dataclasses.replace(case, fault=fault)
+
+    @property
+    def chosen(self) -> CaseState | None:
+        """The case under the cursor."""
+        return self.cases[self.at] if self.at < len(self.cases) else None
+
+    @property
+    def running(self) -> bool:
+        """Whether a run is going on."""
+        return self.run is not None
+
+    def opened(self) -> None:
+        """The screen is seen."""
+        self.draw()
+
+    # What is shown
+
+    def draw(self) -> None:
+        """All panes."""
+        self.set_class(self.running, "runs")
+        lines = [self._line(number, case) for number, case in enumerate(self.cases)]
+        shown = lines or [line(f" {text}", "dim") for text in _EMPTY]
+        title = f"Cases: {len(self.cases)}; {self._how()}" if self.cases else "Cases"
+        self.query_one("#cases", Lines).show(shown, title=title, cursor=self.at if self.cases else None)
+        if self.run is not None:
+            title = f"Steps: {far_in_words(self.run.heard)}"
+            self.query_one("#steps", Lines).show(step_lines(self.run.heard), title=title)
+        self._draw_answer(self.chosen)
+
+    def _how(self) -> str:
+        seed, exclude = self._option("seed") or "0", self._option("exclude")
+        return f"seed {seed}{f', never {exclude}' if exclude else ''}"
+
+    def _line(self, number: int, case: CaseState) -> Line:
+        pointer = ">" if number == self.at else " "
+        runs = self.run is not None and self.of is not None and case.path == self.of.path
+        state = f"running, {100.0 * self.run.heard.part:.0f} %" if runs and self.run else case.state
+        role = "bad" if case.fault else "edited" if runs else "text"
+        return ((f"{pointer}{case.name:34} ", "text"), (state, "bad" if role == "bad" else "text"))
+
+    def parts(self) -> dict[str, list[Line]]:
+        """The parts of the answer for the case under the cursor, by their titles."""
+        case, width = self.chosen, max(self.query_one("#answer", Lines).size.width, 1)
+        if case is None:
+            return {"": []}
+        if self.run is not None and self.of is not None and case.path == self.of.path:
+            return {"found so far": heard_lines(self.run.heard, width)}
+        if case.fault:
+            return {"fault": wrapped(self.ours.inside(case.fault), width, "bad")}
+        if case.found is None:
+            words = "stopped before it was done: r goes on" if case.kept else "not explained yet: r does it"
+            return {"none yet": [line(f" {words}", "dim")]}
+        return answer_parts(case, width, self.ours.inside(str(case.page)) if case.page else "")
+
+    def _draw_answer(self, case: CaseState | None) -> None:
+        pane, parts = self.query_one("#answer", Lines), self.parts()
+        self.part %= len(parts)
+        name = list(parts)[self.part]
+        of = f" {self.part + 1}/{len(parts)}" if len(parts) > 1 else ""
+        # What is heard grows: its end is seen, until somebody reads in it.
+        last = len(parts[name]) - 1 if "found so far" in parts and not pane.has_focus else None
+        pane.show(parts[name], title=f"Answer{of}: {name}" if case else "Answer", cursor=last)
+
+    def action_view(self, by: int) -> None:
+        """Another part of the answer."""
+        self.part += by
+        pane = self.query_one("#answer", Lines)
+        pane.page(-(10**6))
+        self.draw()
+
+    def action_move(self, key: str) -> None:
+        """The cursor among the cases; in the other panes the text."""
+        pane = self.ours.focused
+        if isinstance(pane, Lines) and pane.id in ("steps", "answer"):
+            pages = {"home": -(10**6), "end": 10**6}
+            pane.page(pages.get(key, -1 if key in ("up", "pageup") else 1))
+            return
+        rows, last = max(self.query_one("#cases", Lines).rows, 1), 10**6
+        step = {"up": -1, "down": 1, "pageup": -rows, "pagedown": rows, "home": -last, "end": last}[key]
+        self.at = max(min(self.at + step, len(self.cases) - 1), 0)
+        self.part = 0
+        if self.chosen:
+            self.ours.state.selected[self.NAME] = self.chosen.name
+        self.draw()
+
+    # Running
+
+    def _option(self, name: str) -> str:
+        return self.ours.state.selected.get(f"explain {name}", "")
+
+    def action_explain(self) -> None:
+        """Explain the case under the cursor."""
+        case = self.chosen
+        if case is None:
+            self.say("there is no case here")
+        elif self.run is not None:
+            self.say("a run is going on; x stops it")
+        elif case.model is None:
+            self.say(f"{case.name} cannot be explained: {self.ours.inside(case.fault)}", bad=True)
+        else:
+            self._start(case)
+
+    def _start(self, case: CaseState) -> None:
+        ours = self.ours  # a view that was taken down does not find its app any more
+        soon = ours.soon
+        try:
+            out = ready(ours.project.root, case.path)
+            how = {name: self._option(name) for name in ("seed", "exclude")}
+            self.run = ExplainRun(
+                command_of(case.path, out, **how, program=self.program),
+                told=lambda: soon(self._told),
+                note=lambda text: soon(ours.note, text, text.startswith("error")),
+                ended=lambda code: soon(self._ended, code),
+            )
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        self.of, self.part = case, 0
+        self._faults.pop(case.path, None)
+        self.say(f"explaining {case.name}; x stops it")
+        self.draw()
+
+    def _told(self) -> None:
+        """Something new: of the steps, or what was found. It is shown a few times a second at most."""
+        if not self._waits:
+            self._waits = True
+            self.set_timer(_EVERY_S, self._show_told)
+
+    def _show_told(self) -> None:
+        self._waits = False
+        if self.run is None or self.of is None:
+            return
+        self.progress(
+            f"explain {self.of.name}: {self.run.heard.now or 'starting'} {far_in_words(self.run.heard)}{STOPS}"
+        )
+        if self.is_on_screen:
+            self.draw()
+
+    def _ended(self, code: int) -> None:
+        """The process has ended: what it left is read."""
+        if self.run is None or self.of is None:
+            return
+        heard, case, self.run = self.run.heard, self.of, None
+        self.progress("")
+        if code != 0 and heard.fault:
+            self._faults[case.path] = heard.fault
+        self.project_changed()
+        if code == 0:
+            self.say(f"{case.name}: explained")
+        elif heard.fault:
+            self.say(f"{case.name}: {heard.fault}", bad=True)
+        else:
+            self.say(f"{case.name}: stopped; what was done is kept, and r goes on from there")
+        self.draw()
+
+    def action_stop(self) -> None:
+        """Stop the run, or end it at once."""
+        if self.run is None:
+            self.say("nothing runs")
+        elif self.run.stop():
+            self.say("ended at once; what was kept stays")
+        else:
+            self.say("stopping; x once more ends it at once")
+
+    def closing(self) -> None:
+        """A run is stopped, and goes on when it is asked for again."""
+        if self.run is not None:
+            self.run.stop()
+
+    # Options
+
+    def action_seed(self) -> None:
+        """The seed."""
+        ask = AskText("The seed of the next run: 0 to 2^64 - 1", self._option("seed"))
+        self.app.push_screen(ask, self._seed)
+
+    def _seed(self, text: str | None) -> None:
+        if text is None:
+            return
+        if not (text.isascii() and text.isdecimal() and int(text) < 2**64):
+            self.say(f"{text} is no seed; use a whole number from 0 to 2^64 - 1", bad=True)
+            return
+        self.ours.state.selected["explain seed"] = text
+        self.say(f"the next run has the seed {text}")
+        self.draw()
+
+    def action_exclude(self) -> None:
+        """Effects that are not to be named."""
+        words = [line(" Their names, with commas between them; a hyphen alone: none.")]
+        ask = AskText("Effects that the next run is not to name", self._option("exclude"), words)
+        self.app.push_screen(ask, self._exclude)
+
+    def _exclude(self, text: str | None) -> None:
+        names = [name.strip() for name in (text or "").split(",") if name.strip() not in ("", "-")]
+        if text is None:
+            return
+        try:
+            for name in names:
+                find(name)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        self.ours.state.selected["explain exclude"] = ",".join(dict.fromkeys(names))
+        self.say(f"the next run does not name {counted(len(names), 'effect')}" if names else "all effects may be named")
+        self.draw()
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """The answer is laid out anew."""
+        self.draw()

@@ -1,0 +1,313 @@
+"""Goldens: what runs have proposed for them, what speaks against it, and accepting or dropping it."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.table import counted
+from lidarcheck.harness.review.review import ReviewReport, review
+from lidarcheck.harness.review.wording import objections
+from lidarcheck.tui.bars import STOPS
+from lidarcheck.tui.jobs.checks import Cancelled
+from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
+from lidarcheck.tui.screens.base import bindings
+from lidarcheck.tui.screens.goldens.accept import Accepting
+from lidarcheck.tui.screens.goldens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
+from lidarcheck.tui.widgets.lines import Line, Lines, line, wrapped
+
+__all__ = ["Goldens"]
+
+_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
+_EMPTY = (
+    "nothing waits for review",
+    "A run on Overview (F2, then r or a) leaves a proposal here where a value is not the golden's.",
+    "e reviews every scenario of the project now, which takes 8 seeds each, and 64 where something moved.",
+)
+
+
+class Goldens(Accepting):
+    """Proposals, their KPIs, and what speaks against them."""
+
+    NAME = "goldens"
+    WORDS: ClassVar[dict[str, str]] = {
+        "proposals": "Scenarios for which a run has left a proposal, and those without a golden. A check leaves 8 or "
+        "more seeds; a golden is made of all 64, which r runs. a accepts: it reviews once more, asks for a reason "
+        "where one is needed, shows what is written, and writes when you agree.",
+        "proposed": "The KPIs of the scenario: the golden's value, the proposed one, how far that is off in "
+        "tolerances, the smallest change that the proposed value would catch as a golden, and the absolute limits. "
+        "'*' marks what a accepts; without a mark it is all of the scenario.",
+        "against": "What a reader of the golden would want to know: what needs a reason, which the golden then "
+        "carries, and what cannot be accepted at all.",
+    }
+    BINDINGS: ClassVar[list[Any]] = [
+        *bindings("goldens"),
+        *(Binding(key, f"move('{key}')", show=False) for key in _KEYS),
+    ]
+    DEFAULT_CSS = (
+        "Goldens #proposals { height: 2fr; } Goldens #proposed { height: 3fr; } Goldens #against { height: 2fr; }"
+    )
+
+    def __init__(self) -> None:
+        super().__init__(id=self.NAME)
+        self.review: Review = review
+        self.waiting: list[Waiting] = []
+        self.at = 0
+        self.kpi_at = 0
+        self.marked: set[str] = set()
+        self.running = False
+        self.looks = 0
+        self._stop = threading.Event()
+        self._told = 0.0
+
+    def compose(self) -> ComposeResult:
+        """The scenarios above, the KPIs of one, and what speaks against them."""
+        yield Lines("Proposals", label="p", id="proposals")
+        yield Lines("KPIs", label="k", id="proposed")
+        yield Lines("Before you accept", label="b", id="against")
+
+    def on_resize(self, _event: events.Resize) -> None:
+        """What is wrapped is wrapped anew."""
+        self.draw()
+
+    # What waits
+
+    def project_changed(self) -> None:
+        """Look at goldens and proposals, beside the interface."""
+        ours = self.ours
+        paths = [entry.path for entry in ours.project.of("scenario")]
+
+        def look() -> None:
+            try:
+                found = [one for one in map(waiting, paths) if one is not None]
+            except (OSError, ValueError) as error:
+                ours.soon(ours.say, f"goldens cannot be read: {error}")
+                return
+            ours.soon(self._looked, found)
+
+        threading.Thread(target=look, name="goldens", daemon=True).start()
+
+    def opened(self) -> None:
+        """A run may have left something since."""
+        self.project_changed()
+
+    def action_look(self) -> None:
+        """Look again."""
+        self.project_changed()
+
+    def _looked(self, found: Sequence[Waiting]) -> None:
+        """What was found; what a review said stays with what has not changed since."""
+        said = {one.path: one for one in self.waiting if one.found or one.fault}
+        self.waiting = [
+            said[one.path] if one.path in said and said[one.path].stamp == one.stamp else one for one in found
+        ]
+        wanted = self.ours.state.selected.get(self.NAME, "")
+        names = [one.name for one in self.waiting]
+        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.looks += 1
+        self.draw()
+
+    @property
+    def chosen(self) -> Waiting | None:
+        """The scenario under the cursor."""
+        return self.waiting[self.at] if self.at < len(self.waiting) else None
+
+    def draw(self) -> None:
+        """All panes."""
+        title = f"Proposals: {counted(len(self.waiting), 'scenario')} to review" if self.waiting else "Proposals"
+        lines = [self._line(number, one) for number, one in enumerate(self.waiting)]
+        pane = self.query_one("#proposals", Lines)
+        lines = lines or [part for text in _EMPTY for part in wrapped(text, pane.size.width, "dim")]
+        pane.show(lines, title=title, cursor=self.at if self.waiting else None)
+        self._draw_kpis(self.chosen)
+        self._draw_against(self.chosen)
+
+    def _line(self, number: int, one: Waiting) -> Line:
+        pointer = ">" if number == self.at else " "
+        fell = sum(kpi_line(kpi, one.share).fails for kpi in one.kpis)
+        what = f"{counted(sum(kpi.open for kpi in one.kpis), 'KPI')}{f', {fell} in doubt' if fell else ''}"
+        return (
+            (f"{pointer}{one.name:30} ", "text"),
+            (f"{one.state:26} ", "bad" if one.fault or fell else "text"),
+            (what, "text"),
+        )
+
+    def kpis(self) -> list[str]:
+        """The KPIs in the order that they are shown in: what speaks against itself first."""
+        one = self.chosen
+        if one is None:
+            return []
+        shown = {kpi.name: kpi_line(kpi, one.share) for kpi in one.kpis if kpi.open}
+        return sorted(shown, key=lambda name: (not shown[name].fails, -abs(moved(shown[name]))))
+
+    def _draw_kpis(self, one: Waiting | None) -> None:
+        pane, names = self.query_one("#proposed", Lines), self.kpis()
+        self.marked &= set(names)
+        self.kpi_at = max(min(self.kpi_at, len(names) - 1), 0)
+        if one is None or not names:
+            words = " no proposal yet: r runs all seeds and makes one" if one else ""
+            pane.show([line(words, "dim")], title="KPIs")
+            return
+        room = name_room(pane.size.width)
+        by_name, lines, cursor = {kpi.name: kpi for kpi in one.kpis}, [kpi_heading("proposed", room)], 1
+        for number, name in enumerate(names):
+            cursor = len(lines) if number == self.kpi_at else cursor
+            mark = "*" if name in self.marked else ">" if number == self.kpi_at else " "
+            lines += kpi_lines(kpi_line(by_name[name], one.share), mark, room)
+        same = len(one.kpis) - len(names)
+        if same:
+            lines.append(line(f" {counted(same, 'KPI')} as the golden has it", "dim"))
+        pane.show(lines, title=f"KPIs of {one.name}", cursor=cursor)
+
+    def _draw_against(self, one: Waiting | None) -> None:
+        pane = self.query_one("#against", Lines)
+        if one is None:
+            lines: list[Line] = []
+        elif one.fault:
+            lines = wrapped(self.ours.inside(one.fault), pane.size.width, "bad")
+        elif one.found is None:
+            lines = [line(" not reviewed yet: r runs all seeds and says what speaks against it", "dim")]
+        else:
+            said = [self.ours.inside(text) for text in objections(one.found)]
+            lines = [part for text in said for part in wrapped(text, pane.size.width)] or [
+                line(" nothing speaks against it: a accepts", "good")
+            ]
+        pane.show(lines)
+
+    # The cursor and the marks
+
+    def action_move(self, key: str) -> None:
+        """The cursor of the pane that has the focus; words scroll."""
+        pane = self.ours.focused
+        if not isinstance(pane, Lines) or pane.id == "against":
+            self.query_one("#against", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+            return
+        rows, last = max(pane.rows, 1), 10**6
+        step = {"up": -1, "down": 1, "pageup": -rows, "pagedown": rows, "home": -last, "end": last}[key]
+        if pane.id == "proposed":
+            self.kpi_at = max(min(self.kpi_at + step, len(self.kpis()) - 1), 0)
+        else:
+            before, self.at = self.at, max(min(self.at + step, len(self.waiting) - 1), 0)
+            if self.at != before:
+                self.kpi_at, self.marked = 0, set()
+            if self.chosen:
+                self.ours.state.selected[self.NAME] = self.chosen.name
+        self.draw()
+
+    def action_mark(self) -> None:
+        """Mark the KPI, or not."""
+        names = self.kpis()
+        if not names:
+            self.say("there is no KPI to mark")
+            return
+        self.marked ^= {names[self.kpi_at]}
+        self.draw()
+
+    # Reviews
+
+    def action_review_one(self) -> None:
+        """Review the scenario under the cursor."""
+        if self.chosen is None:
+            self.say("nothing waits for review; e reviews every scenario")
+            return
+        self.start([[self.chosen.path]])
+
+    def action_review_every(self) -> None:
+        """Review every scenario, one by one."""
+        paths = [entry.path for entry in self.ours.project.of("scenario")]
+        if not paths:
+            self.say("there is no scenario here")
+            return
+        self.start([[path] for path in paths])
+
+    def start(self, groups: Sequence[Sequence[Path]], names: Sequence[str] | None = None) -> None:
+        """Review groups of scenarios beside the interface; then, with `names`, ask whether these are accepted."""
+        if self.running:
+            self.say("a review is going on; x stops it")
+            return
+        self.running = True
+        self._stop.clear()
+        threading.Thread(target=self._run, args=(self.ours.soon, groups, names), name="review", daemon=True).start()
+
+    def _run(self, soon: Callable[..., object], groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
+        def told(done: int, total: int, now: str) -> None:
+            soon(self._progress, done, total, now)
+
+        def found(paths: Sequence[Path], result: ReviewReport | LidarcheckError) -> None:
+            soon(self._found, paths, result, names)
+
+        how = "the review has ended"
+        try:
+            run_reviews(groups, review=self.review, told=told, found=found, stop=self._stop)
+        except Cancelled:
+            how = "the review was stopped"
+        except Exception as error:  # noqa: BLE001 - a fault in a review must not take an editor with it
+            how = f"error: internal error in the review, {type(error).__name__}: {error}"
+        soon(self._ended, how)
+
+    def _progress(self, done: int, total: int, now: str) -> None:
+        """Progress, at most four times a second."""
+        moment = time.monotonic()
+        if self.running and moment - self._told > 0.25:
+            self._told = moment
+            self.progress(f"review {done}/{total}: {now}{STOPS}")
+
+    def _found(
+        self, paths: Sequence[Path], result: ReviewReport | LidarcheckError, names: Sequence[str] | None
+    ) -> None:
+        """What a review found takes the place of what was listed."""
+        if isinstance(result, LidarcheckError):
+            self.say(result)
+            fault = result.lines()[0].removeprefix("error: ")
+            for path in paths if len(paths) == 1 else ():
+                self._put(path, self._faulty(path, fault))
+        else:
+            by_name = {(one.layout.scenarios, one.name): one for one in result.scenarios}
+            for path in paths:
+                found = by_name[(path.resolve().parent, path.stem)]
+                self._put(path, reviewed(path, found))
+            if names is None:
+                self.say("reviewed: what speaks against accepting stands below")
+        self.draw()
+        if names is not None and isinstance(result, ReviewReport):
+            self.ask_accept(result, names)
+
+    def _faulty(self, path: Path, fault: str) -> Waiting | None:
+        now = waiting(path) or next((one for one in self.waiting if one.path == path), None)
+        if now is not None:
+            return dataclasses.replace(now, fault=fault, stamp=stamp_of(now.layout, now.name), found=None)
+        return None
+
+    def _put(self, path: Path, one: Waiting | None) -> None:
+        """Take a scenario in at its place, or out."""
+        chosen = self.chosen.path if self.chosen else path
+        kept = [other for other in self.waiting if other.path != path] + ([one] if one else [])
+        self.waiting = sorted(kept, key=lambda other: other.name)
+        paths = [other.path for other in self.waiting]
+        self.at = paths.index(chosen) if chosen in paths else min(self.at, max(len(paths) - 1, 0))
+
+    def _ended(self, how: str) -> None:
+        self.running = False
+        self.progress("")
+        if how != "the review has ended":
+            self.say(how, bad=how.startswith("error"))
+        elif not self.waiting:
+            self.say("nothing to accept: all is as the goldens say")
+
+    def action_stop(self) -> None:
+        """Stop the review."""
+        self._stop.set()
+        self.say("stopping after the seeds that run now" if self.running else "nothing runs")
+
+    def closing(self) -> None:
+        """Let a review end."""
+        self._stop.set()

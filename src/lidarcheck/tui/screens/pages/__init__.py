@@ -1,0 +1,1 @@
+"""Screens that show the pages of a workflow."""

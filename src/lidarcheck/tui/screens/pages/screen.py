@@ -1,0 +1,248 @@
+"""A screen that shows a workflow's pages: a list of what can be computed, and words, tables and figures of one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal
+
+from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.screens.pages.export import Exports
+from lidarcheck.tui.screens.pages.lines import (
+    figure_lines,
+    job_line,
+    name_room,
+    no_page_lines,
+    note_lines,
+    together,
+    word_lines,
+    wrapped,
+)
+from lidarcheck.tui.screens.pages.work import PageWork
+from lidarcheck.tui.widgets.lines import Line, Lines
+
+if TYPE_CHECKING:
+    from lidarcheck.figures.data import Figure, Page
+    from lidarcheck.figures.html.page_files import Writer
+
+__all__ = ["MOVES", "PageView", "together"]
+
+MOVES: list[Binding] = [
+    Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")
+]
+_BOTH_FROM = 130
+_REST_S = 0.15
+
+
+class PageView(PageWork):
+    """Has `jobs()` computed, one at a time, in a thread, and shows the last page of each."""
+
+    EMPTY: ClassVar[str] = ""
+    """What the list says where there is nothing to compute: what files are needed, and what they are called."""
+    DEFAULT_CSS = """
+    PageView #jobs { height: 5; }
+    PageView #words { display: none; }
+    PageView.words #words { display: block; }
+    PageView.words #figures { display: none; }
+    PageView.wide #words { display: block; width: 64; }
+    PageView.wide #figures { display: block; }
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.at = 0
+        self.turned = 0
+        self.kind_of: dict[str, str] = {}
+        self.listed: list[Job] = []
+        self.exports = Exports(self)
+        self._rest: Any = None
+        self._drawn = 0.0
+
+    # What a screen has of its own
+
+    def jobs(self) -> list[Job]:
+        """What can be computed from the project as it is, in the order of the list. Must be quick: it reads no scan."""
+        raise NotImplementedError
+
+    def groups(self, page: Page) -> list[tuple[Figure, ...]]:
+        """The figures that are seen at once, group after group; one figure at a time by default."""
+        return [(figure,) for figure in page.figures()]
+
+    def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
+        """The title of the figures' pane, and the figures that are seen now, each with the kind it is drawn as."""
+        from lidarcheck.figures.drawing.panels import kinds_of
+
+        groups = self.groups(page)
+        self.turned = min(self.turned, max(len(groups) - 1, 0))
+        if not groups:
+            return "Figures: none", []
+        figures = groups[self.turned]
+        families = [kinds_of(figure) or ("histogram",) for figure in figures]
+        kinds = [self.kind_of.get(family[0], family[0]) for family in families]
+        return f"Figures {self.turned + 1} of {len(groups)}", list(zip(figures, kinds, strict=True))
+
+    def waited_for(self) -> str:
+        """What is being written is written to its end."""
+        return f"{self.exports.writing}: still being written ..." if self.exports.writing else ""
+
+    def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
+        """What else the command writes to its directory, by the name of the file; a thread writes it."""
+        return {}
+
+    # What is shown
+
+    def compose(self) -> ComposeResult:
+        """The list above; words and figures below, side by side where there is room."""
+        yield Lines("Measurements", label="m", id="jobs")
+        with Horizontal():
+            yield Lines("Words", label="w", id="words")
+            yield Lines("Figures", label="f", id="figures")
+
+    def on_mount(self) -> None:
+        """Figures are drawn for the room that there is."""
+        for name in ("words", "figures"):
+            self.query_one(f"#{name}", Lines).when_resized = self._draw_page
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Words and figures side by side, or one of them."""
+        self.set_class(event.size.width >= _BOTH_FROM, "wide")
+
+    def opened(self) -> None:
+        """Show the project's files as they are now."""
+        self.project_changed()
+
+    def project_changed(self) -> None:
+        """List the jobs, with the cursor on the one it was on."""
+        self.listed = self.jobs()
+        wanted = self.ours.state.selected.get(self.NAME, "")
+        names = [job.name for job in self.listed]
+        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.draw()
+
+    @property
+    def job(self) -> Job | None:
+        """What is under the cursor."""
+        return self.listed[self.at] if self.listed else None
+
+    @property
+    def made(self) -> Computed | None:
+        """What was computed of what is under the cursor."""
+        return self.pages.made(self.job) if self.job is not None else None
+
+    @property
+    def page(self) -> Page | None:
+        """Its page."""
+        made = self.made
+        return None if made is None else made.page
+
+    def draw(self) -> None:
+        """The list at once; the page too, but while a key is held down only when it rests."""
+        lines = [self._job_line(number, job) for number, job in enumerate(self.listed)]
+        pane = self.query_one("#jobs", Lines)
+        pane.show(lines or wrapped(self.EMPTY, pane.size.width - 1, "dim"), cursor=self.at if lines else None)
+        if self._rest is not None:
+            self._rest.stop()
+            self._rest = None
+        now = time.monotonic()
+        if now - self._drawn > _REST_S:
+            self._draw_page()
+        else:
+            self._rest = self.set_timer(_REST_S, self._draw_page)
+        self._drawn = now
+
+    def _draw_page(self) -> None:
+        made, job = self.made, self.job
+        if not self.size.width:
+            return  # another screen is seen
+        words, figures = self.query_one("#words", Lines), self.query_one("#figures", Lines)
+        # A pane that is not seen is made ready for the place that it will have.
+        width = (words.size.width or self.size.width) - 1
+        if made is None or job is None:
+            words.show(self._no_page(width), title="Words")
+            figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
+            return
+        lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.ours.inside)
+        words.show(lines, title=f"{job.name}: {made.page.title}")
+        if figures.size.width:
+            title, drawn = self.shown(made.page)
+            figures.show(figure_lines(drawn, (figures.size.width, figures.rows)), title=f"{job.name}: {title}")
+
+    def _job_line(self, number: int, job: Job) -> Line:
+        state = "running" if self.is_computing(job) else "computed" if self.pages.of(job) is not None else ""
+        return job_line(job, state, self.fault_of(job), number == self.at, name_room(self.listed))
+
+    def _no_page(self, width: int) -> list[Line]:
+        job = self.job
+        if job is None:
+            return wrapped(self.EMPTY, width, "dim")
+        return no_page_lines(job, self.is_computing(job), self.fault_of(job), width)
+
+    # Actions
+
+    def action_move(self, key: str) -> None:
+        """The cursor in the list; in the other panes the keys scroll."""
+        for name in ("words", "figures"):
+            if self.query_one(f"#{name}", Lines).has_focus:
+                self.query_one(f"#{name}", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+                return
+        last = max(len(self.listed) - 1, 0)
+        steps = {"up": -1, "down": 1, "pageup": -4, "pagedown": 4, "home": -last, "end": last}
+        before, self.at = self.at, max(min(self.at + steps[key], last), 0)
+        if self.at != before:
+            self.turned = 0
+            self.query_one("#words", Lines).page(-(10**6))
+        if self.job is not None:
+            self.ours.state.selected[self.NAME] = self.job.name
+        self.draw()
+
+    def action_turn(self, by: int) -> None:
+        """Other figures of the page."""
+        page = self.page
+        count = len(self.groups(page)) if page is not None else 0
+        if page is None:
+            self.say("nothing is computed here yet: r computes it")
+        elif count < 2:
+            self.say("there are no other figures")
+        else:
+            self.turned = (self.turned + by) % count
+            self.draw()
+
+    def action_kind(self) -> None:
+        """Draw the figures that are seen as the next kind."""
+        from lidarcheck.figures.drawing.panels import kinds_of
+
+        page = self.page
+        drawn = self.shown(page)[1] if page is not None else []
+        families = dict.fromkeys(kinds_of(figure) for figure, _ in drawn if kinds_of(figure))
+        if not families:
+            self.say("these figures are drawn in one way" if drawn else "there is no figure")
+            return
+        for family in families:
+            now = self.kind_of.get(family[0], family[0])
+            self.kind_of[family[0]] = family[(family.index(now) + 1) % len(family)]
+        self.say(f"drawn as: {', '.join(self.kind_of[family[0]] for family in families)}")
+        self.draw()
+
+    def action_words(self) -> None:
+        """Words instead of figures, or figures again."""
+        self.toggle_class("words")
+        shown = self.query_one("#words" if self.has_class("words") else "#figures", Lines)
+        self.call_after_refresh(self.draw)
+        shown.focus()
+
+    def action_look_again(self) -> None:
+        """Read the project again."""
+        self.ours.read_project()
+
+    def action_export(self) -> None:
+        """Write page, numbers and pictures to a directory that is asked for."""
+        job, made = self.job, self.made
+        if job is None or made is None:
+            self.say("nothing is computed here yet: r computes it")
+        else:
+            self.exports.ask_directory(job, made)

@@ -1,0 +1,50 @@
+"""How many rays a named footprint has: as the search fitted it, or more where these leave less of the gap."""
+
+from dataclasses import replace
+
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import make
+from lidarcheck.explain.decision.equivalence import Polished
+from lidarcheck.explain.decision.footprint_rays import with_best_rays
+from lidarcheck.explain.search.starts import fixed_probes
+from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.workers import Crew
+
+FINE = {"layers": range(240, 284, 2), "points": range(390, 600, 3), "sign": True}
+WIDE = {"vertical_deg": 0.35, "horizontal_deg": 0.35}
+
+
+def fitted(rays: int) -> tuple[Scale, Polished]:
+    """A footprint of so many rays, as the search fits it."""
+    seen = Scale.of(frames(model(make("beam_divergence", WIDE | {"rays": rays})), 2, **FINE), model(), 5)
+    lab = Lab(seen.frames, model(), 3)
+    probe = replace(fixed_probes(["beam_divergence"])[0], settings=WIDE)
+    found = fit(lab, [probe], [probe.start()], rounds=2)
+    return seen, Polished(found, lab, found, {})
+
+
+def left(seen: Scale, now: Fit) -> float:
+    return seen.excess(now.model(model()), now.nuisance)[0]
+
+
+@pytest.mark.parametrize("rays", [3, 11])
+def test_more_rays_are_taken_where_they_leave_less(rays: int) -> None:
+    seen, before = fitted(rays)
+    after = with_best_rays(seen, model(), before, Crew())
+    used = after.last.effects()[0].settings()["rays"]
+    assert used == 3 if rays == 3 else used > 3
+    assert (after is before) == (rays == 3)
+    if rays > 3:
+        assert left(seen, after.last) < left(seen, before.last)
+        assert after.last.effects()[0].settings()["horizontal_deg"] == pytest.approx(0.35, rel=0.15)
+
+
+def test_without_a_footprint_nothing_is_fitted() -> None:
+    seen = Scale.of(frames(model(), 2), model(), 5)
+    lab = Lab(seen.frames, model(), 3)
+    plain = Polished(Fit((), (), 0.0, lab.measured[None]), lab, Fit((), (), 0.0, lab.measured[None]), {})
+    assert with_best_rays(seen, model(), plain, Crew()) is plain

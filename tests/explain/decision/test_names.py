@@ -1,0 +1,207 @@
+"""An effect must be what its name says: dirt is local, rain has drops; and small errors put right must help."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import Effect, make
+from lidarcheck.explain import workflow
+from lidarcheck.explain.decision.answer import CALIBRATION, Answer
+from lidarcheck.explain.decision.model_check import Open
+from lidarcheck.explain.progress import silent
+from lidarcheck.explain.report.explanation import Finding, Gap, Interval
+from lidarcheck.explain.search.located_patch import from_side_to_side
+from lidarcheck.explain.search.selection import Search
+from lidarcheck.explain.search.starts import fixed_probes
+from lidarcheck.explain.search.trial import tried
+from lidarcheck.explain.workflow import Run
+from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.wasserstein import PARTS
+from lidarcheck.workers import Crew
+
+FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
+HAZE = make("fog", {"mor_m": 120.0, "backscatter": 0.0})
+DRIZZLE = make("rain", {"rate_mm_h": 40.0})
+
+
+@pytest.fixture(scope="module")
+def plain() -> Lab:
+    return Lab(frames(model(), 2, **FINE), model(), 3)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "whole"), [(0, 959, True), (320, 640, True), (320, 500, False), (450, 470, False)]
+)
+def test_a_band_over_all_points_is_no_dirt(plain: Lab, first: int, last: int, whole: bool) -> None:
+    place = {"first_layer": 240, "last_layer": 250, "first_point": first, "last_point": last}
+    assert from_side_to_side(plain, make("blockage", place)) is whole
+    assert not from_side_to_side(plain, make("signal_gain", {}))
+
+
+@pytest.mark.parametrize(("missing", "is_rain"), [(HAZE, False), (DRIZZLE, True)], ids=["haze", "rain"])
+def test_there_is_no_rain_without_drops(missing: Effect, is_rain: bool) -> None:
+    lab = Lab(frames(model(missing), 2, **FINE), model(), 3)
+    nothing = np.zeros((1, len(lab.measured)))
+    now = Fit((), (), lab.distance(nothing), nothing)
+    found = [tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["rain"])]
+    assert any(fit.possible for fit in found) is is_rain
+    fog = min((tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["fog"])), key=_distance)
+    assert fog.possible
+
+
+def _distance(fit: Fit) -> float:
+    return fit.distance
+
+
+def fit_of(*names: str) -> Fit:
+    """A fit of such effects where they begin."""
+    probes = tuple(next(one for one in fixed_probes([name]) if not one.variant) for name in names)
+    return Fit(probes, tuple(one.start() for one in probes), 1.0, np.zeros((1, 3)))
+
+
+def test_what_an_answer_is_without() -> None:
+    own, named, tuned = model(), model(HAZE), model(DRIZZLE)
+    finding = Finding("fog", {}, 0.9, (), "", "", (HAZE,))
+    stages = (("", own), ("fog", named), (CALIBRATION, tuned))
+    assert Answer("explained", (finding,), stages, "").without_calibration().stages == stages[:-1]
+    terms = Answer("unknown", (finding,), (("", own), ("empirical: loss", named)), "").without_terms()
+    assert [model_ for _, model_ in terms.stages] == [own, own]
+    assert terms.findings[0].effects == ()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "simpler", "left"),
+    [
+        (0.3, 0.4, "explained", ["walk_error"]),
+        (0.3, 0.4, "unknown", ["walk_error", "vibration"]),
+        (0.3, 0.2, "explained", ["walk_error", "vibration"]),
+        (1.1, 0.2, "explained", ["walk_error", "vibration"]),
+    ],
+    ids=["it widens the gap", "without it all is unknown", "it helps", "the most important one is left"],
+)
+def test_a_name_that_widens_the_gap_is_left_out(
+    first: float, second: float, simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["walk_error", "vibration"]
+    both = fit_of(*names)
+    alone = replace(both, probes=both.probes[:1], x=both.x[:1])
+    found = [Finding(name, {}, 0.9, (), "", "", ()) for name in names]
+    asked = []
+
+    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+        asked.append(search.fit.names())
+        return search, Answer(simpler, tuple(found[: len(search.fit.names())]), (), "")
+
+    monkeypatch.setattr(Run, "judge", judged)
+    monkeypatch.setattr(workflow, "without", lambda lab, fit, at: alone if at == 1 else pytest.fail("the wrong one"))
+    steps = tuple((name, Interval(v, v, v)) for name, v in zip(names, (first, second), strict=True))
+    gap = Gap(*(Interval(v, v, v) for v in (1.0, second, 0.1)), waterfall=steps)
+    run, search = Run(model(), 0, (), Crew(), silent), Search(both, both)
+    answer = Answer("explained", tuple(found), (), "")
+    bench = SimpleNamespace(lab=None)
+    search, answer = run.leave_out(bench, None, search, answer, gap)  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == left == list(search.fit.names())
+    assert asked == ([("walk_error",)] if second > first else [])
+    said = {1: ["withdrawn"], 2: ["kept"] if asked else []}
+    assert [step.name for step in run.steps] == said[len(left)]
+
+
+@pytest.mark.parametrize(
+    ("needed", "simpler", "left"),
+    [
+        (("signal_gain",), "explained", ["signal_gain"]),
+        (("signal_gain",), "unknown", ["signal_gain", "fog"]),
+        (("signal_gain", "fog"), "explained", ["signal_gain", "fog"]),
+    ],
+    ids=["one is needless", "without it all is unknown", "both are needed"],
+)
+def test_a_rival_may_make_another_name_needless(
+    needed: tuple[str, ...], simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Crosstalk and a pattern of layers were found where the gain is too high; with the gain no pattern is needed."""
+    swapped = fit_of("signal_gain", "fog")
+
+    def polished(self: Run, seen: object, search: Search, closed: object, others: object) -> None:
+        if "crosstalk" in search.fit.names():
+            search.fit = swapped
+
+    def said(self: Run, bench: object, seen: object, search: Search, closed: object, last: object) -> Answer:
+        names = search.fit.names()
+        return Answer("explained" if len(names) == 2 else simpler, tuple(_named(one) for one in names), (), "")
+
+    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Run, "polish", polished)
+    monkeypatch.setattr(Run, "decide", said)
+    monkeypatch.setattr(workflow, "backward", lambda bench, fit, told: fit_of(*needed))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    search, answer = run.judge(None, None, Search(first, first))  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == left == list(search.fit.names())
+    said_of_it = ["left out again" if len(left) == 1 else "kept"] if len(needed) == 1 else []
+    assert [step.name for step in run.steps] == said_of_it
+
+
+def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Run, "polish", lambda self, seen, search, closed, others: None)
+    monkeypatch.setattr(Run, "decide", lambda self, bench, seen, search, *_: Answer("explained", (), (), ""))
+    monkeypatch.setattr(workflow, "backward", lambda *_: pytest.fail("not asked"))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    assert run.judge(None, None, Search(first, first))[1].verdict == "explained"  # type: ignore[arg-type]
+
+
+def opened(left: float) -> Open:
+    """A gap of one standard deviation in all parts, of which so much is left."""
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, (6, 6))
+    return Open(np.ones(len(PARTS)), np.full(len(PARTS), left), noise, noise)
+
+
+@pytest.mark.parametrize(
+    ("left", "others", "names", "said"),
+    [
+        (0.1, {}, ["fog"], []),
+        (0.9, {"rain": ("explained", 0.1)}, ["rain"], ["another way"]),
+        (0.9, {"rain": ("explained", 0.9)}, ["fog"], ["another way", "kept"]),
+        (0.9, {"rain": ("unknown", 0.1)}, ["fog"], ["another way", "kept"]),
+        (0.9, {"rain": ("explained", 0.9), "dropout": ("explained", 0.1)}, ["dropout"], ["another way", "kept"] * 2),
+    ],
+    ids=["closed", "another closes", "another does not", "another is unknown", "the second other closes"],
+)
+def test_where_much_stays_open_other_names_are_asked(
+    left: float,
+    others: dict[str, tuple[str, float]],
+    names: list[str],
+    said: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Rain was called fog by blunt summaries, with which all the drops stayed open."""
+
+    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+        [name] = search.fit.names()
+        verdict, its = others[name]
+        return search, Answer(verdict, (_named(name),), (), "", opened(its))
+
+    monkeypatch.setattr(Run, "judge", judged)
+    monkeypatch.setattr(workflow, "with_fewer_kin", lambda *_: iter(()))
+    ways = [Search(fit_of(name), fit_of(name)) for name in others]
+    monkeypatch.setattr(workflow, "other_ways", lambda *_: iter(ways))
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    answer = Answer("explained", (_named("fog"),), (), "", opened(left))
+    search, answer = run.take_another_way(None, None, [], Search(first, first), answer)  # type: ignore[arg-type]
+    assert [one.name for one in answer.findings] == names == list(search.fit.names())
+    assert [step.name for step in run.steps] == said[: 3 if names == ["dropout"] else None]
+
+
+def test_an_unknown_is_asked_for_no_other_way() -> None:
+    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    search, answer = Search(first, first), Answer("unknown", (_named("unknown"),), (), "")
+    assert run.take_another_way(None, None, [], search, answer) == (search, answer)  # type: ignore[arg-type]
+
+
+def _named(name: str) -> Finding:
+    return Finding(name, {}, 0.9, (), "", "", ())

@@ -1,0 +1,91 @@
+"""Beams that are lost in blocks: how large these are, and how many of them other frames lose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from explain_core_kit import frames, model
+from lidarcheck.effects import make
+from lidarcheck.explain.decision.closure import intervals
+from lidarcheck.explain.search.located_losses import as_struck, loss_probes, share_spread
+from lidarcheck.explain.search.starts import Probe, free_of
+from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.simulator import Lab
+
+WINDOW = {"layers": range(200, 250), "points": range(400, 520)}
+BLOCKS = 2 * 50 * 120
+"""Beams of two frames; in so many parts of a block's size they fall apart."""
+
+
+def lab_of(share: float, points: int, layers: int, *others: object) -> Lab:
+    """Two frames with losses, and a model without."""
+    lost = make("dropout", {"share": share, "block_points": points, "block_layers": layers})
+    return Lab(frames(model(lost, *others), 2, **WINDOW), model(), 5)  # type: ignore[arg-type]
+
+
+def fit_of(share: float, points: int, layers: int) -> Fit:
+    """A fit of such losses."""
+    probe = Probe(
+        "dropout", {"share": share}, free_of("dropout"), {"block_points": points, "block_layers": layers}, "blocks"
+    )
+    return Fit((probe,), (probe.start(),), 0.0, np.zeros((1, 1)))
+
+
+@pytest.mark.parametrize(("points", "layers"), [(4, 2), (8, 8), (1, 6), (1, 12), (3, 5), (16, 1)])
+def test_the_size_of_lost_blocks_is_read_off_the_data(points: int, layers: int) -> None:
+    [found] = loss_probes(lab_of(0.08, points, layers))
+    assert found.fixed == {"block_points": points, "block_layers": layers}
+    chance = np.sqrt(0.08 / (BLOCKS / (points * layers)))
+    assert found.settings["share"] == pytest.approx(0.08, abs=3.0 * chance)
+
+
+def test_beams_that_other_causes_lose_and_lines_along_edges_leave_the_size_as_it_is() -> None:
+    others = make("dark_counts", {"rate_per_ns": 1e-3}), make("boresight", {"yaw_deg": 0.125, "pitch_deg": 0.0})
+    [found] = loss_probes(lab_of(0.05, 4, 8, *others))
+    assert found.fixed == {"block_points": 4, "block_layers": 8}
+    assert found.settings["share"] == pytest.approx(0.05, abs=0.03)
+
+
+@pytest.mark.parametrize("others", [(), (make("dark_counts", {"rate_per_ns": 1e-3}),)])
+def test_beams_that_are_lost_one_by_one_make_no_blocks(others: tuple[object, ...]) -> None:
+    assert not loss_probes(lab_of(0.08, 1, 1, *others))
+    assert not loss_probes(lab_of(0.0, 1, 1, *others))
+
+
+def test_where_all_is_lost_no_size_is_read_off() -> None:
+    assert not loss_probes(lab_of(1.0, 4, 8))
+
+
+def test_other_frames_lose_as_many_blocks_as_they_do() -> None:
+    lab = lab_of(0.03, 8, 8)
+    [read] = loss_probes(lab)
+    struck = as_struck(lab, fit_of(0.08, 8, 8))
+    assert struck.effects()[0].settings()["share"] == pytest.approx(read.settings["share"], rel=0.02)
+    far = fit_of(0.5, 8, 8)
+    assert as_struck(lab, far) == far, "chance does not make nine tenths of the blocks come back"
+
+
+def test_single_beams_are_so_many_that_their_share_is_known() -> None:
+    lab = lab_of(0.03, 8, 8)
+    single = fit_of(0.08, 1, 1)
+    assert as_struck(lab, single) == single
+    fog = Probe("fog", {"mor_m": 100.0}, free_of("fog"))
+    other = replace(single, probes=(fog,), x=(fog.start(),))
+    assert as_struck(lab, other) == other
+
+
+def test_of_few_blocks_the_share_is_known_as_well_as_their_number() -> None:
+    lab = lab_of(0.08, 8, 8)
+    found = fit_of(0.08, 8, 8)
+    lost = 0.08 * len(
+        {(k, layer // 8, point // 8) for k in range(2) for layer in range(200, 250) for point in range(400, 520)}
+    )
+    spread = share_spread(lab, found.probes[0], 0.08)
+    assert spread == pytest.approx(np.sqrt(2.0 / lost), rel=0.02)
+    assert share_spread(lab, fit_of(0.08, 1, 1).probes[0], 0.08) == 0.0
+    fits = [fit_of(0.08, 8, 8), fit_of(0.08, 1, 1)]
+    shown = [replace(one, shown=lab.shows(one.model(lab.model))) for one in fits]
+    [blocks], [single] = (intervals(lab, one, 1.5) for one in shown)
+    assert blocks["share"].high / 0.08 > np.exp(1.645 * spread)
+    assert single["share"].high < blocks["share"].high

@@ -1,0 +1,218 @@
+"""A small project for the terminal interface, bad files among the good ones; and a child that edits and is killed."""
+
+import asyncio
+import difflib
+import os
+import random
+import re
+import signal
+import sys
+import time
+from pathlib import Path
+
+from blooming_kit import lut_text, sign_model
+from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.kpis.spec import KpiSpec
+from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
+from lidarcheck.model.files.model_file import save_model
+from lidarcheck.session.lut_session import LutSession
+from lidarcheck.tui.app import LidarcheckApp
+from lidarcheck.tui.widgets import dialogs
+
+dialogs.UNASKED_S = 0.0  # tests answer at once; the one of it sets it again
+ROOT = Path(__file__).resolve().parents[2]
+SNAPSHOTS = ROOT / "tests/snapshots"
+LUT = "# our sign\r\n" + lut_text().replace("\n", "\r\n") + "; the end\r\nPostPro.Other = 7"
+HORIZONTAL = "PostPro.LUT_bloomingH_X = 0, 1, 2, 4\nPostPro.LUT_bloomingH_Y = 1, 0.02, 0.0002, 0\n"
+OFFSETS = range(-60, 61, 3)
+
+
+def profile_text():
+    rows = [f"{x},69.0,{40 + abs(x) // 3},{300 + 4 * (60 - abs(x))},6.0" for x in OFFSETS if abs(x) > 3]
+    return "offset_spad_rows,range_m,PEAK,AREA,WIDTH_ns\n" + "\n".join([*rows, "0,69.0,236,3559,20.0"]) + "\n"
+
+
+def make_project(root):
+    for name in ("scenarios", "goldens", "measured", "models"):
+        (root / name).mkdir(parents=True)
+    for name in ("background_SMART", "weak_targets_SLIM"):
+        text = (ROOT / f"scenarios/{name}.toml").read_text().replace('"models/', '"../models/')
+        (root / f"scenarios/{name}.toml").write_text(text)
+        (root / f"goldens/{name}.toml").write_bytes((ROOT / f"goldens/{name}.toml").read_bytes())
+    for name in ("SLIM", "SMART"):
+        (root / f"models/{name}.toml").write_bytes((ROOT / f"scenarios/models/{name}.toml").read_bytes())
+    save_model(sign_model("SLIM"), root / "models/sign_SLIM.toml")
+    (root / "scenarios/broken.toml").write_text("kpis = [\n")
+    (root / "a_lut.ini").write_bytes(LUT.encode())
+    (root / "both_lut.ini").write_text(lut_text() + HORIZONTAL)
+    (root / "bad_lut.ini").write_text("PostPro.LUT_blooming_X = 1, 2\nPostPro.LUT_blooming_Y = 1, x\n")
+    (root / "measured/sign_69m.csv").write_text(profile_text())
+    (root / "measured/sign_157m.csv").write_text(profile_text().replace("69.0", "157.0"))
+    (root / "measured/empty.txt").write_text("")
+    (root / "notes.txt").write_text("hello\n")
+    return root
+
+
+def fake_check(paths, progress, moment_s=0.02):
+    """A check that takes a moment and finds that the second KPI fell out."""
+    for done in range(5):
+        progress(done, 5, "")
+        time.sleep(moment_s)
+    name = Path(paths[0]).stem
+    specs = [KpiSpec(kpi, "mean", "1", "target", 0.1, high=3.0) for kpi in ("area_mean", "peak_mean")]
+    kpis = tuple(
+        KpiResult(spec, verdict, 1.0, now, Evidence(verdict, now - 1.0, 0.01, 0.02, 16), note=note, fresh=(now,))
+        for spec, verdict, now, note in zip(
+            specs, (Verdict.EQUIVALENT, Verdict.REGRESSED), (1.01, 1.5), ("", "beyond the tolerance"), strict=True
+        )
+    )
+    return CheckReport((ScenarioResult(name, Path(paths[0]), "", kpis),), (), None, "", 2, 1e-3, 0.1, {})
+
+
+def drive(app, do, size=(80, 24)):
+    """Run an app headless; `do` gets the app and its pilot once the project was read."""
+
+    async def session():
+        async with app.run_test(size=size) as pilot:
+            await until(pilot, lambda: app.reads)
+            await do(app, pilot)
+
+    asyncio.run(session())
+
+
+async def until(pilot, true, shown=lambda: "it did not come about", seconds=60.0):
+    """Wait until something is so; `shown` says what is there instead."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, shown()
+        await pilot.pause(0.02)
+
+
+def app_on(project, **how):
+    return LidarcheckApp(project, check=fake_check, **how)
+
+
+def text_of(app):
+    """What is on the screen, as text."""
+    strips = app.screen._compositor.render_strips()
+    return "\n".join("".join(segment.text for segment in strip).rstrip() for strip in strips) + "\n"
+
+
+async def sees(app, pilot, text):
+    """Wait until a text is on the screen: a dialog is drawn a moment after it opens."""
+    await until(pilot, lambda: text in text_of(app), lambda: text_of(app))
+
+
+async def says(app, pilot, text):
+    """Wait until the status line says something."""
+    await until(pilot, lambda: text in status(app), lambda: status(app))
+
+
+def status(app):
+    return app.bars.status[0]
+
+
+def written(directory):
+    """The files below a directory with their bytes."""
+    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
+def undated(app):
+    """What is on the screen, with every time of day the same."""
+    return re.sub(r"\d\d-\d\d \d\d:\d\d( +[\d.]+ s)?", "12-31 23:59", text_of(app))
+
+
+def difference(stored, app):
+    stored_lines, lines = stored.read_text().splitlines(), undated(app).splitlines()
+    return "\n".join(difflib.unified_diff(stored_lines, lines, "stored", "now", lineterm=""))
+
+
+async def as_stored(app, pilot, name):
+    """The screen is the text that is stored of it.
+
+    `LIDARCHECK_SNAPSHOTS=write` stores it anew, to be looked at in the diff.
+    """
+    stored = SNAPSHOTS / f"{name}.txt"
+    if os.environ.get("LIDARCHECK_SNAPSHOTS") == "write":
+        await pilot.pause(1.0)
+        SNAPSHOTS.mkdir(exist_ok=True)
+        stored.write_text(undated(app))
+    await until(pilot, lambda: undated(app) == stored.read_text(), lambda: difference(stored, app))
+
+
+def edit_until_killed(root, seed, say):
+    """What a user does, faster: edits, undoes and saves at random, and says each once it is done."""
+    draw = random.Random(seed)
+    session = LutSession(root / "a_lut.ini", root)
+    if session.found:
+        session.bring_back()
+    say("ready", session.current.content)
+    while True:
+        chance, lut, history = draw.random(), session.current, session.history
+        if chance < 0.3:
+            say("saving", lut.content)
+            session.save()
+            say("saved", session.saved.content)
+        elif chance < 0.4 and history.done:
+            say("doing", history.last("undo").applied(lut.content, back=True))
+            session.undo()
+            say("done", session.current.content)
+        elif chance < 0.5 and history.undone:
+            say("doing", history.last("redo").applied(lut.content))
+            session.redo()
+            say("done", session.current.content)
+        else:
+            row, value = draw.randrange(26), draw.randrange(270, 1000)
+            say("doing", lut.with_scaled("vertical", row, value).content)
+            session.set("vertical", [row], str(value))
+            say("done", session.current.content)
+
+
+def killed_session(root, seed, after_s):
+    """Edit in a child, kill it with signal 9, and give what it said: (word, bytes) in order."""
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(receive)
+        edit_until_killed(root, seed, lambda word, content: os.write(send, f"{word} {content.hex()}\n".encode()))
+        os._exit(1)
+    os.close(send)
+    with os.fdopen(receive, "rb") as stream:
+        said = stream.readline()
+        time.sleep(after_s)
+        os.kill(child, signal.SIGKILL)
+        said += stream.read()
+    os.waitpid(child, 0)
+    lines = [line.split() for line in said.decode().split("\n")[:-1]]
+    return [(word, bytes.fromhex(content)) for word, content in lines]
+
+
+def check_killed(root, said, known):
+    """Nothing is lost or half-written after a kill: `known` are all contents that were ever to be saved."""
+    known.update(content for word, content in said if word == "saving")
+    disk = (root / "a_lut.ini").read_bytes()
+    assert disk in known, "the file is neither old nor new"
+    session = LutSession(root / "a_lut.ini", root)
+    assert not session.read_only, "the lock outlived its holder"
+    if session.found:
+        session.bring_back()
+    # What was being done may be there: it was kept, and the process died before it said so.
+    able = [said[-1][1]] if said[-1][0] != "doing" else [said[-1][1], said[-2][1]]
+    assert session.current.content in able, f"an edit was lost while {said[-1][0]}"
+    session.close()
+
+
+def kill_often(root, times, seed):
+    """Kill a session many times; how often it died after which word."""
+    draw, phases, known = random.Random(seed), {}, {LUT.encode()}
+    for number in range(times):
+        said = killed_session(root, 1000 * seed + number, draw.uniform(0.0, 0.04))
+        check_killed(root, said, known)
+        phases[said[-1][0]] = phases.get(said[-1][0], 0) + 1
+    return phases
+
+
+if __name__ == "__main__":
+    # python tests/kits/tui_kit.py DIRECTORY TIMES SEED: how often a killed session lost nothing.
+    (Path(sys.argv[1]) / "a_lut.ini").write_bytes(LUT.encode())
+    print(kill_often(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])))

@@ -1,0 +1,156 @@
+"""Beams side by side: the same draws and the same echoes, to the last bit, as for each beam on its own."""
+
+from collections.abc import Callable
+from decimal import Decimal, localcontext
+
+import numba
+import numpy as np
+import pytest
+
+from lidarcheck.model import lane_math, simulate, streams
+from lidarcheck.model.exact import kernel, listing
+from lidarcheck.model.exact.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.numbers import numbers_of
+from lidarcheck.model.exact.pulses import pulses_of
+from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.spec import Model
+from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.sensor import Material, Sensor, beam_directions
+
+RNG = np.random.default_rng(20)
+FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[Decimal], Decimal], np.ndarray]] = {
+    "exp": (lane_math.exp, lambda x: x.exp(), np.append(RNG.uniform(-700.0, 50.0, 300), [0.0, -0.3, -1e-9])),
+    "expm1": (lane_math.expm1, lambda x: x.exp() - 1, np.append(10.0 ** RNG.uniform(-12.0, 0.0, 300), [1.0, 0.6931])),
+    "log": (
+        lane_math.log,
+        lambda x: x.ln(),
+        np.append(10.0 ** RNG.uniform(-16.0, 3.0, 300), [0.5, 0.7072, 1.5, 1 - 2**-53]),
+    ),
+    "log1m": (lane_math.log1m, lambda x: (1 - x).ln(), np.append(10.0 ** RNG.uniform(-12.0, -0.302, 300), [0.5])),
+}
+
+
+@numba.njit
+def apply(function, x, out):  # type: ignore[no-untyped-def]
+    for k in range(len(x)):
+        out[k] = function(x[k])
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_exponentials_and_logarithms_are_right_to_the_last_digits(name: str) -> None:
+    function, exact, x = FUNCTIONS[name]
+    out = np.empty(len(x))
+    apply(function, x, out)
+    with localcontext() as context:
+        context.prec = 50
+        truth = [exact(Decimal(value)) for value in x.tolist()]
+        errors = [abs((Decimal(got) - true) / true) for got, true in zip(out.tolist(), truth, strict=True)]
+    assert max(errors) < 1e-15
+
+
+def test_draws_side_by_side_are_those_of_each_beam() -> None:
+    stream = streams.new_stream(2**63 + 5, "spads", 2**64 - 7)
+    beams = np.random.default_rng(1).integers(0, 2**63, LANES, dtype=np.uint64)
+    together, alone = np.empty(20 * LANES), np.empty(20)
+    streams.fill_abreast(stream, beams, 5, np.zeros(4 * LANES, dtype=np.uint64), together)
+    for lane, beam in enumerate(beams):
+        streams.rewind(stream, beam)
+        streams.fill(stream, alone, 20)
+        assert np.array_equal(together[lane::LANES], alone)
+
+
+def light(n: int, background: float | np.ndarray, pulses: int, spread_m: float, brightest: float) -> Light:
+    """Beams with pulses of all strengths at all ranges, `spread_m` apart, some of them without any light."""
+    rng = np.random.default_rng(6)
+    first = np.append(0, np.cumsum(rng.integers(0, pulses + 1, n)))
+    beam = np.repeat(np.arange(n), np.diff(first))
+    signal = brightest * 10.0 ** rng.uniform(-6.0, 0.0, len(beam))
+    signal[::17] = 0.0
+    range_m = rng.uniform(-1.0, 43.0, n).clip(0.0)[beam] + rng.uniform(0.0, spread_m, len(beam))
+    return Light(*np.divmod(np.arange(n), 960), np.broadcast_to(background, n), first, range_m, signal)
+
+
+def run(beams: Light, sensor: Sensor, chunk: int) -> Echoes:
+    numbers, echoes = numbers_of(sensor), new_echoes(len(beams), sensor.max_echoes)
+    for column in echoes:
+        column[:] = 0
+    scratch, order = kernel.new_scratch(numbers), np.arange(len(beams))
+    for start in range(0, len(beams), chunk):
+        kernel.simulate_beams(
+            numbers,
+            streams.new_stream(4, "spads", 2),
+            streams.beam_keys(beams.layer, beams.point),
+            beams.background_per_ns * sensor.bin_ns,
+            pulses_of(beams, sensor, numbers),
+            order[start : start + chunk],
+            scratch,
+            echoes,
+        )
+        assert not scratch.counts.any()
+        assert not scratch.group.counts[: numbers.dead * LANES].any()
+    return echoes
+
+
+CASES = {
+    "SMART": (Sensor.of("SMART", max_range_m=40.0), light(3000, 3e-4, 1, 0.0, 1e4)),
+    "SLIM, several pulses": (Sensor.of("SLIM", max_range_m=40.0), light(3000, 3e-4, 3, 4.0, 1e3)),
+    "pulses too far apart for some": (Sensor.of("SMART", max_range_m=40.0), light(2000, 3e-4, 2, 30.0, 10.0)),
+    "many dead on entry, many alarms": (Sensor.of("SLIM", max_range_m=40.0), light(3000, 1e-3, 1, 0.0, 3.0)),
+    "several backgrounds": (
+        Sensor.of("SMART", max_range_m=40.0),
+        light(2000, np.resize(np.repeat([2e-4, 1e-3, 3e-2], [21, 6, 10]), 2000), 1, 0.0, 30.0),
+    ),
+    "no background": (Sensor.of("SMART", max_range_m=40.0, threshold=0), light(2000, 0.0, 2, 3.0, 1e9)),
+    "several runs in a window": (
+        Sensor.of("SMART", max_range_m=40.0, threshold=2, max_echoes=1, on_bins=3),
+        light(3000, 5e-4, 3, 6.0, 5.0),
+    ),
+    "short times": (Sensor.of("SLIM", max_range_m=40.0, on_bins=1, dead_bins=1), light(2000, 3e-4, 1, 0.0, 300.0)),
+    "one detector": (
+        Sensor.of("SMART", spads=1, shots=1, threshold=0, max_range_m=40.0),
+        light(2000, 0.01, 1, 0.0, 1e4),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_echoes_side_by_side_are_those_of_beams_on_their_own(case: str) -> None:
+    sensor, beams = CASES[case]
+    together, alone = run(beams, sensor, 1 << 20), run(beams, sensor, 5)
+    assert alone.held.sum() > 100
+    for one, other in zip(together, alone, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_chunks_of_the_table_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    n = 1000
+    ideal = IdealScan(*np.divmod(np.arange(n), 960), np.full(n, 30.0), np.ones(n), np.zeros(n))
+    model = Model(Sensor.of("SMART"), {1: Material("wall", 0.3)})
+
+    def columns(scan: Scan) -> list[np.ndarray]:
+        return [scan.x_m, scan.layer, scan.point, scan.echo_number, scan.width_ns, scan.area, scan.peak]
+
+    whole = columns(simulate(ideal, model, seed=3))
+    monkeypatch.setattr(listing, "_CHUNK", 77)
+    assert all(
+        np.array_equal(one, other) for one, other in zip(whole, columns(simulate(ideal, model, seed=3)), strict=True)
+    )
+
+
+def test_beams_that_the_sensor_has_not_are_listed_along_their_directions() -> None:
+    n = 400
+    layer, point = np.repeat([-7, 3, 519, 640], 100), np.tile(np.arange(900, 1000), 4)
+    model = Model(Sensor.of("SMART"), {1: Material("wall", 0.3)})
+    scan = simulate(IdealScan(layer, point, np.full(n, 30.0), np.ones(n), np.zeros(n)), model, seed=3)
+    assert set(scan.layer) == {-7, 3, 519, 640}
+    expected = beam_directions(scan.layer, scan.point) * scan.range_m[:, None]
+    assert np.allclose(np.column_stack([scan.x_m, scan.y_m, scan.z_m]), expected, atol=1e-9)
+    own = (layer >= 0) & (layer < 520) & (point < 960)
+    alone = simulate(
+        IdealScan(layer[own], point[own], np.full(own.sum(), 30.0), np.ones(own.sum()), np.zeros(own.sum())),
+        model,
+        seed=3,
+    )
+    among = scan.take((scan.layer >= 0) & (scan.layer < 520) & (scan.point < 960))
+    assert np.array_equal(alone.x_m, among.x_m)
+    assert np.array_equal(alone.z_m, among.z_m)

@@ -1,0 +1,48 @@
+"""The kernels' cache: a changed source must never meet a compiled kernel of the old one."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[2] / "src" / "lidarcheck"
+ASK = """
+import numpy as np
+from lidarcheck.model import single, streams
+from lidarcheck.model.numbers import numbers_of
+from lidarcheck.sensor import Sensor
+numbers = numbers_of(Sensor.of("SMART", max_range_m=5.0))
+scratch = single.new_scratch(numbers)
+scratch.draws[:] = 0.9
+print(single.enter(numbers, streams.new_stream(1, "x"), scratch, 0.7, 0))
+"""
+
+
+def answer(source: Path, cache: Path) -> int:
+    environment = {**os.environ, "PYTHONPATH": str(source), "LIDARCHECK_CACHE": str(cache)}
+    run = subprocess.run([sys.executable, "-c", ASK], env=environment, capture_output=True, text=True, check=True)
+    return int(run.stdout)
+
+
+def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None:
+    """`enter` calls `binomial` from another file, whose change numba's own cache would not see."""
+    shutil.copytree(PACKAGE, tmp_path / "src" / "lidarcheck", ignore=shutil.ignore_patterns("__pycache__"))
+    cache = tmp_path / "cache"
+    before = answer(tmp_path / "src", cache)
+    assert before > 0
+    assert answer(tmp_path / "src", cache) == before
+    assert len(list((cache / "kernels").iterdir())) == 1, "the same source uses the same cache"
+    changed = tmp_path / "src" / "lidarcheck" / "model" / "binomial.py"
+    text = changed.read_text()
+    changed.write_text(text.replace("    if trials <= 0 or rate <= 0.0:\n", "    if trials > 0:\n"))
+    assert changed.read_text() != text
+    os.utime(changed, ns=(PACKAGE.stat().st_atime_ns, PACKAGE.stat().st_mtime_ns))
+    assert answer(tmp_path / "src", cache) == 0
+    assert len(list((cache / "kernels").iterdir())) == 2
+
+
+def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(tmp_path: Path) -> None:
+    nowhere = tmp_path / "file"
+    nowhere.write_text("")
+    assert answer(PACKAGE.parent, nowhere) > 0

@@ -1,0 +1,308 @@
+"""Histograms, driven by keys on a small bench: what is found, compared, left out, put side by side and written."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench_kit import make_bench
+from lidarcheck.cli import main
+from lidarcheck.formats import load_scan
+from lidarcheck.session.project import Entry, Project, read_project
+from lidarcheck.tui.app import LidarcheckApp
+from lidarcheck.tui.jobs.vehicle_jobs import FILES, groups_of, job_of, options_of, source_of
+from lidarcheck.tui.screens.histograms import Histograms
+from tui_kit import as_stored, drive, says, sees, text_of, until
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return make_bench(tmp_path / "bench")
+
+
+@pytest.fixture
+def inside(bench, monkeypatch):
+    """The bench as the directory that one is in: files are named as on the command line."""
+    (bench / "car_50m_SMART_real.txt").unlink()
+    monkeypatch.chdir(bench)
+    return Path()
+
+
+def histograms(project, do, size=(80, 24)):
+    async def on_it(app, pilot):
+        await until(pilot, lambda: isinstance(app.view, Histograms) and app.view.listed)
+        await do(app, pilot, app.view)
+
+    drive(LidarcheckApp(project, screen="histograms"), on_it, size)
+
+
+async def computed(pilot, view):
+    await pilot.press("r")
+    await until(pilot, lambda: view.running is None and view.page is not None, lambda: str(view.faults))
+
+
+async def on_vehicle(pilot, view, name):
+    """Move the cursor to a vehicle."""
+    names = [job.name for job in view.listed]
+    await pilot.press("home", *["down"] * names.index(name))
+    await until(pilot, lambda: view.job.name == name)
+
+
+def project_of(*names):
+    entries = [Entry(Path("p") / name, "ideal" if "ideal" in name else "scan", name) for name in sorted(names)]
+    return Project(Path("p"), (*entries, Entry(Path("p/m_SLIM.toml"), "model", "m_SLIM.toml")))
+
+
+def found(*names):
+    """What belongs to each measurement, by its name."""
+    return {
+        m.name: (group.name, m.distance_m, m.simulated and m.simulated.name, m.ideal and m.ideal.name)
+        for group in groups_of(project_of(*names))
+        for m in group.measurements
+    }
+
+
+@pytest.mark.parametrize(
+    ("real", "simulated", "ideal", "of"),
+    [
+        ("car_20m_real.txt", "car_20m_sim.txt", "car_20m_ideal.txt", ("car", 20.0)),
+        ("real_car_20m_SLIM.pcd", "sim_car_20m.pcd", "ideal_20m.parquet", ("car SLIM", 20.0)),
+        ("truck_7.5m.pcd", "simulated_7.5m.pcd", "ideal_truck_7.5m.pcd", ("truck", 7.5)),
+        ("SMART/van/real_9m.las", "SMART/van/sim_9m.las", "van-9m-ideal.txt", ("van SMART", 9.0)),
+        ("car.txt", "car_sim.txt", "car_ideal.txt", ("car", None)),
+    ],
+)
+def test_files_belong_together_by_their_names(real, simulated, ideal, of):
+    belongs = found(real, simulated, ideal, "postcard_20m.txt", "street.txt", "car_20m_merged.pcd")
+    assert belongs == {real: (*of, Path(simulated).name, Path(ideal).name)}
+
+
+def test_files_of_another_variant_or_distance_do_not_belong():
+    belongs = found(
+        "a/car_20m_SLIM_real.txt", "a/car_20m_SMART_sim.txt", "a/car_25m_SLIM_sim.txt", "b/van_20m_ideal.txt"
+    )
+    assert belongs == {"a/car_20m_SLIM_real.txt": ("car SLIM", 20.0, None, None)}
+    (group,) = groups_of(project_of("car_20m_real.txt"))
+    assert options_of(group, []) == []
+    assert "named like car_20m_real.txt" in job_of(group, "", []).fault
+
+
+def test_of_same_names_those_beside_each_other_belong_together():
+    belongs = found("a/car_9m_real.txt", "b/car_9m_real.txt", "a/car_9m_sim.txt", "b/car_9m_sim.txt", "c/sim_9m.txt")
+    groups = groups_of(project_of("a/car_9m_real.txt", "b/car_9m_real.txt", "a/car_9m_sim.txt", "b/car_9m_sim.txt"))
+    assert {m.simulated.parent.name for g in groups for m in g.measurements} == {"a", "b"}
+    assert len(belongs) == 2
+
+
+def test_the_project_is_grouped_and_what_is_missing_is_said(bench):
+    project = read_project(bench)
+    groups = {group.name: group for group in groups_of(project)}
+    assert [m.distance_m for m in groups["car SMART"].measurements] == [10.0, 16.0, 22.0, 28.0, 50.0]
+    models = project.of("model")
+    assert options_of(groups["car SMART"], models) == [FILES, "models/SMART.toml", "models/SLIM.toml"]
+    assert options_of(groups["van SLIM"], models) == ["models/SLIM.toml", "models/SMART.toml"]
+    job = job_of(groups["car SMART"], "models/SMART.toml", models)
+    assert job.words == "at 10, 16, 22, 28 m, simulated with models/SMART.toml"
+    assert job.notes == ("left out: car_50m_SMART_real.txt: no ideal scan is named like it",)
+    assert "there are ideal scans, but no model" in job_of(groups["van SLIM"], "", []).fault
+    others = [Entry(Path(f"{name}.toml"), "model", f"{name}.toml") for name in ("one", "two")]
+    assert source_of(groups["van SLIM"], others, "") == ""
+    assert "any of 2 models could be meant: m chooses one" in job_of(groups["van SLIM"], "", others).fault
+    assert source_of(groups["van SLIM"], others, "two.toml") == "two.toml"
+    assert source_of(groups["car SMART"], others, "") == FILES
+
+
+def test_three_distances_at_once_where_there_is_room(bench):
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app) and "car at 22 m, PEAK" in text_of(app))
+        await sees(app, pilot, "Left out: car_50m_SMART_real.txt.")
+        await sees(app, pilot, "car_50m_SMART_real.txt:2: 'Z' is 'x', not a number")
+        await pilot.press("n")
+        await sees(app, pilot, "car at 28 m, PEAK")
+        await pilot.resize_terminal(80, 24)
+        await pilot.press("p")
+        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app) and "car at 16 m, PEAK" in text_of(app))
+        assert "car at 22 m, PEAK" not in text_of(app)
+        for feature in ("AREA", "WIDTH"):
+            await pilot.press("n", "n")
+            await sees(app, pilot, f"car at 10 m, {feature}")
+        await pilot.press("n", "n")
+        await sees(app, pilot, "car at 10 m, points: from above")
+        await pilot.press("p", "v")
+        await says(app, pilot, "drawn as: qq")
+        await sees(app, pilot, "quantiles of simulated")
+
+    histograms(bench, do, (160, 50))
+
+
+def test_the_export_is_what_the_command_writes(inside, capsys):
+    for file in inside.glob("*_2?m*"):  # pictures of all would take long
+        file.unlink()
+
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        await pilot.press("v", "e")
+        await sees(app, pilot, "to which directory")
+        await pilot.press("enter")
+        await says(app, pilot, "car_SMART_out: report.html, result.json, pictures/, distances.png")
+        await pilot.press("i")
+        await sees(app, pilot, "to which PNG file")
+        await pilot.press("enter")
+        await says(app, pilot, "car_SMART_distances.png: all distances")
+        await pilot.press("i")
+        await sees(app, pilot, "to which PNG file")
+        await pilot.press("ctrl+u", *"x.bmp", "enter")
+        await says(app, pilot, "no name of a PNG picture; end it with .png")
+
+    histograms(inside, do)
+    near = (10, 16)
+    real, simulated = ([f"car_{m}m_SMART_{side}.pcd" for m in near] for side in ("real", "sim"))
+    ideal = [f"ideal_car_{m}m.parquet" for m in near]
+    options = ("--vehicle", "car", "--variant", "SMART", "--plot", "qq", "--out", "by_command")
+    assert main(["vehicles", "compare", *real, "--simulated", *simulated, "--ideal", *ideal, *options]) == 0
+    by_command, by_key = (
+        {str(f.relative_to(out)): f.read_bytes() for f in out.rglob("*.*")}
+        for out in map(Path, ("by_command", "car_SMART_out"))
+    )
+    assert by_command.keys() == by_key.keys()
+    assert by_command == by_key
+    assert Path("car_SMART_distances.png").read_bytes() == by_key["distances.png"]
+
+
+def test_what_a_model_makes_is_what_the_command_makes(inside, capsys):
+    async def do(app, pilot, view):
+        await on_vehicle(pilot, view, "van SLIM")
+        await computed(pilot, view)
+        await pilot.press("e")
+        await sees(app, pilot, "to which directory")
+        await pilot.press("enter")
+        await says(app, pilot, "van_SLIM_out: report.html")
+
+    histograms(inside, do)
+    files = ("slim/van_14m_real.pcd", "--ideal", "slim/van_14m_ideal.parquet", "--model", "models/SLIM.toml")
+    assert main(["vehicles", "compare", *files, "--vehicle", "van", "--out", "by_command"]) == 0
+    for name in ("report.html", "result.json"):
+        assert (Path("by_command") / name).read_bytes() == (Path("van_SLIM_out") / name).read_bytes()
+
+
+def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
+    async def do(app, pilot, view):
+        await pilot.press("b")
+        await says(app, pilot, "r computes it first")
+        await computed(pilot, view)
+        await pilot.press("plus")
+        await says(app, pilot, "b shows both vehicles beside each other first")
+        await pilot.press("b")
+        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
+        await until(pilot, lambda: "at 10 m: from above" in text_of(app) and "at 10 m: from the side" in text_of(app))
+        await pilot.press("n", "v")
+        await says(app, pilot, "seen from above and from the side")
+        await sees(app, pilot, "car SMART at 16 m: from above")
+        await pilot.press("minus", "minus", "plus", "right_square_bracket")
+        await sees(app, pilot, "X 0.25 m, Y -3.25 m (suggested 0 and -3), 2 of 4")
+        await pilot.press("o")
+        await sees(app, pilot, "as one cloud")
+        await pilot.press("enter")
+        await says(app, pilot, "car_SMART_16m_merged.pcd: ")
+        await until(pilot, lambda: not view.exports.writing)
+        await pilot.press("p")
+        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
+        await pilot.press("n", "left_square_bracket", "s")
+        await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 2 of 4")
+        await pilot.press("o")
+        await sees(app, pilot, "as one cloud")
+        await pilot.press("ctrl+u", *"car.doc", "enter")
+        await says(app, pilot, "car.doc")
+        await pilot.press("b")
+        await sees(app, pilot, "car at 10 m, PEAK")
+        await pilot.press("R")
+        await until(pilot, lambda: app.reads == 2)
+        assert [job.name for job in view.listed] == ["car SMART", "van SLIM", "truck SMART"]
+
+    histograms(inside, do)
+    assert not Path("car.doc").exists()
+    files = ("car_16m_SMART_real.pcd", "car_16m_SMART_sim.pcd", "--ideal", "ideal_car_16m.parquet")
+    offset = ("--vehicle", "car", "--x", "0.25", "--y", "-3.25", "--out", "by_command.pcd")
+    assert main(["vehicles", "merge", *files, *offset]) == 0
+    assert Path("by_command.pcd").read_bytes() == Path("car_SMART_16m_merged.pcd").read_bytes()
+    merged = load_scan("by_command.pcd")
+    sides = [merged.y_m[merged.extra["Simulated"] == side].mean() for side in (0, 1)]
+    assert sides[1] - sides[0] == pytest.approx(-3.25, abs=1e-3)
+    assert np.unique(merged.extra["Simulated"]).tolist() == [0, 1]
+
+
+def test_the_source_is_chosen_and_kept_and_going_back_computes_nothing(bench):
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        await pilot.press("m")
+        await says(app, pilot, "car SMART: models/SMART.toml (2 of 3)")
+        await sees(app, pilot, "left out: car_50m_SMART_real.txt: no ideal scan is named like it")
+        await pilot.press("m", "r")
+        await says(app, pilot, "the model is of SLIM, not SMART")
+        await until(pilot, lambda: view.running is None)
+        await pilot.press("m")
+        await says(app, pilot, "car SMART: simulated files (1 of 3)")
+        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app))
+        assert view.running is None
+        await pilot.press("m")
+        await on_vehicle(pilot, view, "truck SMART")
+        await sees(app, pilot, "truck SMART cannot be computed: no simulated file or ideal scan")
+        await pilot.press("m")
+        await says(app, pilot, "there is nothing to compare with")
+        await pilot.press("o", "i")
+        await says(app, pilot, "r computes it first")
+
+    async def again(app, pilot, view):
+        assert view.job.name == "truck SMART"
+        await pilot.press("home")
+        await sees(app, pilot, "simulated with models/SMART.toml")
+
+    histograms(bench, do)
+    histograms(bench, again)
+
+
+def test_a_fault_in_every_file_is_that_of_the_vehicle(bench):
+    for file in bench.glob("car_*_sim.pcd"):
+        file.write_bytes(file.read_bytes()[:60])
+
+    async def do(app, pilot, view):
+        await on_vehicle(pilot, view, "car SMART")
+        await pilot.press("r")
+        await until(pilot, lambda: view.running is None and view.faults)
+        await sees(app, pilot, "car SMART cannot be computed: car_10m_SMART_sim.pcd")
+
+    histograms(bench, do)
+
+
+def test_an_empty_project_says_what_is_needed(tmp_path):
+    async def do(app, pilot):
+        await sees(app, pilot, "car_20m_real.txt")
+        await pilot.press("r", "n", "v", "t", "e", "m", "b", "plus", "s", "o", "i", "down")
+        await says(app, pilot, "r computes it first")
+
+    drive(LidarcheckApp(tmp_path, screen="histograms"), do)
+
+
+def test_any_size_down_to_one_by_one(bench):
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
+            await pilot.resize_terminal(*size)
+            await pilot.press("n", "b", "plus", "n", "t")
+            await pilot.pause(0.2)
+        await sees(app, pilot, "F1 Help")
+
+    histograms(bench, do)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+@pytest.mark.parametrize("beside", [False, True])
+def test_snapshots(bench, beside, size):
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        await pilot.press("n", *("b" if beside else ""))
+        await says(app, pilot, "car SMART")
+        await as_stored(app, pilot, f"histograms{'_beside' if beside else ''}_{size[0]}x{size[1]}")
+
+    histograms(bench, do, size)
