@@ -9,9 +9,9 @@ from explain_core_kit import PANEL, WALL, case, model
 from lidarcheck.cases.case import Case
 from lidarcheck.cases.split import Split, exchanged
 from lidarcheck.effects import make
-from lidarcheck.explain.progress import silent
-from lidarcheck.explain.workflow import Run, explain
-from lidarcheck.workers import Crew
+from lidarcheck.explain.progress import ignore_progress
+from lidarcheck.explain.workflow import Workflow, explain
+from lidarcheck.workers import WorkerPool
 
 OFFSET = make("range_offset", {"offset_m": 0.12})
 SEED = 1
@@ -25,8 +25,8 @@ def of_role(role: str) -> Case:
     return dataclasses.replace(right, frames=tuple(frames))
 
 
-def run() -> Run:
-    return Run(model(), SEED, (), Crew(), silent)
+def run() -> Workflow:
+    return Workflow(model(), SEED, (), WorkerPool(), ignore_progress)
 
 
 def split(given: Case) -> Split:
@@ -40,7 +40,7 @@ def test_the_select_frames_fit_where_they_alone_show_a_gap() -> None:
     assert set(first.numbers()["select"]) < set(other.numbers()["fit"])
     assert set(other.numbers()["select"]) < set(first.numbers()["fit"])
     assert other.verify == first.verify
-    assert bench.lab.frames == other.fit
+    assert bench.simulator.frames == other.fit
     assert bench.select.frames == other.select
     assert "the select frames alone show a gap" in next(step.words for step in doing.steps if step.name == "exchange")
     named = explain(given, seed=SEED, exclude=("motion", "vibration"))

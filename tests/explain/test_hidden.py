@@ -14,7 +14,7 @@ import pytest
 from lidarcheck.cases.case import load_case
 from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.explain.workflow import explain
-from lidarcheck.inference.c2st import told_apart
+from lidarcheck.inference.c2st import classifier_auc
 from lidarcheck.model.files.model_file import load_model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -54,7 +54,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks(name: str, tmp_path: Path)
     assert found.gap.after.value < found.gap.before.value
     assert found.gap.closed > 0.6
     case = load_case(tmp_path / "case")
-    before, after = (told_apart(case.frames, found.split["verify"], one) for one in (case.model, found.model))
+    before, after = (classifier_auc(case.frames, found.split["verify"], one) for one in (case.model, found.model))
     assert after < 0.5 + 0.3 * (before - 0.5)
     assert [effect.name for effect in found.model.effects if effect.name != "boresight"] == [name]
     json.dumps(found.to_dict(), allow_nan=True)

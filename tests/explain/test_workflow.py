@@ -14,16 +14,16 @@ from lidarcheck.errors import UsageError
 from lidarcheck.explain import workflow
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.empirical.description import Description, describe
-from lidarcheck.explain.progress import PROGRESS, silent
+from lidarcheck.explain.progress import PROGRESS, ignore_progress
 from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.explain.report.model_diff import write_model
-from lidarcheck.explain.search.selection import Bench, Search, start_fit
+from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.explain.workflow import Run, explain
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.explain.workflow import Workflow, explain
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import Model, load_model, simulate
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 OFFSET_M = 0.12
 AT_REST = ("motion", "vibration")
@@ -47,7 +47,7 @@ def told() -> list[tuple[str, int, int]]:
 
 @pytest.fixture(scope="module")
 def named(offset_case: Case, told) -> Explanation:
-    return explain(offset_case, seed=1, exclude=AT_REST, tell=lambda *what: told.append(what))
+    return explain(offset_case, seed=1, exclude=AT_REST, on_progress=lambda *what: told.append(what))
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
@@ -157,16 +157,16 @@ def test_a_name_that_does_not_carry_over_to_unseen_frames_is_withdrawn() -> None
 
 
 @pytest.fixture(scope="module")
-def bench() -> Bench:
+def bench() -> SearchData:
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
     measured = frames(model(), 3, changed=ripple, **fine)
-    lab, select = Lab((measured[0], measured[2]), model(), 3), Lab(measured[1:2], model(), 4)
-    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator((measured[0], measured[2]), model(), 3), Simulator(measured[1:2], model(), 4)
+    return SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
 
 
-def test_a_description_brings_model_and_measurement_together_on_other_frames(bench: Bench, tmp_path) -> None:
+def test_a_description_brings_model_and_measurement_together_on_other_frames(bench: SearchData, tmp_path) -> None:
     told: list[tuple[str, int, int]] = []
-    seen = Scale.of((*bench.lab.frames, *bench.select.frames), model(), 8)
+    seen = Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 8)
     found = describe(bench, seen, 9, lambda *what: told.append(what))
     before = bench.select.distance(np.zeros((1, len(bench.select.measured))))
     assert found.effects
@@ -181,11 +181,13 @@ def test_a_description_brings_model_and_measurement_together_on_other_frames(ben
     assert round_trip(described, tmp_path).effects == described.effects
 
 
-def test_a_run_describes_once_however_many_names_it_withholds(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_describes_once_however_many_names_it_withholds(
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[int] = []
     slope = make("empirical_range", {"covariate": "range_m", "knots": [0.0, 50.0], "values": [0.0, 0.1]})
     monkeypatch.setattr(workflow, "describe", lambda *_: asked.append(1) or Description((slope,), "range over range"))
-    run, first = Run(model(), 4, (), Crew(), silent), start_fit(bench.lab)
+    run, first = Workflow(model(), 4, (), WorkerPool(), ignore_progress), start_fit(bench.simulator)
     closed = Closure(1000.0, 600.0, 60.0)
     answers = [run.decide(bench, None, Search(first, first), closed, None) for _ in range(2)]  # type: ignore[arg-type]
     assert asked == [1]
@@ -211,14 +213,14 @@ def round_trip(described: Model, directory) -> Model:
 
 def test_nothing_is_described_where_nothing_is_missing() -> None:
     measured = frames(model(), 2)
-    lab, select = Lab(measured[:1], model(), 3), Lab(measured[1:], model(), 4)
+    simulator, select = Simulator(measured[:1], model(), 3), Simulator(measured[1:], model(), 4)
     seen = Scale.of(measured, model(), 8)
-    found = describe(Bench(lab, select, 10.0, lab.floor_distance), seen, 9, lambda *_: None)
+    found = describe(SearchData(simulator, select, 10.0, simulator.floor_distance), seen, 9, lambda *_: None)
     assert found.effects == ()
     assert found.words == ""
 
 
-def test_the_select_frames_judge_the_nuisances_of_the_fit(bench: Bench) -> None:
+def test_the_select_frames_judge_the_nuisances_of_the_fit(bench: SearchData) -> None:
     from lidarcheck.inference.gauss_newton import fit
 
     same = fit(bench.select, [], [])

@@ -13,7 +13,7 @@ from lidarcheck.cli import main
 from lidarcheck.formats import load_scan, save_ideal
 from lidarcheck.harness.frames import Frames
 from lidarcheck.model import load_model, simulate
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 SMALL = {"layers": range(250, 256), "points": range(470, 480)}
 
@@ -159,11 +159,11 @@ def test_an_interrupt_leaves_whole_frames_and_nothing_where_there_are_none(place
 
     many = Frames([place / "i0.txt"], load_model(place / "model.toml"), place / "out", 3)
     with pytest.raises(KeyboardInterrupt):
-        many.run(Crew(), told)
+        many.run(WorkerPool(), told)
     assert (place / "out").exists() == (after > 0)
     if after:
         assert names(place) == ["frames.json", "i0_000000.parquet", "i0_000001.parquet"]
-        assert many.run(Crew()).kept == 2
+        assert many.run(WorkerPool()).kept == 2
 
 
 SCAN = "X Y Z Point Layer EchoNumber WIDTH AREA PEAK\\n1 0 0 480 260 1 5 90 20\\n"
@@ -185,7 +185,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(place):
     def peak(count):
         tracemalloc.start()
         try:
-            Frames([place / "wide.txt"], model, place / f"out{count}", count, ".pcd").run(Crew())
+            Frames([place / "wide.txt"], model, place / f"out{count}", count, ".pcd").run(WorkerPool())
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from explain_core_kit import MATERIALS, PANEL, ROAD, SIGN, WALL, model
-from lidarcheck.inference.beam_table import Beams, beams_of
-from lidarcheck.inference.pairing import Sights, sights_of
+from lidarcheck.inference.beam_table import BeamTable, beams_of
+from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import azimuth_deg, elevation_deg
 
@@ -70,11 +70,11 @@ def ideals(request):
 
 
 @pytest.fixture(scope="module")
-def beams(ideals) -> Beams:
+def beams(ideals) -> BeamTable:
     return beams_of(ideals, model())
 
 
-def keys(beams: Beams) -> list[Key]:
+def keys(beams: BeamTable) -> list[Key]:
     columns = (beams.frame.tolist(), beams.layer.tolist(), beams.point.tolist())
     return list(zip(*columns, strict=True))
 
@@ -199,14 +199,14 @@ def echoes_near(ideals, beams, rng) -> list[Scan]:
     return scans
 
 
-def clear_of_limits(beams: Beams, i: int, range_m: float) -> bool:
+def clear_of_limits(beams: BeamTable, i: int, range_m: float) -> bool:
     """Not where "at a neighbour's range" is a matter of the last centimetre."""
     there = beams.neighbour_m[i] > 0.0
     off = np.abs(range_m - beams.neighbour_m[i][there])
     return bool(np.all(np.abs(off - (1.0 + 0.03 * range_m + beams.neighbour_step_m[i][there])) > 1e-6))
 
 
-def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
+def check_pairing(beams: BeamTable, scans: Sequence[Scan], observations: Observations) -> None:
     number = {key: i for i, key in enumerate(keys(beams))}
     of_beam: dict[int, list[tuple[float, float, float, float]]] = {}
     for frame, scan in enumerate(scans):
@@ -220,9 +220,9 @@ def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
                for e in of_beam.get(i, [])]  # fmt: skip
         best = min(range(len(off)), key=lambda n: off[n][0]) if off else -1
         seen = best >= 0 and off[best][0] <= 2.0 + beams.step_m[i]
-        assert sights.detected[i] == seen
+        assert observations.detected[i] == seen
         own = (off[best][1], *of_beam[i][best][1:]) if seen else (0.0, 0.0, 0.0, 0.0)
-        assert sights.feature[i] == pytest.approx(own, abs=1e-9)
+        assert observations.feature[i] == pytest.approx(own, abs=1e-9)
         others = sorted(e for n, e in enumerate(of_beam.get(i, [])) if not (seen and n == best))
         sides = []
         for echo in others:
@@ -233,26 +233,26 @@ def check_pairing(beams: Beams, scans: Sequence[Scan], sights: Sights) -> None:
             matches = [side for side in range(4) if near[side] and apart[side]]
             sides.append(matches[0] if matches else -1)
             extras.append((i, *echo, sides[-1]))
-        assert sights.strayed[i] == (not seen and any(side >= 0 for side in sides))
+        assert observations.strayed[i] == (not seen and any(side >= 0 for side in sides))
     columns = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
-    found = np.column_stack([getattr(sights, name) for name in columns])
+    found = np.column_stack([getattr(observations, name) for name in columns])
     assert found == pytest.approx(np.array(extras).reshape(-1, 6), abs=1e-9)
 
 
 def test_echoes_are_paired_with_the_nearest_surface_within_2_m_and_a_step(ideals, beams) -> None:
     scans = echoes_near(ideals, beams, np.random.default_rng(8))
-    sights = sights_of(beams, scans)
-    check_pairing(beams, scans, sights)
-    assert 100 < sights.detected.sum() < len(beams)
-    assert set(sights.extra_side) == {-1, 0, 1, 2, 3}
-    assert sights.strayed.sum() > 3
+    observations = observations_of(beams, scans)
+    check_pairing(beams, scans, observations)
+    assert 100 < observations.detected.sum() < len(beams)
+    assert set(observations.extra_side) == {-1, 0, 1, 2, 3}
+    assert observations.strayed.sum() > 3
 
 
 def test_the_order_of_rows_does_not_matter(ideals, beams) -> None:
     rng = np.random.default_rng(9)
     scans = echoes_near(ideals, beams, rng)
     again = beams_of([shuffled(ideal, rng) for ideal in ideals], model())
-    one, two = sights_of(beams, scans), sights_of(again, [shuffled(scan, rng) for scan in scans])
+    one, two = observations_of(beams, scans), observations_of(again, [shuffled(scan, rng) for scan in scans])
     for mine, other in ((beams, again), (one, two)):
         for field in dataclasses.fields(mine):
             if field.name != "incidence_deg":
@@ -261,11 +261,11 @@ def test_the_order_of_rows_does_not_matter(ideals, beams) -> None:
 
 def test_scans_without_an_echo_show_nothing(beams, ideals) -> None:
     empty = Scan.from_beams(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
-    sights = sights_of(beams, [empty] * len(ideals))
-    assert not sights.detected.any()
-    assert not sights.strayed.any()
-    assert not sights.feature.any()
-    assert len(sights.extra_beam) == len(sights.extra_side) == 0
+    observations = observations_of(beams, [empty] * len(ideals))
+    assert not observations.detected.any()
+    assert not observations.strayed.any()
+    assert not observations.feature.any()
+    assert len(observations.extra_beam) == len(observations.extra_side) == 0
 
 
 def test_without_surfaces_every_echo_is_extra() -> None:
@@ -276,16 +276,16 @@ def test_without_surfaces_every_echo_is_extra() -> None:
     assert len(beams.hit_m) == 0
     assert (beams.material_id == -1).all()
     scan = Scan.from_beams(np.array([11, 10]), np.array([5, 6]), np.array([4.0, 7.0]), area=np.array([9.0, 8.0]))
-    sights = sights_of(beams, [scan])
-    assert not sights.detected.any()
-    assert sights.extra_beam.tolist() == [1, 2]
-    assert sights.extra_m == pytest.approx([7.0, 4.0])
-    assert (sights.extra_side == -1).all()
+    observations = observations_of(beams, [scan])
+    assert not observations.detected.any()
+    assert observations.extra_beam.tolist() == [1, 2]
+    assert observations.extra_m == pytest.approx([7.0, 4.0])
+    assert (observations.extra_side == -1).all()
 
 
 def test_one_beam_alone_has_no_neighbours() -> None:
     beams = beams_of([IdealScan([3], [4], [10.0], [WALL], [0.0])], model())
     assert beams.neighbour_m.tolist() == [[-1.0] * 4]
-    sights = sights_of(beams, [Scan.from_beams(np.array([3, 3]), np.array([4, 4]), np.array([10.5, 8.5]))])
-    assert sights.feature[0, 0] == pytest.approx(0.5)
-    assert sights.extra_m == pytest.approx([8.5])
+    observations = observations_of(beams, [Scan.from_beams(np.array([3, 3]), np.array([4, 4]), np.array([10.5, 8.5]))])
+    assert observations.feature[0, 0] == pytest.approx(0.5)
+    assert observations.extra_m == pytest.approx([8.5])

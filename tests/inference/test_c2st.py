@@ -8,13 +8,13 @@ import pytest
 from explain_core_kit import at_ranges, frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.inference.beam_table import beams_of, key_of
-from lidarcheck.inference.c2st import COLUMNS, _rows, told_apart
+from lidarcheck.inference.c2st import COLUMNS, _rows, classifier_auc
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
 
 
 def test_the_sensor_itself_is_not_told_from_its_model() -> None:
-    assert told_apart(frames(model(), 4, **FINE), {1, 3}, model(), 9) == pytest.approx(0.5, abs=0.03)
+    assert classifier_auc(frames(model(), 4, **FINE), {1, 3}, model(), 9) == pytest.approx(0.5, abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_the_sensor_itself_is_not_told_from_its_model() -> None:
 )
 def test_a_missing_effect_is_seen_until_the_model_has_it(effect: Effect) -> None:
     measured = frames(model(effect), 4, **FINE)
-    before, after = (told_apart(measured, {1, 3}, one, 9) for one in (model(), model(effect)))
+    before, after = (classifier_auc(measured, {1, 3}, one, 9) for one in (model(), model(effect)))
     assert before > 0.55
     assert after == pytest.approx(0.5, abs=0.03)
 
@@ -41,7 +41,7 @@ def test_digits_of_a_file_are_no_artefact_and_centimetres_are() -> None:
     off = np.random.default_rng(1).uniform(-5e-7, 5e-7, len(scan))
     np.testing.assert_array_equal(_rows(beams, at_ranges(scan, scan.range_m + off)), _rows(beams, scan))
     coarse = [dataclasses.replace(f, measured=at_ranges(f.measured, np.round(f.measured.range_m, 1))) for f in measured]
-    assert told_apart(coarse, {1, 3}, model(), 9) > 0.56
+    assert classifier_auc(coarse, {1, 3}, model(), 9) > 0.56
 
 
 def test_it_is_asked_only_about_frames_that_it_has_not_learnt_from() -> None:
@@ -49,13 +49,13 @@ def test_it_is_asked_only_about_frames_that_it_has_not_learnt_from() -> None:
     offset = make("range_offset", {"offset_m": 0.3})
     far, plain = frames(model(offset), 4, **FINE), frames(model(), 4, **FINE)
     mixed = tuple(far[k] if k in (0, 2) else plain[k] for k in range(4))
-    assert told_apart(mixed, {1, 3}, model(), 9) == pytest.approx(0.5, abs=0.05)
-    assert told_apart(far, {1, 3}, model(), 9) > 0.9
+    assert classifier_auc(mixed, {1, 3}, model(), 9) == pytest.approx(0.5, abs=0.05)
+    assert classifier_auc(far, {1, 3}, model(), 9) > 0.9
 
 
 def test_the_same_seed_gives_the_same_figure() -> None:
     measured = frames(model(), 3, **FINE)
-    one, again, other = (told_apart(measured, {2}, model(), seed) for seed in (4, 4, 5))
+    one, again, other = (classifier_auc(measured, {2}, model(), seed) for seed in (4, 4, 5))
     assert one == again != other
 
 
@@ -78,4 +78,4 @@ def test_frames_to_learn_from_and_to_be_asked_about() -> None:
     measured = frames(model(), 2, **FINE)
     for unseen in ((), (0, 1)):
         with pytest.raises(ValueError, match="frames to learn from and others to be asked about"):
-            told_apart(measured, unseen, model())
+            classifier_auc(measured, unseen, model())

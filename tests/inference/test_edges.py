@@ -8,7 +8,7 @@ import pytest
 from explain_core_kit import PANEL, WALL, model, street
 from lidarcheck.inference import simulator as bench
 from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
-from lidarcheck.inference.simulator import Frame, Lab
+from lidarcheck.inference.simulator import Frame, Simulator
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan
 
@@ -31,7 +31,7 @@ def met(*points: int, layers: range = range(253, 272)) -> IdealScan:
     )
 
 
-def lab_of(true: IdealScan, lost: int | None = None) -> Lab:
+def lab_of(true: IdealScan, lost: int | None = None) -> Simulator:
     frames = []
     for k in range(2):
         ideal = street(k, **WHERE)
@@ -39,7 +39,7 @@ def lab_of(true: IdealScan, lost: int | None = None) -> Lab:
         if lost is not None and k == 0:
             scan = scan.take(~((scan.point == lost) & (scan.range_m < 10.0)))
         frames.append(Frame(k, ideal, scan, 0.1 * k))
-    return Lab(frames, model(), 3)
+    return Simulator(frames, model(), 3)
 
 
 def wider(columns: int) -> IdealScan:
@@ -54,11 +54,11 @@ def wider(columns: int) -> IdealScan:
     )
 
 
-def found(lab: Lab, *, deep: bool = False) -> list[set[tuple[int, int]]]:
+def found(simulator: Simulator, *, deep: bool = False) -> list[set[tuple[int, int]]]:
     """Layer and point of each run's beams."""
-    simulated = [lab.sights(lab.model, 1000 + k) for k in range(4)]
-    runs = runs_past(lab.beams, lab.measured_sights, simulated, deep=deep)
-    return [{(int(lab.beams.layer[i]), int(lab.beams.point[i])) for i in run} for run in runs]
+    simulated = [simulator.observations(simulator.model, 1000 + k) for k in range(4)]
+    runs = runs_past(simulator.beams, simulator.measured_sights, simulated, deep=deep)
+    return [{(int(simulator.beams.layer[i]), int(simulator.beams.point[i])) for i in run} for run in runs]
 
 
 def past_beams(true: IdealScan) -> set[tuple[int, int]]:
@@ -76,25 +76,25 @@ def test_a_column_that_sees_past_the_edge_is_one_run() -> None:
 
 def test_echoes_of_another_surface_that_are_taken_for_the_own_one_are_past_it() -> None:
     """What stands a little behind the panel is near enough to be an echo of the panel that is far off."""
-    lab = lab_of(street(0, **WHERE))
-    feature = lab.measured_sights.feature.copy()
+    simulator = lab_of(street(0, **WHERE))
+    feature = simulator.measured_sights.feature.copy()
     edge = past_beams(met(LEFT_POINT))
-    at = [(a, p) in edge for a, p in zip(lab.beams.layer.tolist(), lab.beams.point.tolist(), strict=True)]
-    column = np.array(at) & (lab.beams.frame == 0)
+    at = [(a, p) in edge for a, p in zip(simulator.beams.layer.tolist(), simulator.beams.point.tolist(), strict=True)]
+    column = np.array(at) & (simulator.beams.frame == 0)
     feature[column, 0] += 2.5
-    lab.measured_sights = dataclasses.replace(lab.measured_sights, feature=feature)
-    assert found(lab) == [edge]
+    simulator.measured_sights = dataclasses.replace(simulator.measured_sights, feature=feature)
+    assert found(simulator) == [edge]
     feature[column, 0] -= 2.0
-    assert found(lab) == []
+    assert found(simulator) == []
 
 
 def test_what_comes_to_stand_before_more_than_the_outermost_beams_is_at_the_border_as_well() -> None:
     """Near by, a sensor that stands a centimetre higher sees a panel's edge two beams from where the scan has it."""
     columns = [{(a, p) for a, p in past_beams(wider(2)) if p == LEFT_POINT + 6 * k} for k in (1, 2)]
     assert min(map(len, columns)) > 5
-    lab = lab_of(wider(2))
-    assert found(lab) == [columns[0]]
-    assert sorted(map(sorted, found(lab, deep=True))) == sorted(map(sorted, columns))
+    simulator = lab_of(wider(2))
+    assert found(simulator) == [columns[0]]
+    assert sorted(map(sorted, found(simulator, deep=True))) == sorted(map(sorted, columns))
     assert len(found(lab_of(wider(1)), deep=True)) == 1
 
 
@@ -108,8 +108,8 @@ def test_what_comes_to_stand_before_more_than_the_outermost_beams_is_at_the_bord
         pytest.param(lambda: lab_of(met(*PANEL_POINTS)), id="the whole surface and not its border"),
     ],
 )
-def test_what_is_no_run(lab) -> None:
-    assert found(lab()) == []
+def test_what_is_no_run(simulator) -> None:
+    assert found(simulator()) == []
 
 
 def test_a_run_counts_as_one_error(monkeypatch) -> None:
@@ -127,11 +127,11 @@ def test_a_run_counts_as_one_error(monkeypatch) -> None:
 
 
 def test_sights_are_mixed_beam_by_beam() -> None:
-    lab = lab_of(street(0, **WHERE))
-    one, other = (lab.sights(lab.model, seed) for seed in (1, 2))
-    rows = np.flatnonzero(np.random.default_rng(1).random(len(lab.beams)) < 0.3)
+    simulator = lab_of(street(0, **WHERE))
+    one, other = (simulator.observations(simulator.model, seed) for seed in (1, 2))
+    rows = np.flatnonzero(np.random.default_rng(1).random(len(simulator.beams)) < 0.3)
     mixed = with_beams_of(one, other, rows)
-    for i in range(len(lab.beams)):
+    for i in range(len(simulator.beams)):
         source = other if i in set(rows.tolist()) else one
         assert mixed.detected[i] == source.detected[i]
         assert mixed.strayed[i] == source.strayed[i]
@@ -144,8 +144,11 @@ def test_sights_are_mixed_beam_by_beam() -> None:
 
 def test_a_run_along_a_border_is_found_whatever_its_beams_see() -> None:
     ideal = street(0, **WHERE)
-    lab = lab_of(ideal)
-    runs = [{(int(lab.beams.layer[i]), int(lab.beams.point[i])) for i in run} for run in runs_along(lab.beams)]
+    simulator = lab_of(ideal)
+    runs = [
+        {(int(simulator.beams.layer[i]), int(simulator.beams.point[i])) for i in run}
+        for run in runs_along(simulator.beams)
+    ]
     column = past_beams(met(LEFT_POINT))
     # The corners are in the runs along the upper and the lower border.
     assert max(len(column & run) for run in runs) >= len(column) - 2
@@ -155,14 +158,14 @@ def test_a_run_along_a_border_is_found_whatever_its_beams_see() -> None:
 @pytest.mark.parametrize(("point", "as_far"), [(LEFT_POINT, False), (INNER_POINT, True)])
 def test_along_edges_nothing_is_far_that_a_part_of_a_beam_decides(point: int, as_far: bool) -> None:
     """A column at the panel's border that reads a metre less: any angle may do that there, none inside the panel."""
-    lab = lab_of(street(0, **WHERE))
-    shown = np.zeros((1, len(lab.measured)))
-    off = lab.measured_sights.feature.copy()
-    column = (lab.beams.point == point) & (lab.beams.material_id == PANEL) & (lab.beams.frame == 0)
+    simulator = lab_of(street(0, **WHERE))
+    shown = np.zeros((1, len(simulator.measured)))
+    off = simulator.measured_sights.feature.copy()
+    column = (simulator.beams.point == point) & (simulator.beams.material_id == PANEL) & (simulator.beams.frame == 0)
     off[column, 0] -= 1.0
-    lab.measured_sights = dataclasses.replace(lab.measured_sights, feature=off)
-    lab.measured = lab.summaries.of(lab.measured_sights)
-    plain = lab.distance(shown) - lab.floor_distance
-    along = lab.distance(shown, metric=lab.along_edges(lab.model, 800)) - lab.floor_distance
+    simulator.measured_sights = dataclasses.replace(simulator.measured_sights, feature=off)
+    simulator.measured = simulator.summaries.of(simulator.measured_sights)
+    plain = simulator.distance(shown) - simulator.floor_distance
+    along = simulator.distance(shown, metric=simulator.along_edges(simulator.model, 800)) - simulator.floor_distance
     assert plain > 50.0
     assert (along > 0.6 * plain) == as_far

@@ -13,7 +13,7 @@ from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.workflow import explain
 from lidarcheck.inference.gauss_newton import fit, fit_nuisance
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.sensor import Material
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
@@ -29,23 +29,23 @@ TRUTHS = [
 def test_a_fit_ends_at_the_truth_with_an_interval_worth_the_name(
     name: str, true: dict, parameter: str, near: float, wide: float
 ) -> None:
-    lab = Lab(frames(model(make(name, true)), 2, **FINE), model(), 6)
-    best = max(screen(lab, fixed_probes([name])), key=lambda one: one.gain(lab, lab.measured)[0])
-    found = fit(lab, [best.probe], [best.probe.start()], rounds=5)
-    one = intervals(lab, found, 1.5)[0][parameter]
+    simulator = Simulator(frames(model(make(name, true)), 2, **FINE), model(), 6)
+    best = max(screen(simulator, fixed_probes([name])), key=lambda one: one.gain(simulator, simulator.measured)[0])
+    found = fit(simulator, [best.probe], [best.probe.start()], rounds=5)
+    one = intervals(simulator, found, 1.5)[0][parameter]
     assert one.value == pytest.approx(true[parameter], abs=near)
     assert 0.0 < one.high - one.low < wide
-    assert found.distance < 1.4 * lab.floor_distance
+    assert found.distance < 1.4 * simulator.floor_distance
 
 
 @pytest.mark.parametrize("seed", [8, 9])
 def test_a_small_error_of_a_table_entry_is_fitted_to_the_end(seed: int) -> None:
     true = Nuisance(materials={WALL: -2.0}).model(model())
-    lab = Lab(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), seed)
-    plain = fit(lab, [], [])
-    found = fit_nuisance(lab, plain, rounds=4)
+    simulator = Simulator(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), seed)
+    plain = fit(simulator, [], [])
+    found = fit_nuisance(simulator, plain, rounds=4)
     assert found.nuisance.materials[WALL] == pytest.approx(-2.0, abs=0.6)
-    before, after = (lab.distance(f.shown, metric=lab.bare) for f in (plain, found))
+    before, after = (simulator.distance(f.shown, metric=simulator.bare) for f in (plain, found))
     assert after < 0.3 * before
 
 

@@ -6,7 +6,7 @@ import pytest
 from explain_core_kit import ROAD, WALL, frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import incremental as again
 
 CROSSTALK = make("crosstalk", {"sides": 0.1, "corners": 0.05})
@@ -27,8 +27,8 @@ def beams(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return found
 
 
-def lab() -> Lab:
-    return Lab(frames(model(), 2), model(), 3)
+def simulator() -> Simulator:
+    return Simulator(frames(model(), 2), model(), 3)
 
 
 @pytest.mark.parametrize(
@@ -45,18 +45,18 @@ def lab() -> Lab:
 def test_only_beams_that_differ_from_what_is_kept_are_simulated(
     beams: list[int], effects: tuple[Effect, ...], off: Nuisance, part: tuple[float, float]
 ) -> None:
-    used = lab()
+    used = simulator()
     whole = sum(len(frame.ideal) for frame in used.frames)
     used.shows(model(CROSSTALK), 1)
     used.shows(model(CROSSTALK), 1, Nuisance(materials={WALL: -2.0}))
     beams.clear()
     shown = used.shows(model(*effects), 1, off)
     assert part[0] * whole <= sum(beams) <= part[1] * whole
-    assert np.array_equal(shown, lab().shows(model(*effects), 1, off))
+    assert np.array_equal(shown, simulator().shows(model(*effects), 1, off))
 
 
 def test_no_more_than_a_few_simulations_are_kept() -> None:
-    used = lab()
+    used = simulator()
     first = used.shows(model(CROSSTALK), 1)
     for k in range(20):
         used.shows(model(make("dead_time", {"shift_ns": 0.1 * k})), 1)

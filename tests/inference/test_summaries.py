@@ -13,8 +13,8 @@ from lidarcheck.cases.split import Split, split_frames
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import beams_of
 from lidarcheck.inference.expectation import _smooth_probability
-from lidarcheck.inference.pairing import sights_of
-from lidarcheck.inference.simulator import Frame, Lab
+from lidarcheck.inference.pairing import observations_of
+from lidarcheck.inference.simulator import Frame, Simulator
 from lidarcheck.inference.strata import Division, binned, divisions, fine_divisions
 from lidarcheck.inference.summaries import compressed
 from lidarcheck.model import simulate
@@ -25,8 +25,8 @@ COUNTED = ("echoes in front", "echoes behind", "echoes without a surface", "othe
 
 
 @pytest.fixture(scope="module")
-def lab() -> Lab:
-    return Lab(frames(model(), 2, sign=True), model(), 11)
+def simulator() -> Simulator:
+    return Simulator(frames(model(), 2, sign=True), model(), 11)
 
 
 @pytest.fixture(scope="module")
@@ -168,10 +168,10 @@ def test_compressed_is_the_number_itself_near_zero_and_its_logarithm_far_off() -
     assert compressed(np.array([1e3]))[0] < 30.0
 
 
-def test_summaries_are_about_standard_normal_where_nothing_is_missing(lab) -> None:
-    z = np.array([lab.summaries.plain(lab.sights(model(), 40_000 + k)) for k in range(40)])
-    rare = np.array([name.feature in COUNTED for name in lab.summaries.names])
-    assert len(set(lab.summaries.names)) == len(lab.summaries) == z.shape[1] > 300
+def test_summaries_are_about_standard_normal_where_nothing_is_missing(simulator) -> None:
+    z = np.array([simulator.summaries.plain(simulator.observations(model(), 40_000 + k)) for k in range(40)])
+    rare = np.array([name.feature in COUNTED for name in simulator.summaries.names])
+    assert len(set(simulator.summaries.names)) == len(simulator.summaries) == z.shape[1] > 300
     plain = z[:, ~rare]
     assert abs(plain.mean()) < 0.1
     assert 0.75 < np.sqrt((plain**2).mean()) < 1.25
@@ -181,13 +181,13 @@ def test_summaries_are_about_standard_normal_where_nothing_is_missing(lab) -> No
     assert (np.abs(z[:, rare]) > 5.0).mean() < 0.002
 
 
-def shift_of(lab: Lab, change) -> dict[tuple[str, str, str], float]:
+def shift_of(simulator: Simulator, change) -> dict[tuple[str, str, str], float]:
     """Change of each summary when a scan of the model's is changed by hand, in standard deviations."""
-    scans = lab.scans(model(), 33_000)
-    plain = lab.summaries.plain(sights_of(lab.beams, scans))
-    changed = [change(scan, frame.ideal) for scan, frame in zip(scans, lab.frames, strict=True)]
-    z = lab.summaries.plain(sights_of(lab.beams, changed)) - plain
-    return {tuple(name): value for name, value in zip(lab.summaries.names, z, strict=True)}
+    scans = simulator.scans(model(), 33_000)
+    plain = simulator.summaries.plain(observations_of(simulator.beams, scans))
+    changed = [change(scan, frame.ideal) for scan, frame in zip(scans, simulator.frames, strict=True)]
+    z = simulator.summaries.plain(observations_of(simulator.beams, changed)) - plain
+    return {tuple(name): value for name, value in zip(simulator.summaries.names, z, strict=True)}
 
 
 def of_material(scan: Scan, ideal: IdealScan, material: int):
@@ -195,11 +195,11 @@ def of_material(scan: Scan, ideal: IdealScan, material: int):
     return np.isin(scan.layer * 1000 + scan.point, ideal.layer[there] * 1000 + ideal.point[there])
 
 
-def test_longer_ranges_of_one_material_show_there(lab) -> None:
+def test_longer_ranges_of_one_material_show_there(simulator) -> None:
     def longer(scan: Scan, ideal: IdealScan) -> Scan:
         return at_ranges(scan, scan.range_m + 0.1 * of_material(scan, ideal, PANEL))
 
-    z = shift_of(lab, longer)
+    z = shift_of(simulator, longer)
     assert z["range", "material", "panel"] > 8.0
     assert z["range", "all", "all beams"] > 3.0
     assert all(abs(z["range", "material", other]) < 1e-9 for other in ("wall", "road", "sign"))
@@ -207,8 +207,8 @@ def test_longer_ranges_of_one_material_show_there(lab) -> None:
     assert max(abs(v) for name, v in z.items() if name[0] in ("area", "peak", "width", "detected")) < 3.0
 
 
-def test_a_lost_layer_shows_in_its_place(lab) -> None:
-    z = shift_of(lab, lambda scan, ideal: scan.take(scan.layer != 254))
+def test_a_lost_layer_shows_in_its_place(simulator) -> None:
+    z = shift_of(simulator, lambda scan, ideal: scan.take(scan.layer != 254))
     assert z["detected", "each layer", "254"] < -5.0
     others = {name[2]: v for name, v in z.items() if name[:2] == ("detected", "each layer") and name[2] != "254"}
     assert len(others) >= 15
@@ -219,15 +219,15 @@ def test_a_lost_layer_shows_in_its_place(lab) -> None:
     assert int(low) <= 254 <= int(high or low)
 
 
-def test_echoes_at_twice_a_retro_reflector_s_range_show_there(lab) -> None:
+def test_echoes_at_twice_a_retro_reflector_s_range_show_there(simulator) -> None:
     def ghosts(scan: Scan, ideal: IdealScan) -> Scan:
         own = np.flatnonzero(of_material(scan, ideal, SIGN))[:10]
         few = scan.take(own)
         plate_m = ideal.distance_m[ideal.material_id == SIGN].mean()
         return together(scan, at_ranges(few, np.full(len(few), 2.0 * plate_m)))
 
-    z = shift_of(lab, ghosts)
-    added = sum(len(ghosts(f.measured, f.ideal)) - len(f.measured) for f in lab.frames)
+    z = shift_of(simulator, ghosts)
+    added = sum(len(ghosts(f.measured, f.ideal)) - len(f.measured) for f in simulator.frames)
     assert added >= 15
     assert z["other echoes", "over their retro-reflector's range", "1.95-2.05 times"] > 8.0
     ratios = {k[2]: v for k, v in z.items() if k[:2] == ("other echoes", "over their retro-reflector's range")}
@@ -241,10 +241,10 @@ def test_frames_without_any_echo_or_surface_are_summed_up_all_the_same() -> None
     sky = IdealScan(*(c.ravel() for c in np.meshgrid(range(400, 410), range(300, 310))), *np.zeros((3, 100)))
     nothing = Scan.from_beams(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
     frame = Frame(0, sky, nothing, 0.0)
-    lab = Lab([frame, dataclasses.replace(frame, number=1)], model(), 3)
-    assert np.isfinite(lab.measured).all()
-    assert np.abs(lab.measured).max() < 4.0
-    blind = Lab([dataclasses.replace(f, measured=nothing) for f in frames(model())], model(), 3)
+    simulator = Simulator([frame, dataclasses.replace(frame, number=1)], model(), 3)
+    assert np.isfinite(simulator.measured).all()
+    assert np.abs(simulator.measured).max() < 4.0
+    blind = Simulator([dataclasses.replace(f, measured=nothing) for f in frames(model())], model(), 3)
     assert np.isfinite(blind.measured).all()
     assert blind.distance(np.zeros((1, len(blind.measured)))) > 10.0 * blind.floor_distance
 
@@ -321,14 +321,16 @@ def lost(scan: Scan) -> Scan:
 def test_few_beams_of_bright_surfaces_that_are_lost_say_much(changed, off: bool) -> None:
     """The wall and the panel are always seen: that of a thousand beams none is lost is known to less than one beam."""
     fine = {"layers": range(250, 290, 2), "points": range(320, 640, 6)}
-    lab = Lab(frames(model(), 3, changed=changed, **fine), model(), 11)
-    bright = lab.summaries.expected.known & (lab.beams.distance_m > 0.0)
-    sure = np.mean([lab.sights(lab.model, 900 + k).detected for k in range(8)], axis=0) == 1.0
-    probability = lab.summaries.expected.probability[bright & sure]
+    simulator = Simulator(frames(model(), 3, changed=changed, **fine), model(), 11)
+    bright = simulator.summaries.expected.known & (simulator.beams.distance_m > 0.0)
+    sure = np.mean([simulator.observations(simulator.model, 900 + k).detected for k in range(8)], axis=0) == 1.0
+    probability = simulator.summaries.expected.probability[bright & sure]
     assert np.mean(probability > 0.995) > 0.8
-    at = [k for k, name in enumerate(lab.summaries.names) if (name.feature, name.covariate) == ("detected", "all")]
-    [z] = lab.measured_plain[at]
-    missing = (~lab.measured_sights.detected)[bright & sure & ~lab.summaries.expected.at_edge].sum()
+    at = [
+        k for k, name in enumerate(simulator.summaries.names) if (name.feature, name.covariate) == ("detected", "all")
+    ]
+    [z] = simulator.measured_plain[at]
+    missing = (~simulator.measured_sights.detected)[bright & sure & ~simulator.summaries.expected.at_edge].sum()
     assert (missing > 10) == off
     assert (z < -6.0) == off
     assert abs(z) < 4.0 or off

@@ -10,7 +10,7 @@ from lidarcheck.effects import make
 from lidarcheck.explain.decision.closure import Closure, confidence, lead
 from lidarcheck.explain.decision.findings import is_doubtful
 from lidarcheck.explain.report.explanation import Finding
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.kernels import areas_between
@@ -154,10 +154,10 @@ def test_what_is_closed_is_told_by_what_is_left() -> None:
     assert Closure(0.0, 5.0, 10.0).share == 0.0
 
 
-def trial(name: str, merit: float) -> Trial:
+def trial(name: str, merit: float) -> FittedCandidate:
     probe = fixed_probes([name])[-1]
     found = Fit((probe,), (probe.start(),), 100.0, np.zeros((1, 3)))
-    return Trial(name, 1, found, 0.5 * merit, 1.0, 0.5 * merit, 0.0)
+    return FittedCandidate(name, 1, found, 0.5 * merit, 1.0, 0.5 * merit, 0.0)
 
 
 def test_a_name_is_surer_the_farther_its_rivals_are_and_the_less_is_left_open() -> None:
@@ -207,8 +207,10 @@ def test_a_trial_passes_by_its_gain_on_both_kinds_of_frames_and_its_size() -> No
     assert trial("range_offset", 1000.0).passes
     assert not trial("range_offset", 1.0).passes
     good = trial("range_offset", 1000.0)
-    elsewhere_worse = Trial(good.name, 1, good.fit, 500.0, 1.0, 100.0, 150.0)
+    elsewhere_worse = FittedCandidate(good.name, 1, good.fit, 500.0, 1.0, 100.0, 150.0)
     assert not elsewhere_worse.passes
     small = fixed_probes(["signal_gain"])[0]
     x = np.array([small.free[0].encode(1.02)])
-    assert not Trial("signal_gain", 1, Fit((small,), (x,), 1.0, np.zeros((1, 3))), 500.0, 1.0, 500.0, 0.0).passes
+    assert not FittedCandidate(
+        "signal_gain", 1, Fit((small,), (x,), 1.0, np.zeros((1, 3))), 500.0, 1.0, 500.0, 0.0
+    ).passes

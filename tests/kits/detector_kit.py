@@ -8,7 +8,7 @@ import numpy as np
 from lidarcheck.model import streams
 from lidarcheck.model.detectors import array as detector_array
 from lidarcheck.model.detectors.simulate import simulate_chunk
-from lidarcheck.model.exact.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.scan import Light
@@ -41,7 +41,7 @@ def dark_flash(n: int) -> Light:
 
 def follow(
     beams: Light, sensor: Sensor, *, seed: int = 1, frame: int = 0, chunk: int = 512, threads: int = 1
-) -> Echoes:
+) -> EchoArrays:
     """The echoes of all beams, chunk by chunk."""
     numbers = numbers_of(sensor)
     detectors, pulses = detector_array.detectors_of(sensor, numbers), pulses_of(beams, sensor, numbers)
@@ -58,7 +58,7 @@ def follow(
     return echoes
 
 
-def features(echoes: Echoes, sensor: Sensor) -> np.ndarray:
+def features(echoes: EchoArrays, sensor: Sensor) -> np.ndarray:
     """A row for each echo: beam, range [m], width [ns], area, peak."""
     beam, slot = np.nonzero(np.arange(echoes.area.shape[1]) < echoes.held[:, None])
     time_ns = echoes.centre[beam, slot] * sensor.bin_ns - sensor.time_offset_ns

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.effects import make
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, Standout, Step
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, SearchStep, Standout
 from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scan import IdealScan
@@ -78,7 +78,7 @@ def explanation(case, verdict="explained", names=("fog",)):
         not_testable={"retro_ghost": "no retro-reflector is in any frame"},
         gap=gap,
         model=dataclasses.replace(model),
-        steps=(Step("split", "2 frames to fit, 1 to select, 1 to verify"),),
+        steps=(SearchStep("split", "2 frames to fit, 1 to select, 1 to verify"),),
         where=(Standout("area", "range", "60 ... 80 m", -12.3, "AREA is 20 % lower than modelled at 60 to 80 m"),),
         candidates=(
             Candidate("fog", 1, 812.0, 23.0, 31.0, 0.98, "accepted", ("rain",)),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.effects.base import make
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, Standout, Step
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, SearchStep, Standout
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.showcase.scene import MATERIALS, ideal_scan
@@ -72,7 +72,10 @@ def explanation(verdict="explained", **changes):
         "not_testable": {"mirror_multipath": "nothing here is mirror-like", "motion": "nothing moves"},
         "gap": gap(verdict),
         "model": {"explained": AFTER, "unknown": MODEL.with_(CURVE), "no_gap": MODEL}[verdict],
-        "steps": (Step("split", "2 frames to fit, 2 to select, 2 to verify"), Step("screen", "28 candidates")),
+        "steps": (
+            SearchStep("split", "2 frames to fit, 2 to select, 2 to verify"),
+            SearchStep("screen", "28 candidates"),
+        ),
         "where": (Standout("area", "range", "60-80 m", -31.2, "AREA is 31 standard deviations lower at 60-80 m"),),
         "candidates": (
             candidate("fog", 900.0, closed=0.71, verdict="accepted", equivalent_to=("rain",)),

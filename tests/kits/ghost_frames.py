@@ -35,7 +35,7 @@ class Recipe:
     ghost_share: float = 1.0  # of the sign's beams that make a ghost at all
     wall_at_ghost: bool = False  # a wall beside the sign, at the ghost's range
     noise_share: float = 0.0  # of the sign's beams on which something glimmers behind the sign
-    strays: float = 0.01  # of all beams that have a stray echo
+    false_echoes: float = 0.01  # of all beams that have a stray echo
     blooming: str = ""
     second_sign: bool = False  # further away, without a ghost
     azimuth_deg: float = 0.3
@@ -102,13 +102,13 @@ def _effects(r: Recipe, added: dict[str, tuple[NDArray[np.int64], F]]) -> tuple[
         added["noise"] = (light.beam[rows], behind)
         light.added(light.beam[rows], behind, frame.rng.uniform(0.05, 3.0, len(rows)))
 
-    def strays(light: Light, frame: Frame) -> None:
-        beams = np.flatnonzero(frame.rng.random(len(frame.beams)) < r.strays)
+    def false_echoes(light: Light, frame: Frame) -> None:
+        beams = np.flatnonzero(frame.rng.random(len(frame.beams)) < r.false_echoes)
         light.added(beams, frame.rng.uniform(4.0, 200.0, len(beams)), frame.rng.uniform(0.05, 0.5, len(beams)))
 
     parts = [Effect("retro_ghost", "test", {}, light=ghost, place=AT_SURFACE)]
     parts += [Effect("noise", "test", {}, light=noise, place=AT_SURFACE + 1)] if r.noise_share else []
-    parts += [Effect("strays", "test", {}, light=strays, place=AT_SURFACE + 1)] if r.strays else []
+    parts += [Effect("strays", "test", {}, light=false_echoes, place=AT_SURFACE + 1)] if r.false_echoes else []
     if r.blooming:
         draw = Draw(np.random.default_rng([r.seed, 5]), r.blooming, r.variant, (SIGN,))
         parts += [draw_effect(f"blooming_{way}", draw) for way in ("vertical", "horizontal")]

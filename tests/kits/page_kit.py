@@ -69,11 +69,11 @@ class FakeView(pages.PageView):
         return pages.together(page.figures(), self.together)
 
     def work(self, name):
-        def compute(tell):
+        def compute(on_progress):
             self.runs[name] = self.runs.get(name, 0) + 1
             self.begun.set()
             for step in range(3):
-                tell(step, 3, "working")
+                on_progress(step, 3, "working")
                 self.gate.wait(60.0)
             if name == "bad":
                 raise InputError("holds no echoes", file=self.ours.project.root / "bad.txt", fix="measure again")

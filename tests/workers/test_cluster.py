@@ -30,7 +30,7 @@ from lidarcheck.formats import save_ideal
 from lidarcheck.harness.check import check
 from lidarcheck.harness.frames import Frames
 from lidarcheck.model import load_model
-from lidarcheck.workers import Crew, Held, Processes
+from lidarcheck.workers import Processes, Shared, WorkerPool
 from lidarcheck.workers import cluster as cluster_module
 from lidarcheck.workers.identity import Identity, identity
 
@@ -72,19 +72,19 @@ def farm(tmp_path_factory):
 def cluster(farm):
     """The scheduler with three workers."""
     farm.add(3)
-    with cluster_module.Cluster(farm.address) as crew:
-        until(lambda: workers_of(crew) == 3)
-        yield crew
+    with cluster_module.Cluster(farm.address) as pool:
+        until(lambda: workers_of(pool) == 3)
+        yield pool
 
 
 @pytest.fixture(scope="module")
 def processes():
-    with Processes(4) as crew:
-        yield crew
+    with Processes(4) as pool:
+        yield pool
 
 
-def workers_of(crew):
-    return len(crew._client.nthreads())
+def workers_of(pool):
+    return len(pool._client.nthreads())
 
 
 @pytest.fixture(scope="module")
@@ -101,27 +101,27 @@ def inputs(tmp_path_factory):
     return place
 
 
-def frames(inputs, out, crew, told=lambda *_: None):
+def frames(inputs, out, pool, told=lambda *_: None):
     run = Frames([inputs / "ideal0.txt"], load_model(inputs / "model.toml"), out, 9, ".pcd", seed=5)
-    assert run.run(crew, told).simulated == 9
+    assert run.run(pool, told).simulated == 9
     return {path.name: path.read_bytes() for path in out.iterdir()}
 
 
-def checked(inputs, out, crew):
-    found = check([inputs / "tiny.toml"], crew=crew).to_dict()
+def checked(inputs, out, pool):
+    found = check([inputs / "tiny.toml"], pool=pool).to_dict()
     assert len(found["scenarios"][0]["kpis"][0]["paired"]) == 8
     return json_text({**found, "seconds": None})
 
 
-def calibrated(inputs, out, crew):
-    found = calibrate(load_case(inputs / "lab", fewest=1), Asked(("signal_at_1m",)), rounds=1, crew=crew)
+def calibrated(inputs, out, pool):
+    found = calibrate(load_case(inputs / "lab", fewest=1), Asked(("signal_at_1m",)), rounds=1, pool=pool)
     rounds = [dataclasses.replace(one, seconds=0.0) for one in found.rounds]
     return json_text([found.parameters, rounds, found.samples, found.misfit, found.floor, found.warnings])
 
 
-def explained(inputs, out, crew):
+def explained(inputs, out, pool):
     others = [name for name in catalogue() if name not in ("signal_gain", "range_offset")]
-    return json_text(explain(load_case(inputs / "case"), exclude=others, crew=crew).to_dict())
+    return json_text(explain(load_case(inputs / "case"), exclude=others, pool=pool).to_dict())
 
 
 def simulate_at(address, inputs, out, *more):
@@ -172,7 +172,7 @@ def test_jobs_and_an_external_model_do_not_go_with_a_cluster(inputs, tmp_path, c
     assert "is an external program, which is on this machine alone; leave out --scheduler" in capsys.readouterr().err
     (tmp_path / "one.toml").write_text(TINY.replace('"model.toml"', '"model.toml"').replace("wall, seen", "wall"))
     with pytest.raises(UsageError, match="the scenario one runs an external model, which is on this machine alone"):
-        check([tmp_path / "one.toml"], crew=Crew())
+        check([tmp_path / "one.toml"], pool=WorkerPool())
 
 
 def test_a_scheduler_without_workers_is_said_and_how_to_start_some(farm, inputs, tmp_path, capsys, monkeypatch):
@@ -185,8 +185,8 @@ def test_a_scheduler_without_workers_is_said_and_how_to_start_some(farm, inputs,
 
 @pytest.mark.parametrize("work", [frames, checked, calibrated, explained])
 def test_the_same_bits_on_one_process_on_four_and_on_a_cluster(work, inputs, tmp_path, processes, cluster):
-    crews = {"one": Crew(), "four": processes, "cluster": cluster}
-    one, four, many = (work(inputs, tmp_path / name, crew) for name, crew in crews.items())
+    pools = {"one": WorkerPool(), "four": processes, "cluster": cluster}
+    one, four, many = (work(inputs, tmp_path / name, pool) for name, pool in pools.items())
     assert one == four
     assert one == many
 
@@ -225,9 +225,9 @@ def test_an_error_in_a_task_is_the_one_that_its_caller_would_see(cluster, inputs
     ideals = [inputs / "ideal0.txt", tmp_path / "bad.txt"]
     run = Frames(ideals, load_model(inputs / "model.toml"), tmp_path / "out", None, ".pcd")
     said = []
-    for crew in (Crew(), cluster):
+    for pool in (WorkerPool(), cluster):
         with pytest.raises(LidarcheckError) as caught:
-            run.run(crew)
+            run.run(pool)
         said.append(str(caught.value))
         assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["frames.json", "ideal0.pcd"]
         shutil.rmtree(tmp_path / "out")
@@ -258,7 +258,7 @@ def test_a_worker_of_another_version_is_refused(farm, cluster, tmp_path, inputs,
 
 
 def test_a_worker_that_is_killed_in_the_middle_loses_nothing(farm, cluster, inputs, tmp_path):
-    expected = frames(inputs, tmp_path / "here", Crew())
+    expected = frames(inputs, tmp_path / "here", WorkerPool())
 
     def told(done, of, name):
         if done == 1:
@@ -269,7 +269,7 @@ def test_a_worker_that_is_killed_in_the_middle_loses_nothing(farm, cluster, inpu
 
 
 def test_all_workers_killed_in_the_middle_lose_nothing_once_there_are_others(farm, cluster, inputs, tmp_path):
-    held = Held(np.arange(1000))
+    held = Shared(np.arange(1000))
     results = cluster.map(np.sum, itertools.repeat((held,), 60))
     assert next(results) == 499500
     farm.kill()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 from lidarcheck.workers.threads import done_by, in_threads, mapped
 
 
@@ -62,7 +62,7 @@ def test_an_error_ends_the_work() -> None:
 
 
 def test_a_task_that_stands_alone_is_done_here() -> None:
-    class Elsewhere(Crew):
+    class Elsewhere(WorkerPool):
         def map(self, work: object, tasks: object) -> object:  # type: ignore[override]
             return iter(["elsewhere"] * len(list(tasks)))  # type: ignore[call-overload]
 

@@ -12,29 +12,29 @@ import pytest
 
 from lidarcheck.errors import UsageError, WorkerError
 from lidarcheck.formats.table import counted
-from lidarcheck.workers import Crew, Held, Processes, Threads
+from lidarcheck.workers import Processes, Shared, Threads, WorkerPool
 from lidarcheck.workers.identity import arithmetic, source_of_results
 from lidarcheck.workers.keeping import kept
 
 
 @pytest.fixture(scope="module")
 def two():
-    with Processes(2) as crew:
-        yield crew
+    with Processes(2) as pool:
+        yield pool
 
 
-def crews(two):
-    return Crew(), two
+def pools(two):
+    return WorkerPool(), two
 
 
 def test_results_come_in_the_order_of_the_tasks(two):
     with Threads(3) as threads:
-        for crew in (Crew(), threads, two):
-            assert [*crew.map(pow, ((2, k) for k in range(20)))] == [2**k for k in range(20)]
-            assert crew.beside(pow, 2, 5)() == 32
+        for pool in (WorkerPool(), threads, two):
+            assert [*pool.map(pow, ((2, k) for k in range(20)))] == [2**k for k in range(20)]
+            assert pool.submit(pow, 2, 5)() == 32
 
 
-@pytest.mark.parametrize("kind", [Crew, lambda: Threads(3)])
+@pytest.mark.parametrize("kind", [WorkerPool, lambda: Threads(3)])
 def test_tasks_are_taken_a_few_at_a_time(kind):
     taken = []
 
@@ -43,25 +43,25 @@ def test_tasks_are_taken_a_few_at_a_time(kind):
             taken.append(k)
             yield (-k,)
 
-    with kind() as crew:
-        results = crew.map(abs, tasks())
+    with kind() as pool:
+        results = pool.map(abs, tasks())
         assert next(results) == 0
-        assert len(taken) <= 2 * crew.jobs + 2
+        assert len(taken) <= 2 * pool.jobs + 2
         results.close()
-    assert len(taken) <= 2 * crew.jobs + 2
+    assert len(taken) <= 2 * pool.jobs + 2
 
 
 def test_a_held_thing_stands_for_itself_and_goes_with_its_last_owner(two):
-    held = Held(np.arange(10.0))
-    for crew in crews(two):
-        assert [*crew.map(np.dot, ((held, held) for _ in range(3)))] == [285.0] * 3
-        assert crew.beside(np.sum, held)() == 45.0
+    held = Shared(np.arange(10.0))
+    for pool in pools(two):
+        assert [*pool.map(np.dot, ((held, held) for _ in range(3)))] == [285.0] * 3
+        assert pool.submit(np.sum, held)() == 45.0
     files = list(os.scandir(two._files.name))
     assert len(files) == 1
     del held
     assert not list(os.scandir(two._files.name))
     with pytest.raises(TypeError, match="held things stand among the arguments"):
-        [*two.map(len, [([Held(1)],), ([Held(2)],)])]
+        [*two.map(len, [([Shared(1)],), ([Shared(2)],)])]
 
 
 def test_a_worker_keeps_a_thing_and_forgets_the_oldest():
@@ -78,10 +78,10 @@ def test_a_worker_keeps_a_thing_and_forgets_the_oldest():
 
 def test_what_a_task_raises_is_raised_here(two):
     with Threads(2) as threads:
-        for crew in (*crews(two), threads):
+        for pool in (*pools(two), threads):
             with pytest.raises(ZeroDivisionError):
-                [*crew.map(divmod, [(1, 1), (1, 0), (1, 1)])]
-            assert [*crew.map(counted, [(1, "row"), (2, "row")])] == ["1 row", "2 rows"]
+                [*pool.map(divmod, [(1, 1), (1, 0), (1, 1)])]
+            assert [*pool.map(counted, [(1, "row"), (2, "row")])] == ["1 row", "2 rows"]
 
 
 def test_threads_hurry_what_is_under_way_when_interrupted():
@@ -95,23 +95,23 @@ def test_threads_hurry_what_is_under_way_when_interrupted():
         yield ()
         raise UsageError("enough")
 
-    with pytest.raises(UsageError), Threads(2, hurry=lambda: hurried.append(1)) as crew:
-        [*crew.map(slow, stop())]
+    with pytest.raises(UsageError), Threads(2, hurry=lambda: hurried.append(1)) as pool:
+        [*pool.map(slow, stop())]
     assert hurried
 
 
 def test_a_killed_process_is_replaced_and_its_task_done_again():
-    with Processes(2) as crew:
-        held = Held(100)
-        results = crew.map(sum_after, ((held, k, 0.02) for k in range(12)))
+    with Processes(2) as pool:
+        held = Shared(100)
+        results = pool.map(sum_after, ((held, k, 0.02) for k in range(12)))
         assert next(results) == 100
-        for process in [*crew._running._processes.values()][:1]:
+        for process in [*pool._running._processes.values()][:1]:
             os.kill(process.pid, signal.SIGKILL)
         assert [*results] == [100 + k for k in range(1, 12)]
         with pytest.raises(
             WorkerError, match="worker processes were killed 3 times in the same work; was memory short"
         ):
-            [*crew.map(os._exit, [(1,), (1,)])]
+            [*pool.map(os._exit, [(1,), (1,)])]
 
 
 def sum_after(start, k, seconds):
@@ -141,10 +141,10 @@ def test_an_interrupt_while_a_thread_begins_waits_for_its_task_and_hurries_it():
             hurried.set()
 
     def interrupted() -> None:
-        with Threads(2, hurry=hurry) as crew:
-            crew.beside(slow)
+        with Threads(2, hurry=hurry) as pool:
+            pool.submit(slow)
             assert begun.wait(timeout=30.0)
-            crew._pool._threads.clear()
+            pool._pool._threads.clear()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lidarcheck.explain.report.explanation import Progress, Step, Teller
+from lidarcheck.explain.report.explanation import Progress, ProgressCallback, SearchStep
 
-__all__ = ["PROGRESS", "deaf", "silent", "tell_fit"]
+__all__ = ["PROGRESS", "ignore_progress", "ignore_step", "report_fit"]
 
 PROGRESS = Progress(
     {
@@ -19,15 +19,15 @@ PROGRESS = Progress(
 )
 
 
-def silent(_step: str, _done: int, _of: int) -> None:
+def ignore_progress(_step: str, _done: int, _of: int) -> None:
     """Tell nobody how far a step is."""
 
 
-def deaf(_step: Step) -> None:
+def ignore_step(_step: SearchStep) -> None:
     """Hear nothing of what is found."""
 
 
-def tell_fit(tell: Teller, step: str, done: int, of: int) -> None:
+def report_fit(on_progress: ProgressCallback, step: str, done: int, of: int) -> None:
     """How far the fit is: four rounds, the leaving out again and the detours, in hundredths."""
     place = {"leave out again": 4, "detour": 5}.get(step) or int(step.rsplit(" ", 1)[-1]) - 1
-    tell("fit", 16 * place + round(16 * done / max(of, 1)), 100)
+    on_progress("fit", 16 * place + round(16 * done / max(of, 1)), 100)

@@ -18,8 +18,8 @@ from lidarcheck.effects.base import catalogue
 from lidarcheck.explain.decision.answer import (
     CALIBRATION,
     Answer,
-    by_names,
-    by_terms,
+    answer_with_names,
+    answer_with_terms,
     closes,
     explanation_of,
     objection,
@@ -32,29 +32,29 @@ from lidarcheck.explain.decision.model_check import widening
 from lidarcheck.explain.decision.needless import without_any, without_needless
 from lidarcheck.explain.decision.patchy import patches_in
 from lidarcheck.explain.empirical.description import Description, describe
-from lidarcheck.explain.progress import deaf, silent, tell_fit
-from lidarcheck.explain.report.explanation import Explanation, Gap, Hearer, Standout, Step, Teller
+from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
+from lidarcheck.explain.report.explanation import Explanation, Gap, ProgressCallback, SearchStep, Standout, StepCallback
 from lidarcheck.explain.report.wording import standouts
 from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.search.located import located_probes
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.search import backward, find_effects, without
 from lidarcheck.explain.search.second_look import second_look
-from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale, gap_of
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew, Processes, one_blas_thread
+from lidarcheck.workers import Processes, WorkerPool, one_blas_thread
 from lidarcheck.workers.cores import usable_cores
 from lidarcheck.workers.threads import in_threads
 
 if TYPE_CHECKING:
     from lidarcheck.cases.case import Case
-    from lidarcheck.workers.checkpoint import Notebook
+    from lidarcheck.workers.checkpoint import Checkpoint
 
-__all__ = ["Answer", "Run", "explain"]
+__all__ = ["Answer", "Workflow", "explain"]
 
 FloatArray = npt.NDArray[np.float64]
 _HEARD_PLACES = 5  # so many of what stands out are told while the work goes on; the report has all
@@ -66,25 +66,36 @@ def explain(
     seed: int = 0,
     exclude: Sequence[str] = (),
     jobs: int = 1,
-    crew: Crew | None = None,
-    tell: Teller | None = None,
-    hear: Hearer | None = None,
-    notebook: Notebook | None = None,
+    pool: WorkerPool | None = None,
+    on_progress: ProgressCallback | None = None,
+    on_step: StepCallback | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Explanation:
-    """Explain a case; the same case and seed give the same answer, whoever works: `jobs` processes, or a `crew`.
+    """Explain a case; the same case and seed give the same answer, whoever works: `jobs` processes, or a `pool`.
 
-    `exclude`: effects that are not to be named. `tell` hears (step, done, of), `hear` what
-    is found, in words, as soon as it is there. `notebook` keeps what was done, so that
+    `exclude`: effects that are not to be named. `on_progress` hears (step, done, of), `on_step` what
+    is found, in words, as soon as it is there. `checkpoint` keeps what was done, so that
     an interrupted run goes on. `UsageError` where there are fewer than three frames.
     """
     own = Processes(jobs, _wake)
-    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers, _threads(workers):
-        return _explain(case, Run(case.model, seed, tuple(exclude), workers, tell or silent, hear or deaf, notebook))
+    with one_blas_thread(), own if pool is None else contextlib.nullcontext(pool) as workers, _threads(workers):
+        return _explain(
+            case,
+            Workflow(
+                case.model,
+                seed,
+                tuple(exclude),
+                workers,
+                on_progress or ignore_progress,
+                on_step or ignore_step,
+                checkpoint,
+            ),
+        )
 
 
-def _threads(crew: Crew) -> contextlib.AbstractContextManager[None]:
+def _threads(pool: WorkerPool) -> contextlib.AbstractContextManager[None]:
     """As many threads as there are cores here for the crew, for what stands between its tasks."""
-    return in_threads(min(crew.jobs, usable_cores()))
+    return in_threads(min(pool.jobs, usable_cores()))
 
 
 def _wake() -> None:
@@ -95,7 +106,7 @@ def _wake() -> None:
     from lidarcheck.model.exact import kernel  # noqa: F401
 
 
-def _explain(case: Case, run: Run) -> Explanation:
+def _explain(case: Case, run: Workflow) -> Explanation:
     """The method, a step a line."""
     split = run.split(case)
     split, bench = run.exchange_frames(split, run.measure_residuals_and_floor(split))
@@ -125,23 +136,23 @@ def _explain(case: Case, run: Run) -> Explanation:
 
 
 @dataclass(frozen=True)
-class Run:
+class Workflow:
     """One run: the model, the seed, what is not to be named, who is told, what was found; its methods are the steps."""
 
     model: Model
     seed: int
     exclude: tuple[str, ...]
-    crew: Crew
-    tell: Teller
-    hear: Hearer = deaf
-    notebook: Notebook | None = None
-    steps: list[Step] = field(default_factory=list)
+    pool: WorkerPool
+    on_progress: ProgressCallback
+    on_step: StepCallback = ignore_step
+    checkpoint: Checkpoint | None = None
+    steps: list[SearchStep] = field(default_factory=list)
     described: list[Description] = field(default_factory=list)
 
     def did(self, name: str, words: str) -> None:
         """A step of the report has been done."""
-        self.steps.append(Step(name, words))
-        self.hear(self.steps[-1])
+        self.steps.append(SearchStep(name, words))
+        self.on_step(self.steps[-1])
 
     def split(self, case: Case) -> Split:
         """Which frames serve for what."""
@@ -149,20 +160,20 @@ class Run:
         self.did("split", found.words())
         return found
 
-    def measure_residuals_and_floor(self, split: Split) -> Bench:
+    def measure_residuals_and_floor(self, split: Split) -> SearchData:
         """Residuals of every beam, their summaries, and how far these vary where nothing is missing."""
-        later = self.crew.beside(Lab, split.select, self.model, 2 * self.seed + 2)
-        lab = Lab(split.fit, self.model, 2 * self.seed + 1)
-        self.tell("residuals and floor", 1, 2)
+        later = self.pool.submit(Simulator, split.select, self.model, 2 * self.seed + 2)
+        simulator = Simulator(split.fit, self.model, 2 * self.seed + 1)
+        self.on_progress("residuals and floor", 1, 2)
         select = later()
-        self.tell("residuals and floor", 2, 2)
-        start = lab.distance(np.zeros((1, len(lab.measured))))
-        self.did("residuals", f"{len(lab.beams)} beams in {len(lab.summaries)} summaries")
-        floor = lab.floor_distance
+        self.on_progress("residuals and floor", 2, 2)
+        start = simulator.distance(np.zeros((1, len(simulator.measured))))
+        self.did("residuals", f"{len(simulator.beams)} beams in {len(simulator.summaries)} summaries")
+        floor = simulator.floor_distance
         self.did("noise floor", f"distance {start:.0f} before any fit, {floor:.0f} where nothing is missing")
-        return Bench(lab, select, 0.0, start, self.crew)
+        return SearchData(simulator, select, 0.0, start, self.pool)
 
-    def exchange_frames(self, split: Split, bench: Bench) -> tuple[Split, Bench]:
+    def exchange_frames(self, split: Split, bench: SearchData) -> tuple[Split, SearchData]:
         """The select frames fit in the place of others where they alone show what is to be found."""
         if not shows_in_select_alone(bench):
             return split, bench
@@ -170,31 +181,31 @@ class Run:
         self.did("exchange", f"the select frames alone show a gap; now {other.words()}")
         return other, self.measure_residuals_and_floor(other)
 
-    def find_where(self, bench: Bench) -> tuple[Standout, ...]:
+    def find_where(self, bench: SearchData) -> tuple[Standout, ...]:
         """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
-        lab = bench.lab
-        level = float(np.quantile(np.abs(lab.check).max(axis=1), 0.95))
-        found = standouts(lab.summaries.names, lab.measured_plain, level)
+        simulator = bench.simulator
+        level = float(np.quantile(np.abs(simulator.check).max(axis=1), 0.95))
+        found = standouts(simulator.summaries.names, simulator.measured_plain, level)
         self.did("where", f"{len(found)} summaries stand out")
         for one in found[:_HEARD_PLACES]:
-            self.hear(Step("stands out", one.words))
+            self.on_step(SearchStep("stands out", one.words))
         return found
 
-    def screen_candidates(self, bench: Bench) -> tuple[list[Screened], Bench]:
+    def screen_candidates(self, bench: SearchData) -> tuple[list[Screened], SearchData]:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = [name for name in catalogue() if name not in self.exclude]
-        probes = fixed_probes(names) + located_probes(bench.lab, names)
-        told = functools.partial(self.tell, "candidates")
-        screened = screen(bench.lab, probes, told, self.crew, self.notebook)
-        weaker = weaker_starts(bench.lab, screened)
-        screened += screen(bench.lab, weaker, None, self.crew, self.notebook, "weaker")
-        return screened, dataclasses.replace(bench, level=chance_level(bench.lab, screened))
+        probes = fixed_probes(names) + located_probes(bench.simulator, names)
+        told = functools.partial(self.on_progress, "candidates")
+        screened = screen(bench.simulator, probes, told, self.pool, self.checkpoint)
+        weaker = weaker_starts(bench.simulator, screened)
+        screened += screen(bench.simulator, weaker, None, self.pool, self.checkpoint, "weaker")
+        return screened, dataclasses.replace(bench, level=chance_level(bench.simulator, screened))
 
-    def fit_and_select(self, bench: Bench, screened: Sequence[Screened]) -> Search:
+    def fit_and_select(self, bench: SearchData, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
-        told = functools.partial(tell_fit, self.tell)
+        told = functools.partial(report_fit, self.on_progress)
         found = detours(bench, find_effects(bench, screened, told), screened, told)
-        self.tell("fit", 1, 1)
+        self.on_progress("fit", 1, 1)
         now, level = found.fit, bench.level
         self.did("candidates", f"{len(found.trials)} fitted; chance gains up to {level:.1f} times its mean")
         self.did("fit", f"{', '.join(now.names()) or 'nothing'} accepted; distance {now.distance:.0f}")
@@ -202,16 +213,16 @@ class Run:
         self.did("select", f"distance {select_distance(bench.select, now):.0f} on the select frames")
         return found
 
-    def look_again(self, bench: Bench, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
+    def look_again(self, bench: SearchData, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
         """For effects that hide beside those that were accepted."""
-        told = functools.partial(self.tell, "second look")
+        told = functools.partial(self.on_progress, "second look")
         found = second_look(bench, seen, search, screened, 2 * self.seed + 4, told)
-        self.tell("second look", 1, 1)
+        self.on_progress("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
         return found
 
-    def leave_out_needless(self, bench: Bench, seen: Scale, search: Search) -> Search:
+    def leave_out_needless(self, bench: SearchData, seen: Scale, search: Search) -> Search:
         """Without names that gain much by the summaries and close next to nothing beam by beam."""
         found = without_needless(bench, seen, search, 2 * self.seed + 4)
         for name in (name for name in search.fit.names() if name not in found.fit.names()):
@@ -221,7 +232,7 @@ class Run:
             self.did("needless", f"{', '.join(found.fit.names())}: beam by beam, usual errors alone come as near")
         return alone
 
-    def judge(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer]:
+    def judge(self, bench: SearchData, seen: Scale, search: Search) -> tuple[Search, Answer]:
         """Whether what was found closes the gap, what could stand in its place, and what is said of it."""
         search, closed = self.close(bench, seen, search)
         accepted = search.fit
@@ -230,9 +241,9 @@ class Run:
         simpler = self.leave_out_again(bench, seen, search) if search.fit is not accepted else None
         return simpler or (search, self.decide(bench, seen, search, closed, last))
 
-    def leave_out_again(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Answer] | None:
+    def leave_out_again(self, bench: SearchData, seen: Scale, search: Search) -> tuple[Search, Answer] | None:
         """The same without names that a rival in its new place has made needless; None where it needs them all."""
-        fewer = backward(bench, search.fit, silent)
+        fewer = backward(bench, search.fit, ignore_progress)
         if len(fewer.probes) == len(search.fit.probes):
             return None
         found, answer = self.judge(bench, seen, Search(search.first, fewer, search.trials))
@@ -242,14 +253,16 @@ class Run:
         self.did("left out again", f"{', '.join(found.fit.names())}: beside the rival no more is needed")
         return found, answer
 
-    def leave_out(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> tuple[Search, Answer]:
+    def leave_out(
+        self, bench: SearchData, seen: Scale, search: Search, answer: Answer, gap: Gap
+    ) -> tuple[Search, Answer]:
         """The same without a name, not the most important, with which the gap is wider on the frames that no fit has
         seen, if the others explain the case as well."""
         wider = widening(gap, [one.name for one in answer.findings[1:]])
         at = next((i for i, name in enumerate(search.fit.names()) if name in wider), None)
         if at is None:
             return search, answer
-        name, fewer = search.fit.names()[at], without(bench.lab, search.fit, at)
+        name, fewer = search.fit.names()[at], without(bench.simulator, search.fit, at)
         found, simpler = self.judge(bench, seen, Search(search.first, fewer, search.trials))
         if simpler.verdict != "explained":
             self.did("kept", f"{name}: on unseen frames the gap is wider with it, but too much is open without")
@@ -257,7 +270,7 @@ class Run:
         self.did("withdrawn", f"{name}: on frames that no fit has seen, the gap is wider with it")
         return found, simpler
 
-    def close(self, bench: Bench, seen: Scale, search: Search) -> tuple[Search, Closure]:
+    def close(self, bench: SearchData, seen: Scale, search: Search) -> tuple[Search, Closure]:
         """Whether little is left open, by the summaries of the select frames or beam by beam."""
         closed = closure(bench, search.fit, search.trials)
         if closed.holds:
@@ -268,12 +281,12 @@ class Run:
             self.did("appeal", f"{', '.join(found.fit.names())}: beam by beam, {part} closes on the frames seen")
         return found, closed
 
-    def find_rivals(self, bench: Bench, search: Search, closed: Closure) -> list[Rival]:
+    def find_rivals(self, bench: SearchData, search: Search, closed: Closure) -> list[Rival]:
         """The effects that explain the data nearly as well in the place of an accepted one."""
         if not closed.holds or not search.fit.probes:
             return []
         return rivals(
-            bench, search.fit, search.trials, lambda _s, i, n: self.tell("equivalence and testability", i, n + 1)
+            bench, search.fit, search.trials, lambda _s, i, n: self.on_progress("equivalence and testability", i, n + 1)
         )
 
     def polish(self, seen: Scale, search: Search, closed: Closure, others: Sequence[Rival]) -> Polished | None:
@@ -281,7 +294,7 @@ class Run:
         None where no effect is accepted."""
         if not closed.holds or not search.fit.probes:
             return None
-        found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4, known=search.own, crew=self.crew)
+        found = contest(seen, self.model, search.fit, others, 2 * self.seed + 4, known=search.own, pool=self.pool)
         if found.fit is not search.fit:
             now, before = (", ".join(one.names()) for one in (found.fit, search.fit))
             self.did("rivals", f"{now} in the place of {before}" if now != before else f"{now} of another kind")
@@ -289,12 +302,12 @@ class Run:
         return found
 
     def take_another_way(
-        self, bench: Bench, seen: Scale, screened: Sequence[Screened], search: Search, answer: Answer
+        self, bench: SearchData, seen: Scale, screened: Sequence[Screened], search: Search, answer: Answer
     ) -> tuple[Search, Answer]:
         """Other names in the place of such as do not close the gap beam by beam, if there are any that do."""
         if closes(answer):
             return search, answer
-        told = functools.partial(tell_fit, self.tell)
+        told = functools.partial(report_fit, self.on_progress)
         for way in itertools.chain(with_fewer_kin(bench, search), other_ways(bench, search, screened, told)):
             named, instead = (", ".join(one.fit.names()) for one in (search, way))
             self.did("another way", f"{instead}, since with {named}, {objection(answer)}")
@@ -304,21 +317,21 @@ class Run:
             self.did("kept", f"{named}: the other way does no better")
         return search, answer
 
-    def list_untestable(self, bench: Bench, screened: Sequence[Screened]) -> Mapping[str, str]:
+    def list_untestable(self, bench: SearchData, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects these scenes could not show."""
         names = [name for name in catalogue() if name not in self.exclude]
-        found = not_testable(bench.lab, screened, names, bench.level)
-        self.tell("equivalence and testability", 1, 1)
+        found = not_testable(bench.simulator, screened, names, bench.level)
+        self.on_progress("equivalence and testability", 1, 1)
         return found
 
-    def decide(self, bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished | None) -> Answer:
+    def decide(self, bench: SearchData, seen: Scale, search: Search, closed: Closure, last: Polished | None) -> Answer:
         """No gap, explained by name, or unknown."""
         if not closed.holds:
             answer = self._unknown(bench, seen, search, 1.0 - closed.share)
         elif last is None:
             answer = Answer("no_gap", (), (("", self.model),), "")
         else:
-            answer = by_names(bench, seen, search, closed, last)
+            answer = answer_with_names(bench, seen, search, closed, last)
             if patches := patches_in(answer.findings):
                 self.did("patches", patches)
             if is_doubtful(answer.findings[0]):
@@ -327,16 +340,16 @@ class Run:
                 answer = self._unknown(bench, seen, search, 1.0 - first.confidence)
         self.did("unknown", answer.words or "nothing is left that needs a description")
         for one in answer.findings:
-            self.hear(Step("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
+            self.on_step(SearchStep("found", f"{one.name}, confidence {100.0 * one.confidence:.0f} %"))
         return answer
 
-    def _unknown(self, bench: Bench, seen: Scale, search: Search, left: float) -> Answer:
+    def _unknown(self, bench: SearchData, seen: Scale, search: Search, left: float) -> Answer:
         if not self.described:  # whichever names were withheld, terms begin with the case's own model
-            self.described.append(describe(bench, seen, 2 * self.seed + 5, self.tell))
-        self.tell("unknown", 1, 1)
-        return by_terms(bench, search, left, self.described[0])
+            self.described.append(describe(bench, seen, 2 * self.seed + 5, self.on_progress))
+        self.on_progress("unknown", 1, 1)
+        return answer_with_terms(bench, search, left, self.described[0])
 
-    def withdraw(self, bench: Bench, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
+    def withdraw(self, bench: SearchData, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
         """Names that do not close the gap are not given: what is missing is unknown."""
         names = ", ".join(finding.name for finding in answer.findings)
         self.did("withdrawn", f"{names}: with these, {objection(answer, gap)}")
@@ -355,9 +368,9 @@ class Run:
         names = ("before", *(name for name, _ in answer.stages[1:]))
 
         def told(i: int, n: int, gap: float) -> None:
-            self.tell("verification", i, n)
-            self.hear(Step("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
+            self.on_progress("verification", i, n)
+            self.on_step(SearchStep("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
 
-        gap = gap_of(scale, answer.stages, told, self.crew)
+        gap = gap_of(scale, answer.stages, told, self.pool)
         self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
         return gap

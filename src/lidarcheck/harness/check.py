@@ -21,7 +21,7 @@ from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.layout import Selection, make_directory, select
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["check"]
 
@@ -36,7 +36,7 @@ def check(
     seed: int | None = None,
     model: Model | Path | str | None = None,
     jobs: int | None = None,
-    crew: Crew | None = None,
+    pool: WorkerPool | None = None,
     progress: Progress | None = None,
     measure: Measure | None = None,
     load: Load | None = None,
@@ -45,7 +45,7 @@ def check(
 
     `paths`: scenario files, directories of them or names; none: the project's `scenarios/`. `seed`: makes an
     independent re-run with fresh seeds, also of a model that is bit-identical. `model`: asked in place of the
-    scenarios' own, where the variant is theirs. `jobs`: seeds run side by side, which changes no result; `crew`: who
+    scenarios' own, where the variant is theirs. `jobs`: seeds run side by side, which changes no result; `pool`: who
     runs them in the place of this machine's cores. `measure`, `load`: stand-ins for `harness.measure.measure` and
     `harness.scenario.load_scenario`. A KPI that fell out is in the report; a `LidarcheckError` means that the run could
     not be made. Goldens are never written.
@@ -55,9 +55,9 @@ def check(
     cases = [open_case(file, model, measure, load) for file in selection.files]
     kpis_in_suite = suite_size(cases)
     share = gate.error_share(kpis_in_suite)
-    run = Runner(jobs, progress, crew)
+    run = Runner(jobs, progress, pool)
     active = [case for case in cases if not case.skipped]
-    if crew is not None:
+    if pool is not None:
         _refuse_external(active)
 
     run.seeds([case.paired_job for case in active], _PAIRED)

@@ -27,12 +27,12 @@ from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.files.file import SceneFile
-from lidarcheck.workers import Crew, Held, one_blas_thread
+from lidarcheck.workers import Shared, WorkerPool, one_blas_thread
 
 __all__ = ["NOTES", "Frames", "Written"]
 
 NOTES = "frames.json"
-Told = Callable[[int, int, str], object]
+ProgressCallback = Callable[[int, int, str], object]
 
 
 class Written(NamedTuple):
@@ -94,7 +94,7 @@ class Frames:
         if self.out.exists() and not self.out.is_dir():
             raise InputError("is not a directory", file=self.out, fix="name a directory for the frames")
 
-    def run(self, crew: Crew, told: Told = lambda _done, _of, _what: None) -> Written:
+    def run(self, pool: WorkerPool, told: ProgressCallback = lambda _done, _of, _what: None) -> Written:
         """Simulate and write what is not there yet; `told` hears frames done, of how many, and the last one's name.
 
         The same bytes for every crew. On an error or interrupt the frames that were written stay.
@@ -104,7 +104,7 @@ class Frames:
             left = [task for task in tasks if not task.place.exists()]
             kept, echoes = len(tasks) - len(left), 0
             told(kept, len(tasks), "")
-            for done, (content, count) in enumerate(crew.map(_simulated, self._packed(left)), start=1):
+            for done, (content, count) in enumerate(pool.map(_simulated, self._packed(left)), start=1):
                 place = left[done - 1].place
                 write_bytes(place, content)
                 echoes += count
@@ -119,8 +119,8 @@ class Frames:
 
     def _packed(self, left: Sequence[_Task]) -> Iterator[tuple[Any, ...]]:
         """The tasks with what they need; an ideal scan that there are many frames of goes to each worker once."""
-        setup = Held((self.model, None if self.scene is None else self.scene.scene))
-        only = Held(load_ideal(self.ideals[0])) if len(self.ideals) == 1 and left else None
+        setup = Shared((self.model, None if self.scene is None else self.scene.scene))
+        only = Shared(load_ideal(self.ideals[0])) if len(self.ideals) == 1 and left else None
         for task in left:
             yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity, self.device
 

@@ -12,13 +12,13 @@ from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
-__all__ = ["SIDES", "Beams", "beams_of", "bright_offsets"]
+__all__ = ["SIDES", "BeamTable", "beams_of", "bright_offsets"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 
 SIDES = ("above", "below", "left", "right")
-"""The neighbours of a beam, in the order of `Beams.neighbour_m`."""
+"""The neighbours of a beam, in the order of `BeamTable.neighbour_m`."""
 
 BRIGHT_SIGNAL = 30.0
 """S from which a surface saturates all SPADs and may bloom or show ghosts, avalanches per SPAD and shot."""
@@ -32,7 +32,7 @@ _LAYER_DEG, _POINT_DEG = 0.05, 0.125
 
 
 @dataclass(frozen=True)
-class Beams:
+class BeamTable:
     """The beams of all frames, ordered by (frame, layer, point); columns of shape (n,) unless said otherwise.
 
     `key`: ascending, one number a beam. `distance_m`: the nearest surface, 0 where the beam meets nothing.
@@ -76,7 +76,7 @@ def key_of(frame: npt.ArrayLike, layer: npt.ArrayLike, point: npt.ArrayLike) -> 
     return np.asarray((f << 40) + (a << 20) + b)
 
 
-def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
+def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
     """The beams of some frames, numbered as they stand in `ideals`."""
     frames = np.concatenate([np.full(len(ideal), i) for i, ideal in enumerate(ideals)])
     layer, point, distance, material, incidence = (
@@ -97,7 +97,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> Beams:
     shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), distance[row])
     neighbour, step, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
     bright, bright_m = bright_offsets(shape, signal[row], distance[row])
-    return Beams(
+    return BeamTable(
         key=key,
         frame=frames[row],
         layer=layer[row].astype(np.int64),

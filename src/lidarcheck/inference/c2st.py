@@ -12,13 +12,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams, beams_of, key_of
+from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import Scan
 
-__all__ = ["COLUMNS", "told_apart"]
+__all__ = ["COLUMNS", "classifier_auc"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _RANGE_STEP_M = 1e-3
 _TREES = 150
 
 
-def told_apart(frames: Sequence[Frame], unseen: Collection[int], model: Model, seed: int = 0) -> float:
+def classifier_auc(frames: Sequence[Frame], unseen: Collection[int], model: Model, seed: int = 0) -> float:
     """How well gradient-boosted trees tell the measured echoes of frames from a model's: the area under the ROC curve.
 
     0.5 where they guess, 1 where they are always right. They learn from the frames whose `number` is not in `unseen`
@@ -64,7 +64,7 @@ def _labelled(frames: Sequence[Frame], model: Model, seed: int) -> tuple[FloatAr
     return np.concatenate(rows), np.concatenate(measured)
 
 
-def _rows(beams: Beams, scan: Scan) -> FloatArray:
+def _rows(beams: BeamTable, scan: Scan) -> FloatArray:
     """What a scan shows of the beams in `COLUMNS`, a row for each echo and for each beam without one, shape (n, 12)."""
     beam = np.searchsorted(beams.key, key_of(np.zeros(len(scan), np.int64), scan.layer, scan.point))
     echoes = np.bincount(beam, minlength=len(beams))

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams, key_of
-from lidarcheck.inference.pairing import FEATURES, Sights
+from lidarcheck.inference.beam_table import BeamTable, key_of
+from lidarcheck.inference.pairing import FEATURES, Observations
 
 __all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "at_borders", "runs_along", "runs_past", "with_beams_of"]
 
@@ -26,7 +26,7 @@ AT_EDGES = ("beam_divergence", "boresight", "vibration")
 FOOTPRINTS = ("beam_divergence",)
 """Of these, those by which beams see both sides of an edge."""
 EXTRA = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
-"""The columns of `Sights` that have a row an echo of no surface."""
+"""The columns of `Observations` that have a row an echo of no surface."""
 _FEWEST, _LONG = 3, 5
 _TOGETHER = 0.8
 """Of a run so large a part must see past the edge."""
@@ -36,7 +36,9 @@ _APART_M, _APART = 1.0, 0.06
 """Surfaces this much apart, or by this part of the range, are not one."""
 
 
-def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, deep: bool = False) -> list[IndexArray]:
+def runs_past(
+    beams: BeamTable, measured: Observations, simulated: Sequence[Observations], *, deep: bool = False
+) -> list[IndexArray]:
     """The numbers of the beams of each run along the border of one object of which one side sees the object, the other
     what is beside it: together, and in all simulations.
 
@@ -57,13 +59,15 @@ def runs_past(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, de
     return _disjoint(found, len(beams))
 
 
-def _otherwise(beams: Beams, measured: Sights, simulated: Sequence[Sights], *, before: bool = False) -> Flags:
+def _otherwise(
+    beams: BeamTable, measured: Observations, simulated: Sequence[Observations], *, before: bool = False
+) -> Flags:
     """Beams that see past their surface where nearly all simulations do not, or the other way round."""
     often = np.mean([_past(beams, one, before=before) for one in simulated], axis=0)
     return np.asarray(np.where(_past(beams, measured, before=before), often < 1.0 - _SEEN, often > _SEEN))
 
 
-def runs_along(beams: Beams) -> list[IndexArray]:
+def runs_along(beams: BeamTable) -> list[IndexArray]:
     """The numbers of the beams of each longer run along the border of one object, whatever they see.
 
     Along it, one part of a beam decides what all of them see: a footprint meets both sides of the edge, and how much of
@@ -77,17 +81,17 @@ def runs_along(beams: Beams) -> list[IndexArray]:
     return [run for run in _disjoint(found, len(beams)) if len(run) >= _LONG]
 
 
-def at_borders(beams: Beams) -> Flags:
+def at_borders(beams: BeamTable) -> Flags:
     """Beams next to which another surface is, nothing, or no beam; shape (n,)."""
     return np.asarray(_borders(beams).any(axis=1))
 
 
-def _surface(beams: Beams) -> IndexArray:
+def _surface(beams: BeamTable) -> IndexArray:
     """The object that each beam meets, or what it is made of."""
     return np.where(beams.object_id >= 0, beams.object_id, beams.material_id)
 
 
-def _lines(beams: Beams) -> Iterator[tuple[int, IndexArray, IndexArray]]:
+def _lines(beams: BeamTable) -> Iterator[tuple[int, IndexArray, IndexArray]]:
     """For each side the beams that have a border there, and of each beam the frame, the column or layer that the border
     runs along, and the surface, shape (3, n)."""
     borders, surface = _borders(beams), _surface(beams)
@@ -106,7 +110,7 @@ def _together(at: IndexArray, group: IndexArray, past: Flags, inside: IndexArray
     return [at[(runs == run) & past[at]] for run in np.flatnonzero(whole)]
 
 
-def _inside(beams: Beams, side: int, surface: IndexArray) -> IndexArray:
+def _inside(beams: BeamTable, side: int, surface: IndexArray) -> IndexArray:
     """The beam of the same object beside each, away from the side; -1 where there is none."""
     up, left = ((-1, 0), (1, 0), (0, -1), (0, 1))[side]
     step = [np.min(np.diff(np.unique(line)), initial=1 << 20) for line in (beams.layer, beams.point)]
@@ -115,32 +119,34 @@ def _inside(beams: Beams, side: int, surface: IndexArray) -> IndexArray:
     return np.where((beams.key[place] == key) & (surface[place] == surface), place, -1)
 
 
-def with_beams_of(sights: Sights, other: Sights, rows: IndexArray) -> Sights:
+def with_beams_of(observations: Observations, other: Observations, rows: IndexArray) -> Observations:
     """The sights, of these beams as the other ones have them."""
-    chosen = np.zeros(len(sights.detected), dtype=bool)
+    chosen = np.zeros(len(observations.detected), dtype=bool)
     chosen[rows] = True
-    kept, taken = ~chosen[sights.extra_beam], chosen[other.extra_beam]
-    extra = {name: np.concatenate([getattr(sights, name)[kept], getattr(other, name)[taken]]) for name in EXTRA}
+    kept, taken = ~chosen[observations.extra_beam], chosen[other.extra_beam]
+    extra = {name: np.concatenate([getattr(observations, name)[kept], getattr(other, name)[taken]]) for name in EXTRA}
     order = np.argsort(extra["extra_beam"], kind="stable")
     return dataclasses.replace(
-        sights,
-        detected=np.where(chosen, other.detected, sights.detected),
-        feature=np.where(chosen[:, None], other.feature, sights.feature),
-        strayed=np.where(chosen, other.strayed, sights.strayed),
+        observations,
+        detected=np.where(chosen, other.detected, observations.detected),
+        feature=np.where(chosen[:, None], other.feature, observations.feature),
+        strayed=np.where(chosen, other.strayed, observations.strayed),
         **{name: column[order] for name, column in extra.items()},
     )
 
 
-def _past(beams: Beams, sights: Sights, *, before: bool = False) -> Flags:
+def _past(beams: BeamTable, observations: Observations, *, before: bool = False) -> Flags:
     """Beams that show something beside their surface or behind it in its place, or nothing where nothing is beside
     it; or an echo that is taken for their surface's, but as far from it as another surface is. `before`: or anything
     before it."""
     other = np.zeros(len(beams), dtype=bool)
-    beyond = (sights.extra_side >= 0) | (sights.extra_m > beams.distance_m[sights.extra_beam])
-    other[sights.extra_beam[beyond | before]] = True
+    beyond = (observations.extra_side >= 0) | (observations.extra_m > beams.distance_m[observations.extra_beam])
+    other[observations.extra_beam[beyond | before]] = True
     nothing = (beams.neighbour_m == 0.0).any(axis=1)
-    moved = sights.detected & (np.abs(sights.feature[:, FEATURES.index("range")]) > _apart_m(beams.distance_m))
-    return np.where(beams.distance_m > 0.0, (~sights.detected & (other | nothing)) | moved, other)
+    moved = observations.detected & (
+        np.abs(observations.feature[:, FEATURES.index("range")]) > _apart_m(beams.distance_m)
+    )
+    return np.where(beams.distance_m > 0.0, (~observations.detected & (other | nothing)) | moved, other)
 
 
 def _apart_m(distance_m: FloatArray) -> FloatArray:
@@ -148,7 +154,7 @@ def _apart_m(distance_m: FloatArray) -> FloatArray:
     return np.maximum(_APART_M, _APART * distance_m)
 
 
-def _borders(beams: Beams) -> Flags:
+def _borders(beams: BeamTable) -> Flags:
     """Whether each side of a beam shows another surface, nothing, or was not fired at; shape (n, 4)."""
     own, beside = beams.distance_m[:, None], beams.neighbour_m
     apart = np.abs(beside - own) > _apart_m(own)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.beam_table import BeamTable
+from lidarcheck.inference.pairing import Observations
 
 __all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation"]
 
@@ -43,7 +43,7 @@ class Expected:
     partner: Partners
 
 
-def expectation(beams: Beams, base: Sequence[Sights]) -> Expected:
+def expectation(beams: BeamTable, base: Sequence[Observations]) -> Expected:
     """What a model shows of each beam, from what it shows with some seeds."""
     seen = np.array([s.detected for s in base])
     values = np.array([s.feature for s in base])
@@ -79,7 +79,7 @@ def _scatter(
     return centre, width
 
 
-def _partners(beams: Beams, axis: int) -> tuple[IndexArray, IndexArray]:
+def _partners(beams: BeamTable, axis: int) -> tuple[IndexArray, IndexArray]:
     """Beams and their neighbours above (axis 0) or to the left (axis 1) on the same surface."""
     own, beside = beams.distance_m, beams.neighbour_m[:, 2 * axis]
     mine = np.flatnonzero((own > 0.0) & (beside > 0.0) & (np.abs(beside - own) < 0.06 * own))

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import SIDES, Beams
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.beam_table import SIDES, BeamTable
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.strata import RANGE_EDGES_M
 from lidarcheck.inference.summary import Summary
 
-__all__ = ["Strays"]
+__all__ = ["FalseEchoes"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,11 +25,11 @@ _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
 _MATCH_OFFSETS = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
 
 
-class Strays:
+class FalseEchoes:
     """Where the other echoes lie: in range, behind their surface, at a neighbour's or a bright target's range; and how
     strong they are. `names`: of what `counts` counts."""
 
-    def __init__(self, beams: Beams) -> None:
+    def __init__(self, beams: BeamTable) -> None:
         self.beams = beams
         own, beside = beams.distance_m[:, None], beams.neighbour_m
         differs = (beside > 0.0) & (np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside))
@@ -39,11 +39,11 @@ class Strays:
         self._usual = np.sqrt(1.0 + (_STRAY * edges) ** 2)
         self.names = _names()
 
-    def counts(self, sights: Sights) -> FloatArray:
+    def counts(self, observations: Observations) -> FloatArray:
         """The numbers, those of a kind that edges make divided by how many these usually make, shape (n_names,)."""
         beams = self.beams
-        lone = sights.extra_side < 0
-        beam, range_m = sights.extra_beam[lone], sights.extra_m[lone]
+        lone = observations.extra_side < 0
+        beam, range_m = observations.extra_beam[lone], observations.extra_m[lone]
         own = beams.distance_m[beam]
         times = range_m / np.maximum(own, 1e-9)
         retro, hit = beams.retro[beam], own > 0.0
@@ -53,31 +53,31 @@ class Strays:
             _histogram((range_m - own)[hit], _GAP_EDGES_M),
             _histogram(times[retro], _RATIO_EDGES),
             _histogram(times[strong], _RATIO_EDGES),
-            self._beside(sights),
-            *(self._at_bright(sights, side) for side in range(len(SIDES))),
-            _strengths(range_m, sights.extra_area[lone]),
+            self._beside(observations),
+            *(self._at_bright(observations, side) for side in range(len(SIDES))),
+            _strengths(range_m, observations.extra_area[lone]),
         ]
         return np.concatenate(parts)
 
-    def _beside(self, sights: Sights) -> FloatArray:
+    def _beside(self, observations: Observations) -> FloatArray:
         """Echoes at the range of what a neighbouring beam meets: besides the own surface's echo, or in its place.
 
         In its place they come from a pose that is off by a part of a beam, all along an edge at once: such counts are
         measured by the number of beams along such edges. In order of side, nearer or farther, besides or in its place.
         """
-        found = sights.extra_side >= 0
-        beam, side = sights.extra_beam[found], sights.extra_side[found]
-        farther = sights.extra_m[found] >= self.beams.distance_m[beam]
-        kind = (side * 2 + farther) * 2 + ~sights.detected[beam]
+        found = observations.extra_side >= 0
+        beam, side = observations.extra_beam[found], observations.extra_side[found]
+        farther = observations.extra_m[found] >= self.beams.distance_m[beam]
+        kind = (side * 2 + farther) * 2 + ~observations.detected[beam]
         counts = np.bincount(kind, minlength=4 * len(SIDES)).reshape(len(SIDES), 2, 2).astype(np.float64)
         counts[:, :, 1] /= self._usual
         return counts.ravel()
 
-    def _at_bright(self, sights: Sights, side: int) -> FloatArray:
+    def _at_bright(self, observations: Observations, side: int) -> FloatArray:
         """Echoes at the range of the next bright target along the column or the layer, by how far it lies."""
-        beams, beam = self.beams, sights.extra_beam
-        match = (beams.bright[beam, side] > 0) & (np.abs(sights.extra_m - beams.bright_m[beam, side]) < 2.5)
-        match &= (sights.extra_side < 0) | sights.detected[beam]
+        beams, beam = self.beams, observations.extra_beam
+        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < 2.5)
+        match &= (observations.extra_side < 0) | observations.detected[beam]
         return _histogram(beams.bright[beam[match], side], _MATCH_OFFSETS)
 
 
@@ -96,7 +96,7 @@ def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
 
 
 def _names() -> list[Summary]:
-    """The names of what `Strays.counts` counts."""
+    """The names of what `FalseEchoes.counts` counts."""
     others = "other echoes"
     found = _between(others, "range", RANGE_EDGES_M, "m")
     found += _between(others, "behind their surface", _GAP_EDGES_M, "m")

@@ -13,7 +13,7 @@ from lidarcheck.effects.base import Effect
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search.starts import Probe
 from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
-from lidarcheck.inference.simulator import Lab, Metric
+from lidarcheck.inference.simulator import Metric, Simulator
 from lidarcheck.model.spec import Model
 from lidarcheck.workers.threads import mapped
 
@@ -69,7 +69,7 @@ class Fit:
 
 
 def fit(
-    lab: Lab,
+    simulator: Simulator,
     probes: Sequence[Probe],
     x: Sequence[FloatArray],
     *,
@@ -84,7 +84,7 @@ def fit(
     `model`: what the effects are added to, the lab's own where None. `leaps`: also search by trying, where a model that
     strikes at random has no slopes. `slopes`: a Jacobian from near by, to begin with.
     """
-    nuisance, basis = nuisance or Nuisance(), model or lab.model
+    nuisance, basis = nuisance or Nuisance(), model or simulator.model
     ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
 
     def parts(flat: FloatArray) -> tuple[FloatArray, ...]:
@@ -92,18 +92,18 @@ def fit(
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
         try:
-            return lab.shows(with_effects(basis, probes, parts(flat)), seeds, nuisance=nuisance)
+            return simulator.shows(with_effects(basis, probes, parts(flat)), seeds, nuisance=nuisance)
         except UsageError:
             return None  # no sensor or no effect has such numbers
 
     start = np.concatenate([*x]) if len(x) else np.zeros(0)
-    end, shown, jacobian = _descend(lab, shows, start, rounds, slopes)
-    if shown is not None and lab.varies(shown):
+    end, shown, jacobian = _descend(simulator, shows, start, rounds, slopes)
+    if shown is not None and simulator.varies(shown):
         shown = shows(end)
         if leaps and shown is not None:
-            end, shown = _climb(lab, shows, end, shown)
-    distance = np.inf if shown is None else lab.distance(shown)
-    nothing = np.zeros((1, len(lab.measured)))
+            end, shown = _climb(simulator, shows, end, shown)
+    distance = np.inf if shown is None else simulator.distance(shown)
+    nothing = np.zeros((1, len(simulator.measured)))
     return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
 
 
@@ -114,32 +114,32 @@ def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray])
     return model
 
 
-def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
+def fit_nuisance(simulator: Simulator, now: Fit, *, rounds: int = 2) -> Fit:
     """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
     now = _taken_over(now)
     effects = now.effects()
-    axes = axes_of([int(i) for i in np.unique(lab.beams.material_id) if i >= 0], effects)
+    axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
     gain = all(effect.name != "signal_gain" for effect in effects)
-    model = now.model(lab.model)
+    model = now.model(simulator.model)
 
     def shows(x: FloatArray, seeds: int | None = None) -> FloatArray:
-        return lab.shows(model, seeds, nuisance=at(axes, x, gain=gain))
+        return simulator.shows(model, seeds, nuisance=at(axes, x, gain=gain))
 
     x = np.zeros(len(axes))
     shown = shows(x)
-    best = lab.distance(shown, metric=lab.bare)
+    best = simulator.distance(shown, metric=simulator.bare)
     # What is not looked at is left out of the covariance too: given all the rest, these alone would say little.
-    rows = _where_seen(lab, axes)
-    metric = Metric(lab.bare.diagonal[rows], lab.bare.factors[rows])
+    rows = _where_seen(simulator, axes)
+    metric = Metric(simulator.bare.diagonal[rows], simulator.bare.factors[rows])
     # No longer steps: the limits would cut them. Once, since such small errors act in proportion.
     jacobian = _jacobian(shows, x, shown, (1.0, -1.0))[rows]
 
     def tried(trial: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         there = shows(trial)
-        return trial, there, lab.distance(there, metric=lab.bare) + at(axes, trial, gain=gain).penalty
+        return trial, there, simulator.distance(there, metric=simulator.bare) + at(axes, trial, gain=gain).penalty
 
     for _ in range(rounds):
-        curvature, slope = _slopes(metric, jacobian, (lab.measured - shown.mean(axis=0))[rows])
+        curvature, slope = _slopes(metric, jacobian, (simulator.measured - shown.mean(axis=0))[rows])
         for damping in (1.0, 3.0, 10.0):
             step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
             found = tried(np.clip(x + step, -LIMIT, LIMIT))
@@ -149,7 +149,7 @@ def fit_nuisance(lab: Lab, now: Fit, *, rounds: int = 2) -> Fit:
                 break
         else:
             break
-    return replace(now, distance=lab.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
+    return replace(now, distance=simulator.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
 
 
 def _taken_over(now: Fit) -> Fit:
@@ -176,13 +176,13 @@ def _farther_off(
     return found
 
 
-def _where_seen(lab: Lab, axes: Sequence[str | int]) -> IndexArray:
+def _where_seen(simulator: Simulator, axes: Sequence[str | int]) -> IndexArray:
     """The numbers of the summaries by which a nuisance is judged: ranges along slopes, and all of each material.
 
     All others change by little but chance, of which a thousand together would drown what a small error does. Of these
     each axis counts in all: a pose moves the ranges of a material, which its reflectance must not make up for.
     """
-    materials = {lab.model.materials[axis].name or f"material {axis}" for axis in axes if isinstance(axis, int)}
+    materials = {simulator.model.materials[axis].name or f"material {axis}" for axis in axes if isinstance(axis, int)}
     slopes = {f"range along {way}" for axis, way in (("yaw", "azimuth"), ("pitch", "elevation")) if axis in axes}
     ranges = ("range", "field of view")
 
@@ -191,26 +191,26 @@ def _where_seen(lab: Lab, axes: Sequence[str | int]) -> IndexArray:
             return bin_ in materials
         return feature in slopes or (bool(slopes) and (feature, covariate) == ranges)
 
-    return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in lab.summaries.names])
+    return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in simulator.summaries.names])
 
 
 def _descend(
-    lab: Lab, shows: Shows, at: FloatArray, rounds: int, jacobian: FloatArray | None = None
+    simulator: Simulator, shows: Shows, at: FloatArray, rounds: int, jacobian: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
     """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible.
 
     A Jacobian takes a simulation or more for each number: between rounds it is only corrected by what a step has
     changed (Broyden 1965), and taken anew where that leads no further.
     """
-    shown = shows(at, lab.seeds)
+    shown = shows(at, simulator.seeds)
     if shown is None:
         return at, None, None
-    best, damping, taken = lab.distance(shown), 0.1, False
+    best, damping, taken = simulator.distance(shown), 0.1, False
     for _ in range(rounds if len(at) else 0):
         if jacobian is None:
             jacobian, taken = _jacobian(shows, at, shown), True
         before = best
-        step, there, best, damping = _stepped(lab, shows, (at, shown, best), jacobian, damping)
+        step, there, best, damping = _stepped(simulator, shows, (at, shown, best), jacobian, damping)
         if there is not None:
             change = _clear(there.mean(axis=0) - shown.mean(axis=0) - jacobian @ step)
             jacobian = jacobian + np.outer(change, step) / max(float(step @ step), 1e-12)
@@ -224,32 +224,32 @@ def _descend(
 
 
 def _stepped(
-    lab: Lab, shows: Shows, now: tuple[FloatArray, FloatArray, float], jacobian: FloatArray, damping: float
+    simulator: Simulator, shows: Shows, now: tuple[FloatArray, FloatArray, float], jacobian: FloatArray, damping: float
 ) -> tuple[FloatArray, FloatArray | None, float, float]:
     """The first step that leads nearer, what is shown there, None without such a step; the distance and the damping."""
     at, shown, best = now
-    curvature, slope = _slopes(lab.metric, jacobian, lab.measured - shown.mean(axis=0))
+    curvature, slope = _slopes(simulator.metric, jacobian, simulator.measured - shown.mean(axis=0))
     for _ in range(3):
         step = _step(curvature, slope, damping)
-        trial = shows(at + step, lab.seeds)
-        distance = np.inf if trial is None else lab.distance(trial)
+        trial = shows(at + step, simulator.seeds)
+        distance = np.inf if trial is None else simulator.distance(trial)
         if trial is not None and distance < best:
             if best - distance > _FAR * best:
-                step, trial, distance = _farther(lab, shows, at, (step, trial, distance))
+                step, trial, distance = _farther(simulator, shows, at, (step, trial, distance))
             return step, trial, distance, damping * 0.3
         damping = damping * 10.0 + 0.3
     return np.zeros(len(at)), None, best, damping
 
 
 def _farther(
-    lab: Lab, shows: Shows, at: FloatArray, found: tuple[FloatArray, FloatArray, float]
+    simulator: Simulator, shows: Shows, at: FloatArray, found: tuple[FloatArray, FloatArray, float]
 ) -> tuple[FloatArray, FloatArray, float]:
     """The step that led nearer, doubled while that leads nearer still: summaries are compressed far from the lab's
     model, and slopes taken near it promise too much of a step."""
     step, shown, best = found
     for _ in range(_DOUBLED):
-        there = shows(at + 2.0 * step, lab.seeds)
-        distance = np.inf if there is None else lab.distance(there)
+        there = shows(at + 2.0 * step, simulator.seeds)
+        distance = np.inf if there is None else simulator.distance(there)
         if there is None or distance >= best:
             break
         step, shown, best = 2.0 * step, there, distance
@@ -261,16 +261,16 @@ def _clear(change: FloatArray) -> FloatArray:
     return np.where(np.abs(change) > _FLIPS, change, 0.0)
 
 
-def _climb(lab: Lab, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _climb(simulator: Simulator, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What strikes at random moves no mean, and so has no slope to go down: try each number larger and smaller."""
-    best = lab.distance(shown)
+    best = simulator.distance(shown)
     for length in _LEAPS:
         for j in range(len(at)):
             for way in (length, -length):
                 there = at.copy()
                 there[j] += way
                 other = shows(there)
-                if other is not None and (distance := lab.distance(other)) < best:
+                if other is not None and (distance := simulator.distance(other)) < best:
                     at, shown, best = there, other, distance
                     break
     return at, shown
@@ -319,14 +319,14 @@ def _column(shows: Shows, at: FloatArray, shown: FloatArray, j: int, lengths: Se
     return found
 
 
-def jacobian_of(lab: Lab, now: Fit) -> FloatArray:
+def jacobian_of(simulator: Simulator, now: Fit) -> FloatArray:
     """Change of the summaries per step of every free parameter where a fit stands, (n_summaries, n_free)."""
     ends = np.cumsum([0, *(len(x) for x in now.x)])
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
         x = tuple(flat[a:b] for a, b in itertools.pairwise(ends))
         try:
-            return lab.shows(with_effects(lab.model, now.probes, x), seeds, nuisance=now.nuisance)
+            return simulator.shows(with_effects(simulator.model, now.probes, x), seeds, nuisance=now.nuisance)
         except UsageError:
             return None
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams, key_of
+from lidarcheck.inference.beam_table import BeamTable, key_of
 from lidarcheck.inference.kernels import write_nearest
 from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
 from lidarcheck.scan import Scan
 
-__all__ = ["FEATURES", "Sights", "sights_of"]
+__all__ = ["FEATURES", "Observations", "observations_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -27,8 +27,8 @@ _STEPS = 1.0
 
 
 @dataclass(frozen=True)
-class Sights:
-    """What scans of all frames show of each beam of a `Beams` table.
+class Observations:
+    """What scans of all frames show of each beam of a `BeamTable` table.
 
     `detected` (n,): an echo within 2 m of a surface of the beam, or, where the surface is seen at a grazing angle,
     within what an aim off by a part of a beam makes of its range; of several the nearest. `feature` (n, 4): that echo's
@@ -51,7 +51,7 @@ class Sights:
     strayed: npt.NDArray[np.bool_]
 
 
-def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
+def observations_of(beams: BeamTable, scans: Sequence[Scan]) -> Observations:
     """Pair the echoes of the frames' scans with what the beams meet; every echo's beam must be in the table."""
     frame = np.concatenate([np.full(len(scan), i) for i, scan in enumerate(scans)])
     columns = ("layer", "point", "range_m", "area", "peak", "width_ns")
@@ -77,7 +77,7 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     side = _sides(beams, beam[rest], range_m[rest])
     strayed = np.zeros(len(beams), dtype=bool)
     strayed[beam[rest][side >= 0]] = True
-    return Sights(
+    return Observations(
         detected=detected,
         feature=feature,
         extra_beam=beam[rest],
@@ -90,7 +90,7 @@ def sights_of(beams: Beams, scans: Sequence[Scan]) -> Sights:
     )
 
 
-def _sides(beams: Beams, beam: IndexArray, range_m: FloatArray) -> IndexArray:
+def _sides(beams: BeamTable, beam: IndexArray, range_m: FloatArray) -> IndexArray:
     """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
     beside, own = beams.neighbour_m[beam], beams.distance_m[beam]
     reach = (1.0 + 0.03 * range_m)[:, None] + beams.neighbour_step_m[beam]

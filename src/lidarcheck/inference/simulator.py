@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
-from lidarcheck.inference.beam_table import Beams, beams_of
+from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
@@ -22,17 +22,17 @@ from lidarcheck.inference.nuisances import (
     Nuisance,
     beside,
 )
-from lidarcheck.inference.pairing import Sights, sights_of
+from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.inference.summaries import Summaries, compressed
-from lidarcheck.model.incremental import Unread, simulate_unread
+from lidarcheck.model.incremental import DetectedFrame, simulate_detected
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
-from lidarcheck.workers import Held
+from lidarcheck.workers import Shared
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["Frame", "Lab", "Metric"]
+__all__ = ["Frame", "Metric", "Simulator"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -115,7 +115,7 @@ class _Simulated(NamedTuple):
         return len({*self.light} ^ {*other.light}) + len({*self.reflectances} ^ {*other.reflectances})
 
 
-class Lab:
+class Simulator:
     """Some frames with a model: simulates other models on them and measures how far they are from the measurement."""
 
     def __init__(self, frames: Sequence[Frame], model: Model, seed: int, *, seeds: int = 2) -> None:
@@ -123,17 +123,17 @@ class Lab:
         self.model = model
         self.seed = seed
         self.seeds = seeds
-        self._unread: dict[_Simulated, list[Unread]] = {}
-        self._plain: dict[int, list[Unread]] = {}
+        self._unread: dict[_Simulated, list[DetectedFrame]] = {}
+        self._plain: dict[int, list[DetectedFrame]] = {}
         self._surfaces = [Surfaces(f.ideal) for f in self.frames]
         self._posed: dict[tuple[float, float], list[Surfaces]] = {}
-        self.beams: Beams = beams_of([f.ideal for f in frames], model)
+        self.beams: BeamTable = beams_of([f.ideal for f in frames], model)
         names = {i: m.name for i, m in model.materials.items()}
-        base = mapped(lambda k: self.sights(model, 1000 + k), range(EXPECTATION_SEEDS))
-        drawn = mapped(lambda k: self.sights(model, 2000 + k), range(FLOOR_SEEDS))
+        base = mapped(lambda k: self.observations(model, 1000 + k), range(EXPECTATION_SEEDS))
+        drawn = mapped(lambda k: self.observations(model, 2000 + k), range(FLOOR_SEEDS))
         fresh = _shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
         self.summaries = Summaries(self.beams, base, fresh, names)
-        self.measured_sights = sights_of(self.beams, [f.measured for f in frames])
+        self.measured_sights = observations_of(self.beams, [f.measured for f in frames])
         self.measured_plain = self.summaries.plain(self.measured_sights)
         self.measured = compressed(self.measured_plain)
         # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
@@ -147,18 +147,18 @@ class Lab:
         zero = np.zeros((1, len(self.measured)))
         self.floor_distance = float(np.mean([self.distance(zero, draw) for draw in self.check]))
 
-    def edges_beside(self, simulated: Sequence[Sights], *, deep: bool = False) -> FloatArray:
+    def edges_beside(self, simulated: Sequence[Observations], *, deep: bool = False) -> FloatArray:
         """What each run of beams that sees past an edge, and not so in simulations, or the other way round, does to the
         measured summaries, as a usual error of the pose; shape (n_summaries, runs). `deep`: see `edges.runs_past`."""
         return self._of_runs(runs_past(self.beams, self.measured_sights, simulated, deep=deep), simulated[0])
 
     def along_edges(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Metric:
         """The metric for which a model shows the same whatever part of a beam an edge is off by."""
-        shown = self.sights(model, seed, nuisance)
+        shown = self.observations(model, seed, nuisance)
         edges = self._of_runs(runs_along(self.beams), shown)
         return Metric(self.metric.diagonal, np.concatenate([self.metric.factors, edges], axis=1))
 
-    def _of_runs(self, runs: Sequence[IndexArray], shown: Sights) -> FloatArray:
+    def _of_runs(self, runs: Sequence[IndexArray], shown: Observations) -> FloatArray:
         """What each run of beams does to the measured summaries, against what is shown, as a usual error of the pose;
         shape (n_summaries, runs)."""
         columns = [np.zeros((len(self.measured), 0))]
@@ -168,9 +168,9 @@ class Lab:
         return np.concatenate(columns, axis=1)
 
     @functools.cached_property
-    def held(self) -> Held[Lab]:
+    def held(self) -> Shared[Simulator]:
         """The lab for the tasks of a crew."""
-        return Held(self)
+        return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
@@ -184,7 +184,7 @@ class Lab:
         echoes = self._echoes(run, seed, nuisance)
         return [one.read_out(run) for one in echoes]
 
-    def _echoes(self, model: Model, seed: int, nuisance: Nuisance) -> list[Unread]:
+    def _echoes(self, model: Model, seed: int, nuisance: Nuisance) -> list[DetectedFrame]:
         """The echoes before the readout, kept for the next model that differs by its readout alone, or by little."""
         key = _Simulated.of(model, seed, nuisance)
         found = self._unread.get(key)
@@ -197,7 +197,7 @@ class Lab:
             self._unread = {**dict([*kept.items()][1 - _KEPT :]), key: found}
         return found
 
-    def _nearest(self, key: _Simulated) -> tuple[_Simulated | None, list[Unread] | None]:
+    def _nearest(self, key: _Simulated) -> tuple[_Simulated | None, list[DetectedFrame] | None]:
         """Of what is kept, what has most of its beams in common with a model: the latest, or the case's own model."""
         plain = self._plain.get(key.seed)
         least = key.differences(_Simulated.of(self.model, key.seed, Nuisance())) if plain is not None else _ALL
@@ -208,11 +208,11 @@ class Lab:
         return near, kept[near]
 
     def _simulated(
-        self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[Unread] | None = None
-    ) -> list[Unread]:
+        self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[DetectedFrame] | None = None
+    ) -> list[DetectedFrame]:
         model, surfaces = self._posed_of(model, nuisance)
         return [
-            simulate_unread(
+            simulate_detected(
                 one.ideal,
                 model,
                 seed=(self.seed << 16) + seed,
@@ -235,9 +235,9 @@ class Lab:
             self._posed = {**dict(list(self._posed.items())[-3:]), pose: surfaces}
         return posed, surfaces
 
-    def sights(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Sights:
+    def observations(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Observations:
         """What the model shows of each beam."""
-        return sights_of(self.beams, self.scans(model, seed, nuisance))
+        return observations_of(self.beams, self.scans(model, seed, nuisance))
 
     def shows(self, model: Model, seeds: int | None = None, nuisance: Nuisance | None = None) -> FloatArray:
         """The model's summaries, a row a seed, shape (seeds, n_summaries); the seeds are the same for every model.
@@ -251,12 +251,12 @@ class Lab:
         return np.array(rows)
 
     def _shown(self, model: Model, seed: int, nuisance: Nuisance | None) -> FloatArray:
-        return self.summaries.of(self.sights(model, seed, nuisance)) - self._chance(seed)
+        return self.summaries.of(self.observations(model, seed, nuisance)) - self._chance(seed)
 
     def plain_base(self, k: int) -> FloatArray:
         """The summaries of the case's own model with a seed, not compressed."""
         if k not in self._paired:
-            self._paired[k] = self.summaries.plain(self.sights(self.model, k))
+            self._paired[k] = self.summaries.plain(self.observations(self.model, k))
         return self._paired[k]
 
     def _chance(self, k: int) -> FloatArray:
@@ -295,7 +295,7 @@ class Lab:
         return np.asarray(np.maximum(mean - 1.0, 1.0)[self._kind])
 
 
-def _shuffled(beams: Beams, drawn: Sequence[Sights], seeds: Iterable[int]) -> Iterator[Sights]:
+def _shuffled(beams: BeamTable, drawn: Sequence[Observations], seeds: Iterable[int]) -> Iterator[Observations]:
     """More measurements that the model could have made: each beam as one of some simulations shows it.
 
     Beams are independent under the model, so that this is as good as another simulation.
@@ -310,7 +310,7 @@ def _shuffled(beams: Beams, drawn: Sequence[Sights], seeds: Iterable[int]) -> It
             name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)]) for name in EXTRA
         }
         order = np.argsort(extra["extra_beam"], kind="stable")
-        yield Sights(
+        yield Observations(
             detected=all_detected[pick, rows],
             feature=all_features[pick, rows],
             strayed=all_strayed[pick, rows],
@@ -318,47 +318,53 @@ def _shuffled(beams: Beams, drawn: Sequence[Sights], seeds: Iterable[int]) -> It
         )
 
 
-def _metrics(lab: Lab) -> tuple[Metric, Metric]:
+def _metrics(simulator: Simulator) -> tuple[Metric, Metric]:
     """The noise of a measurement and its correlations, with the nuisances as further noise and without."""
-    noise = np.concatenate([(lab.floor / np.sqrt(len(lab.floor) - 1.0)).T, lab.edges], axis=1)
+    noise = np.concatenate([(simulator.floor / np.sqrt(len(simulator.floor) - 1.0)).T, simulator.edges], axis=1)
     diagonal = np.full(len(noise), _MISFIT)
-    columns = [column[:, None] for column in nuisances(lab).values()]
+    columns = [column[:, None] for column in nuisances(simulator).values()]
     return Metric(diagonal, np.concatenate([noise, *columns], axis=1)), Metric(diagonal, noise)
 
 
-def nuisances(lab: Lab) -> Mapping[str, FloatArray]:
+def nuisances(simulator: Simulator) -> Mapping[str, FloatArray]:
     """What errors of one standard deviation in gain, reflectances and pose would do to the summaries."""
     steps: dict[str, tuple[Effect, float]] = {"gain": (make("signal_gain", {"gain": 1.06}), GAIN_ERROR / 0.06)}
-    present = np.unique(lab.beams.material_id[lab.beams.material_id >= 0])
+    present = np.unique(simulator.beams.material_id[simulator.beams.material_id >= 0])
     for material in present:
         effect = make("material_reflectance", {"factor": 1.1, "material_id": int(material)})
         steps[f"reflectance of material {material}"] = (effect, REFLECTANCE_ERROR / 0.1)
     for name in ("yaw_deg", "pitch_deg"):
         settings = {"yaw_deg": 0.0, "pitch_deg": 0.0} | {name: 2.0 * POSE_ERROR_DEG}
         steps[name] = (make("boresight", settings), 0.5)
-    found = {name: factor * _shift(lab, effect) for name, (effect, factor) in steps.items()}
-    found["sensor's height"] = _height(lab)
+    found = {name: factor * _shift(simulator, effect) for name, (effect, factor) in steps.items()}
+    found["sensor's height"] = _height(simulator)
     return found
 
 
-def _shift(lab: Lab, effect: Effect) -> FloatArray:
+def _shift(simulator: Simulator, effect: Effect) -> FloatArray:
     """Change of the summaries, not compressed, by an effect on top of the model's; paired seeds."""
-    model = beside(lab.model, effect)
+    model = beside(simulator.model, effect)
     return np.asarray(
-        np.mean(mapped(lambda k: lab.summaries.plain(lab.sights(model, k)) - lab.plain_base(k), range(2)), axis=0)
+        np.mean(
+            mapped(
+                lambda k: simulator.summaries.plain(simulator.observations(model, k)) - simulator.plain_base(k),
+                range(2),
+            ),
+            axis=0,
+        )
     )
 
 
-def _height(lab: Lab) -> FloatArray:
+def _height(simulator: Simulator) -> FloatArray:
     """A sensor higher by h sees a surface as if it looked up by h / R: ranges change along the surface's slope."""
-    sights = [lab.sights(lab.model, k) for k in range(2)]
-    beams = lab.beams
+    observations = [simulator.observations(simulator.model, k) for k in range(2)]
+    beams = simulator.beams
     turn_deg = np.rad2deg(HEIGHT_ERROR_M / np.maximum(beams.distance_m, 1.0))
     moved = np.clip(beams.slope_m_per_deg[:, 0] * turn_deg, -1.0, 1.0)
     shifts = []
-    for one in sights:
+    for one in observations:
         feature = one.feature.copy()
         feature[:, 0] += moved
         other = dataclasses.replace(one, feature=feature)
-        shifts.append(lab.summaries.plain(other) - lab.summaries.plain(one))
+        shifts.append(simulator.summaries.plain(other) - simulator.summaries.plain(one))
     return np.asarray(np.mean(shifts, axis=0))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import SIDES, Beams
+from lidarcheck.inference.beam_table import SIDES, BeamTable
 
 __all__ = ["RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions"]
 
@@ -34,7 +34,7 @@ class Division:
     names: tuple[str, ...]
 
 
-def divisions(beams: Beams, log_area: FloatArray, model_names: Mapping[int, str]) -> list[Division]:
+def divisions(beams: BeamTable, log_area: FloatArray, model_names: Mapping[int, str]) -> list[Division]:
     """The covariates for every feature; `log_area` (n,) is the model's mean ln AREA, NaN where it sees no echo."""
     hit = beams.distance_m > 0.0
     found = [
@@ -53,7 +53,7 @@ def divisions(beams: Beams, log_area: FloatArray, model_names: Mapping[int, str]
     return [division for division in found if division.names]
 
 
-def fine_divisions(beams: Beams) -> list[Division]:
+def fine_divisions(beams: BeamTable) -> list[Division]:
     """Every layer, and the field of view as a map: where a pattern in the sensor's own coordinates shows."""
     rows, columns = _strips("", beams.layer, _MAP), _strips("", beams.point, _MAP)
     names = tuple(f"layer {r}, point {c}" for r in rows.names for c in columns.names)
@@ -79,7 +79,7 @@ def _used(covariate: str, place: IndexArray, names: Sequence[str]) -> Division:
     return Division(covariate, number[place], tuple(names[i] for i in used))
 
 
-def _materials(beams: Beams, names: Mapping[int, str]) -> Division:
+def _materials(beams: BeamTable, names: Mapping[int, str]) -> Division:
     ids = np.unique(beams.material_id[beams.material_id >= 0])
     place = np.searchsorted(ids, beams.material_id) if len(ids) else np.zeros(len(beams), dtype=np.int64)
     place = np.where(beams.material_id >= 0, place, -1)
@@ -114,7 +114,7 @@ def _numbers(covariate: str, number: IndexArray) -> Division:
     return Division(covariate, place, tuple(str(v) for v in values))
 
 
-def _edges(beams: Beams) -> Division:
+def _edges(beams: BeamTable) -> Division:
     """What stands beside a beam: the same surface, a nearer one, a farther one, or nothing at all."""
     hit = beams.distance_m > 0.0
     beside, own = beams.neighbour_m, beams.distance_m[:, None]
@@ -127,7 +127,7 @@ def _edges(beams: Beams) -> Division:
     return _used("edge", np.asarray(place, dtype=np.int64), names)
 
 
-def _to_bright(beams: Beams, first: int, covariate: str) -> Division:
+def _to_bright(beams: BeamTable, first: int, covariate: str) -> Division:
     """Offset to the nearer of the bright surfaces on two opposite sides, signed as the surface sees it."""
     ahead, behind = beams.bright[:, first], beams.bright[:, first + 1]
     use_ahead = (ahead > 0) & ((behind == 0) | (ahead <= behind))

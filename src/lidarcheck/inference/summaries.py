@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams
+from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation
-from lidarcheck.inference.extra_echoes import Strays
+from lidarcheck.inference.extra_echoes import FalseEchoes
 from lidarcheck.inference.kernels import add_up, write_residuals, write_scatter
-from lidarcheck.inference.pairing import FEATURES, Sights
+from lidarcheck.inference.pairing import FEATURES, Observations
 from lidarcheck.inference.strata import Division, divisions, fine_divisions
 from lidarcheck.inference.summary import Summary
 from lidarcheck.workers.threads import mapped
@@ -67,7 +67,11 @@ class Summaries:
     """Turns the sights of frames into summaries, relative to what a model shows of the same frames."""
 
     def __init__(
-        self, beams: Beams, base: Sequence[Sights], fresh: Iterable[Sights], materials: Mapping[int, str]
+        self,
+        beams: BeamTable,
+        base: Sequence[Observations],
+        fresh: Iterable[Observations],
+        materials: Mapping[int, str],
     ) -> None:
         """`base`: what the model shows with some seeds, of which each beam's expectation is taken; `fresh`: with
         others, of which the summaries' own means and spreads are taken."""
@@ -81,7 +85,7 @@ class Summaries:
         self._lines = _lines(beams, next(d for d in coarse if d.covariate == "point"))
         self._in_column = np.array([covariate == _COLUMN for covariate, _ in self._lines.bins])
         self._pose = _pose_weights(beams, self.expected)
-        self._strays = Strays(beams)
+        self._strays = FalseEchoes(beams)
         self.names = [
             *_named([_STATISTICS[j] for j in _MEANS], self._coarse),
             *_named([_STATISTICS[j] for j in _SCATTERED], self._scattered),
@@ -101,29 +105,29 @@ class Summaries:
     def __len__(self) -> int:
         return len(self.names)
 
-    def plain(self, sights: Sights) -> FloatArray:
+    def plain(self, observations: Observations) -> FloatArray:
         """The summaries in standard deviations from the model's mean, shape (n_summaries,)."""
-        return np.asarray((self._sum(sights) - self._centre) / self._scale)
+        return np.asarray((self._sum(observations) - self._centre) / self._scale)
 
-    def of(self, sights: Sights) -> FloatArray:
+    def of(self, observations: Observations) -> FloatArray:
         """The compressed summaries, shape (n_summaries,)."""
-        return compressed(self.plain(sights))
+        return compressed(self.plain(observations))
 
-    def _sum(self, sights: Sights) -> FloatArray:
+    def _sum(self, observations: Observations) -> FloatArray:
         """The summaries before they are standardised, in the order of `names`."""
-        value, weight = _statistics(sights, self.expected)
-        counts = self._extra_counts(sights)
+        value, weight = _statistics(observations, self.expected)
+        counts = self._extra_counts(observations)
         parts = [
             _means(value, weight, self._coarse, _MEANS),
             _means(value, weight, self._scattered, _SCATTERED),
             _means(value, weight, self._fine, _FINE_MEANS),
-            self._along_lines(sights, value, weight),
+            self._along_lines(observations, value, weight),
             self._coarse.of(counts, range(len(_EXTRAS))).T.ravel(),
-            self._strays.counts(sights),
+            self._strays.counts(observations),
         ]
         return np.concatenate(parts)
 
-    def _along_lines(self, sights: Sights, value: FloatArray, weight: FloatArray) -> FloatArray:
+    def _along_lines(self, observations: Observations, value: FloatArray, weight: FloatArray) -> FloatArray:
         """Range residuals along the slope of the surfaces, where the beams look beside where they should, over strips
         and frames; and by how much sums over columns of beams spread, those of the residuals and of other echoes."""
         slope = self._pose
@@ -137,7 +141,7 @@ class Summaries:
             found += [*posed[~columns, axis], _unevenness(posed[columns, axis])]
         even = total[columns, 4:7] / np.sqrt(total[columns, 7:10] + 1.0)
         found += [_unevenness(even[:, j]) for j in range(len(_SPREADS))]
-        lone = sights.extra_beam[sights.extra_side < 0]
+        lone = observations.extra_beam[observations.extra_side < 0]
         count = np.bincount(self._lines.labels[-1, lone] - int(np.argmax(columns)), minlength=int(columns.sum()))
         found.append(float((count**2 - count).sum() / np.sqrt(len(count) + count.sum() ** 2 / len(count))))
         return np.array(found)
@@ -152,10 +156,10 @@ class Summaries:
         features = [*(_STATISTICS[j] for j in _SPREADS), "other echoes"]
         return found + [Summary(name, _COLUMN, "spread") for name in features]
 
-    def _extra_counts(self, sights: Sights) -> FloatArray:
+    def _extra_counts(self, observations: Observations) -> FloatArray:
         """Numbers of other echoes in front of, behind and without a surface, of each beam, (n, 3)."""
-        lone = sights.extra_side < 0
-        beam, range_m = sights.extra_beam[lone], sights.extra_m[lone]
+        lone = observations.extra_side < 0
+        beam, range_m = observations.extra_beam[lone], observations.extra_m[lone]
         distance = self.beams.distance_m[beam]
         kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
         cells = len(self.beams) * len(_EXTRAS)
@@ -175,12 +179,12 @@ def _means(value: FloatArray, weight: FloatArray, sums: _Sums, columns: Sequence
     return np.asarray((sums.of(value, columns) / noise).T.ravel())
 
 
-def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatArray]:
+def _statistics(observations: Observations, expected: Expected) -> tuple[FloatArray, FloatArray]:
     """Per beam the statistics that are summed up, and the variance that each has by chance; shapes (n, 9)."""
-    valid = sights.detected & expected.known
+    valid = observations.detected & expected.known
     value = np.zeros((len(valid), len(_STATISTICS)))
     weight = np.zeros_like(value)
-    write_residuals(valid, sights.feature, expected.mean, expected.spread, CLIP, value)
+    write_residuals(valid, observations.feature, expected.mean, expected.spread, CLIP, value)
     weight[:, :4] = valid[:, None]
     for j, (feature, partner) in enumerate(SCATTERS):
         mine, other = expected.partner[partner]
@@ -188,7 +192,7 @@ def _statistics(sights: Sights, expected: Expected) -> tuple[FloatArray, FloatAr
         write_scatter(valid, mine, other, feature, _SCATTERED[j], *moments, SPREAD_CLIP, value, weight)
     # A beam beside an edge may stray onto another surface, or past its own; what it loses says little of losses.
     p, sure = expected.probability, ~expected.at_edge
-    value[:, 8] = np.where(sure, sights.detected - p, 0.0)
+    value[:, 8] = np.where(sure, observations.detected - p, 0.0)
     weight[:, 8] = np.where(sure, p * (1.0 - p), 0.0)
     return value, weight
 
@@ -201,7 +205,7 @@ def _sums(found: Sequence[Division]) -> _Sums:
     return _Sums(np.array(labels, dtype=np.int32), tuple(bins))
 
 
-def _lines(beams: Beams, strips: Division) -> _Sums:
+def _lines(beams: BeamTable, strips: Division) -> _Sums:
     """Strips of points, frames, and last the (frame, point) columns: what is swept at one moment."""
     frames = int(beams.frame.max()) + 1
     _, column = np.unique(beams.frame * 1024 + beams.point, return_inverse=True)
@@ -210,7 +214,7 @@ def _lines(beams: Beams, strips: Division) -> _Sums:
     return _sums([strips, by_frame, Division(_COLUMN, np.asarray(column), columns)])
 
 
-def _pose_weights(beams: Beams, expected: Expected) -> FloatArray:
+def _pose_weights(beams: BeamTable, expected: Expected) -> FloatArray:
     """Change of the range with the two angles in units of its spread, of order one; shape (n, 2)."""
     weight = beams.slope_m_per_deg / expected.spread[:, :1]
     scale = np.sqrt((weight**2).mean(axis=0)) + 1e-9

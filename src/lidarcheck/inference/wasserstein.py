@@ -16,17 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.report.explanation import Gap, Interval
-from lidarcheck.inference.beam_table import Beams, beams_of
+from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import FEATURES, Sights, sights_of
+from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions
 from lidarcheck.inference.summaries import Expected, expectation
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
-from lidarcheck.workers import Crew, Held
+from lidarcheck.workers import Shared, WorkerPool
 from lidarcheck.workers.threads import mapped
 
 __all__ = ["PARTS", "Scale", "excesses", "gap_of"]
@@ -50,7 +50,7 @@ class Scale:
     """Some frames with all that measuring the gap takes: beams, what the case's model expects, the strata."""
 
     frames: tuple[Frame, ...]
-    beams: Beams
+    beams: BeamTable
     expected: Expected
     strata: tuple[IndexArray, ...]
     seed: int
@@ -69,20 +69,20 @@ class Scale:
         return cls(tuple(frames), beams, expected, strata, seed, surfaces)
 
     @functools.cached_property
-    def held(self) -> Held[Scale]:
+    def held(self) -> Shared[Scale]:
         """The scale for the tasks of a crew."""
-        return Held(self)
+        return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
         return {name: value for name, value in self.__dict__.items() if name != "held"}
 
     @functools.cached_property
-    def measured(self) -> Sights:
+    def measured(self) -> Observations:
         """What was measured."""
-        return sights_of(self.beams, [f.measured for f in self.frames])
+        return observations_of(self.beams, [f.measured for f in self.frames])
 
-    def simulated(self, model: Model, first: int, count: int, nuisance: Nuisance | None = None) -> list[Sights]:
+    def simulated(self, model: Model, first: int, count: int, nuisance: Nuisance | None = None) -> list[Observations]:
         """What a model shows, with seeds of its own."""
         nuisance = nuisance or Nuisance()
         run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
@@ -108,11 +108,13 @@ class Scale:
         noise = np.array([self.distance(other, shown, weight) for other in others])
         return np.abs(self.distance(self.measured, shown, weight) - noise.mean(axis=0)), noise
 
-    def distance(self, one: Sights, others: Sequence[Sights], weight: FloatArray | None = None) -> FloatArray:
+    def distance(
+        self, one: Observations, others: Sequence[Observations], weight: FloatArray | None = None
+    ) -> FloatArray:
         """The parts of the gap in the order of `PARTS`, between one measurement and some simulations."""
         return np.asarray(self.distances(one, others, [np.ones(len(self.beams)) if weight is None else weight])[0])
 
-    def distances(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+    def distances(self, one: Observations, others: Sequence[Observations], weights: Sequence[FloatArray]) -> FloatArray:
         """The same for several weights of the beams, shape (n_weights, n_parts)."""
         parts = np.zeros((len(weights), len(PARTS)))
         parts[:, :4] = self._shifts(one, others, weights)
@@ -122,7 +124,7 @@ class Scale:
                 parts[i, 5] += self._strays(stratum, one, others, weight)
         return np.asarray(parts / max(len(self.strata), 1))
 
-    def _shifts(self, one: Sights, others: Sequence[Sights], weights: Sequence[FloatArray]) -> FloatArray:
+    def _shifts(self, one: Observations, others: Sequence[Observations], weights: Sequence[FloatArray]) -> FloatArray:
         """The 1-Wasserstein distances of the four features, in standard deviations: means over the bins of each way to
         make strata, summed over these; (n_weights, 4)."""
         mine = np.flatnonzero(self.expected.known & one.detected)
@@ -138,11 +140,15 @@ class Scale:
                 found[:, j] += _apart_in(stratum, beam, *ordered, weights)
         return found
 
-    def _standard(self, sights: Sights, rows: IndexArray, feature: int) -> FloatArray:
-        off = (sights.feature[rows, feature] - self.expected.mean[rows, feature]) / self.expected.spread[rows, feature]
+    def _standard(self, observations: Observations, rows: IndexArray, feature: int) -> FloatArray:
+        off = (observations.feature[rows, feature] - self.expected.mean[rows, feature]) / self.expected.spread[
+            rows, feature
+        ]
         return np.asarray(np.clip(off, -_CLIP, _CLIP))
 
-    def _losses(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> float:
+    def _losses(
+        self, stratum: IndexArray, one: Observations, others: Sequence[Observations], weight: FloatArray
+    ) -> float:
         """Mean difference of the detection probability, in its own standard deviations of a single beam."""
         hit = (self.beams.distance_m > 0.0) & (stratum >= 0)
         bins = int(stratum.max()) + 1
@@ -153,16 +159,18 @@ class Scale:
         spread = np.sqrt(np.maximum(q * (1.0 - q), 0.0025))
         return float((count * np.abs(p - q) / spread).sum() / max(count.sum(), 1e-9))
 
-    def _strays(self, stratum: IndexArray, one: Sights, others: Sequence[Sights], weight: FloatArray) -> float:
+    def _strays(
+        self, stratum: IndexArray, one: Observations, others: Sequence[Observations], weight: FloatArray
+    ) -> float:
         """Mean over strata of the differences in the rate of other echoes, summed over bins of their range."""
         used = stratum >= 0
         bins, cells = int(stratum.max()) + 1, len(RANGE_EDGES_M)
         count = np.bincount(stratum[used], weight[used], bins)
 
-        def rates(sights: Sights) -> FloatArray:
-            mine = used[sights.extra_beam]
-            beam = sights.extra_beam[mine]
-            cell = np.searchsorted(np.asarray(RANGE_EDGES_M), sights.extra_m[mine], side="right") - 1
+        def rates(observations: Observations) -> FloatArray:
+            mine = used[observations.extra_beam]
+            beam = observations.extra_beam[mine]
+            cell = np.searchsorted(np.asarray(RANGE_EDGES_M), observations.extra_m[mine], side="right") - 1
             return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells).astype(np.float64)
 
         difference = np.abs(rates(one) - sum(rates(o) for o in others) / len(others)).reshape(bins, cells)
@@ -171,11 +179,11 @@ class Scale:
 
 
 def _sights(
-    frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: Beams, model: Model, seed: int, k: int
-) -> Sights:
+    frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: BeamTable, model: Model, seed: int, k: int
+) -> Observations:
     shown = functools.partial(simulate, model=model, seed=(seed << 16) + k, threads=1)
     pairs = zip(frames, surfaces, strict=True)
-    return sights_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
+    return observations_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
 
 
 def _apart_in(
@@ -196,13 +204,13 @@ Told = Callable[[int, int, float], object]
 """Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
-def excesses(scale: Scale, models: Sequence[Model], crew: Crew | None = None) -> list[tuple[float, float]]:
+def excesses(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = None) -> list[tuple[float, float]]:
     """`Scale.excess` of each model."""
-    return [*(crew or Crew()).map(Scale.excess, ((scale.held, model) for model in models))]
+    return [*(pool or WorkerPool()).map(Scale.excess, ((scale.held, model) for model in models))]
 
 
 def gap_of(
-    scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None, crew: Crew | None = None
+    scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None, pool: WorkerPool | None = None
 ) -> Gap:
     """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
 
@@ -213,7 +221,7 @@ def gap_of(
     """
     found: list[FloatArray] = []
     chance: list[FloatArray] = []
-    for apart, own in (crew or Crew()).map(_apart, ((scale.held, model) for _, model in stages)):
+    for apart, own in (pool or WorkerPool()).map(_apart, ((scale.held, model) for _, model in stages)):
         found.append(apart)
         chance.append(own)
         if told is not None:

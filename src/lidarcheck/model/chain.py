@@ -23,7 +23,7 @@ from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import Material, Sensor, beam_directions
 
 if TYPE_CHECKING:
-    from lidarcheck.model.exact.echoes import Echoes
+    from lidarcheck.model.exact.echoes import EchoArrays
     from lidarcheck.model.exact.numbers import Numbers
 
 __all__ = [
@@ -247,7 +247,7 @@ def chain_echoes(
     threads: int | None = None,
     progress: Progress | None = None,
     device: Device = "cpu",
-) -> Echoes:
+) -> EchoArrays:
     """The echoes of each beam as the exact chain finds them, before they are put into a table."""
     from lidarcheck.model import streams
     from lidarcheck.model.exact import kernel

@@ -16,14 +16,14 @@ from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
 from lidarcheck.scan import IdealScan, Light, Scan
 
-__all__ = ["Unread", "light_of_beams", "simulate_unread"]
+__all__ = ["DetectedFrame", "light_of_beams", "simulate_detected"]
 
 _FEW = 0.7
 """Where more than this share of the beams differ, simulating all is as fast."""
 
 
 @dataclass(frozen=True, slots=True)
-class Unread:
+class DetectedFrame:
     """Echoes of the SPADs before any readout effect, and the light and the run that they come from."""
 
     scan: Scan
@@ -38,16 +38,16 @@ class Unread:
         return rounded_ranges(scan, run.sensor)
 
 
-def simulate_unread(
+def simulate_detected(
     ideal: IdealScan,
     model: Model,
     *,
     seed: int = 0,
     frame: int = 0,
     threads: int | None = None,
-    like: Unread | None = None,
+    like: DetectedFrame | None = None,
     surfaces: Surfaces | None = None,
-) -> Unread:
+) -> DetectedFrame:
     """`simulate` up to the readout effects. `like`: the same frame with the same seed and another model, whose echoes
     are taken for the beams that get the same light. `surfaces`: those of this ideal scan, if known already."""
     check_seed(seed, frame)
@@ -58,10 +58,10 @@ def simulate_unread(
 
     differs = None if like is None or like.run.sensor != run.sensor else _differing_beams(like.light, light)
     if like is None or differs is None or differs.mean() > _FEW:
-        return Unread(echoes(light), light, run)
+        return DetectedFrame(echoes(light), light, run)
     if not differs.any():
-        return Unread(like.scan, light, run)
-    return Unread(_merged(like.scan, echoes(light_of_beams(light, differs)), light, differs), light, run)
+        return DetectedFrame(like.scan, light, run)
+    return DetectedFrame(_merged(like.scan, echoes(light_of_beams(light, differs)), light, differs), light, run)
 
 
 def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:

@@ -23,17 +23,17 @@ def share(
     run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object] | None = None
 ) -> None:
     """Run the chunks, on several threads where that helps; `told` hears how many are done."""
-    tell = told or (lambda done: None)
+    on_progress = told or (lambda done: None)
     workers = min(threads or usable_cores(), len(starts))
     if workers <= 1:
         for done, start in enumerate(starts, start=1):
             run(start)
-            tell(done)
+            on_progress(done)
         return
     with ThreadPoolExecutor(workers) as pool:
         try:
             for done, _ in enumerate(pool.map(run, starts), start=1):
-                tell(done)
+                on_progress(done)
         except BaseException:
             # An interrupt waits for the chunks that are under way, not for those that have not begun.
             pool.shutdown(wait=False, cancel_futures=True)

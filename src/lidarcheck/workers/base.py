@@ -10,14 +10,14 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, Generic, NamedTuple, TypeVar
 
-__all__ = ["Crew", "Held", "Remote", "held_by", "pack_tasks", "pack_thing", "perform", "things_of"]
+__all__ = ["Remote", "Shared", "WorkerPool", "pack_tasks", "pack_thing", "perform", "shared_by", "things_of"]
 
 _Result = TypeVar("_Result")
 _Thing = TypeVar("_Thing")
 _Flight = TypeVar("_Flight")
 
 
-class Held(Generic[_Thing]):
+class Shared(Generic[_Thing]):
     """A thing that many tasks need: every worker gets it once, and keeps it while this object lives.
 
     Among the arguments of a task it stands for the thing itself, which must not change from now on.
@@ -37,12 +37,12 @@ class _Slot(NamedTuple):
     key: str
 
 
-class Crew:
+class WorkerPool:
     """Works in the caller itself. A context manager, as all crews are. `jobs`: tasks that run at the same time."""
 
     jobs = 1
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(
@@ -58,16 +58,16 @@ class Crew:
         for task in tasks:
             yield work(*things_of(task))
 
-    def beside(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
+    def submit(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
         """Begin work elsewhere, or leave it for later; the result when it is called."""
         return lambda: work(*things_of(task))
 
 
-class Remote(Crew, Generic[_Flight]):
+class Remote(WorkerPool, Generic[_Flight]):
     """A crew whose tasks are begun now and waited for later; a flight is one or some under way."""
 
     def map(self, work: Callable[..., _Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[_Result]:
-        """See `Crew.map`."""
+        """See `WorkerPool.map`."""
         waiting: deque[_Flight] = deque()
         source = iter(tasks)
         try:
@@ -80,8 +80,8 @@ class Remote(Crew, Generic[_Flight]):
         finally:
             self._give_up(waiting)
 
-    def beside(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
-        """See `Crew.beside`."""
+    def submit(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
+        """See `WorkerPool.submit`."""
         waiting = deque([self._begin(work, [task])])
         return lambda: next(iter(self._landed(waiting)))
 
@@ -119,21 +119,21 @@ class Remote(Crew, Generic[_Flight]):
 
 def things_of(task: tuple[Any, ...]) -> tuple[Any, ...]:
     """The arguments with held things in their places."""
-    return tuple(one.thing if isinstance(one, Held) else one for one in task)
+    return tuple(one.thing if isinstance(one, Shared) else one for one in task)
 
 
 def pack_tasks(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bytes:
     """The tasks without what is held."""
-    slots = [tuple(_Slot(one.key) if isinstance(one, Held) else one for one in task) for task in tasks]
+    slots = [tuple(_Slot(one.key) if isinstance(one, Shared) else one for one in task) for task in tasks]
     return pickle.dumps((work, slots), protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def held_by(tasks: Sequence[tuple[Any, ...]]) -> tuple[Held[Any], ...]:
+def shared_by(tasks: Sequence[tuple[Any, ...]]) -> tuple[Shared[Any], ...]:
     """What the tasks hold, each once."""
-    return tuple({one.key: one for task in tasks for one in task if isinstance(one, Held)}.values())
+    return tuple({one.key: one for task in tasks for one in task if isinstance(one, Shared)}.values())
 
 
-def pack_thing(held: Held[Any]) -> bytes:
+def pack_thing(held: Shared[Any]) -> bytes:
     """A held thing as it is sent."""
     return pickle.dumps(held.thing, protocol=pickle.HIGHEST_PROTOCOL)
 

@@ -21,7 +21,7 @@ from lidarcheck import __version__
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.workers.identity import source_of_results
 
-__all__ = ["Notebook", "notebook_key"]
+__all__ = ["Checkpoint", "notebook_key"]
 
 _log = logging.getLogger(__name__)
 _FILE, _LOCK = "notebook.jsonl", "lock"
@@ -39,7 +39,7 @@ def notebook_key(hashes: Mapping[str, str], model: object, seed: int, exclude: I
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-class Notebook:
+class Checkpoint:
     """Named values, each on disk as soon as it is put; for one run at a time.
 
     `path`: a directory of its own, made when it is not there. What another `key` left there is thrown away, and so is,
@@ -64,7 +64,7 @@ class Notebook:
         except OSError as error:
             raise self._unwritable(error) from error
 
-    def __enter__(self) -> Notebook:
+    def __enter__(self) -> Checkpoint:
         return self
 
     def __exit__(

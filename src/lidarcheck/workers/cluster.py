@@ -23,7 +23,7 @@ from typing import Any
 
 from lidarcheck.errors import UsageError, WorkerError
 from lidarcheck.workers.address import START, check_reachable
-from lidarcheck.workers.base import Held, Remote, held_by, pack_tasks, pack_thing
+from lidarcheck.workers.base import Remote, Shared, pack_tasks, pack_thing, shared_by
 from lidarcheck.workers.identity import identity
 from lidarcheck.workers.on_worker import refusal, run_tasks
 
@@ -47,8 +47,8 @@ class _Flight:
 
     work: Callable[..., Any]
     count: int
-    packed: bytes | Held[bytes]
-    held: tuple[Held[Any], ...]
+    packed: bytes | Shared[bytes]
+    held: tuple[Shared[Any], ...]
     future: Any
     begun: int = 1
 
@@ -66,7 +66,7 @@ class Cluster(Remote[_Flight]):
         self.batch_s = batch_s
         self._took_s: dict[Callable[..., Any], float] = {}
         self._client: Any = None
-        self._placed: weakref.WeakKeyDictionary[Held[Any], Any] = weakref.WeakKeyDictionary()
+        self._placed: weakref.WeakKeyDictionary[Shared[Any], Any] = weakref.WeakKeyDictionary()
         self._news = threading.Event()
         self._looked_s = 0.0
         self._empty_since_s: float | None = None
@@ -150,20 +150,20 @@ class Cluster(Remote[_Flight]):
 
     def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
         self._look()
-        content, held = pack_tasks(work, tasks), held_by(tasks)
-        packed = Held(content) if len(content) > _LARGE_BYTES else content
+        content, held = pack_tasks(work, tasks), shared_by(tasks)
+        packed = Shared(content) if len(content) > _LARGE_BYTES else content
         return _Flight(work, len(tasks), packed, held, self._submitted(packed, held))
 
-    def _submitted(self, packed: bytes | Held[bytes], held: Sequence[Held[Any]]) -> Any:
+    def _submitted(self, packed: bytes | Shared[bytes], held: Sequence[Shared[Any]]) -> Any:
         things = {one.key: self._place(one) for one in held}
-        body = self._place(packed, raw=True) if isinstance(packed, Held) else packed
+        body = self._place(packed, raw=True) if isinstance(packed, Shared) else packed
         key = f"lidarcheck-{uuid.uuid4().hex}"
         with self._scheduler_there():
             future = self._client.submit(run_tasks, identity(), body, list(things), list(things.values()), key=key)
         future.add_done_callback(lambda _future: self._news.set())
         return future
 
-    def _place(self, held: Held[Any], *, raw: bool = False) -> Any:
+    def _place(self, held: Shared[Any], *, raw: bool = False) -> Any:
         """The future of a held thing's bytes, which one worker has now and others get from each other."""
         there = self._placed.get(held)
         if there is None or there.status == "cancelled":

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Any
 
 from lidarcheck.errors import WorkerError
-from lidarcheck.workers.base import Crew, Held, Remote, held_by, pack_tasks, pack_thing, perform, things_of
+from lidarcheck.workers.base import Remote, Shared, WorkerPool, pack_tasks, pack_thing, perform, shared_by, things_of
 from lidarcheck.workers.identity import limit_blas
 from lidarcheck.workers.keeping import kept
 from lidarcheck.workers.waiting import result_of
@@ -120,12 +120,12 @@ class Processes(Remote[_Flight]):
         self._wake = wake
         self._pool: ProcessPoolExecutor | None = None
         self._files: tempfile.TemporaryDirectory[str] | None = None
-        self._places: weakref.WeakKeyDictionary[Held[Any], _Place] = weakref.WeakKeyDictionary()
+        self._places: weakref.WeakKeyDictionary[Shared[Any], _Place] = weakref.WeakKeyDictionary()
         self._deaths = 0
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         if self.jobs < self._least or multiprocessing.current_process().daemon:
-            return Crew()
+            return WorkerPool()
         self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
         self._start()
         if self._wake is not None:
@@ -154,7 +154,7 @@ class Processes(Remote[_Flight]):
         self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake,))
 
     def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
-        held = {one.key: self._put(one) for one in held_by(tasks)}
+        held = {one.key: self._put(one) for one in shared_by(tasks)}
         packed, pool = pack_tasks(work, tasks), self._running
         return _Flight(packed, held, pool, self._submit(packed, held))
 
@@ -196,7 +196,7 @@ class Processes(Remote[_Flight]):
         for flight in waiting:
             flight.future.cancel()
 
-    def _put(self, held: Held[Any]) -> str:
+    def _put(self, held: Shared[Any]) -> str:
         """Where workers find it, as long as it lives."""
         if held not in self._places:
             assert self._files is not None

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["done_by", "in_threads", "mapped"]
 
@@ -35,10 +35,10 @@ def in_threads(number: int) -> Iterator[None]:
         _number.reset(before)
 
 
-def done_by(crew: Crew, work: Callable[..., _Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[_Result]:
-    """What `crew.map` gives; a task that stands alone is done here, where threads share it."""
+def done_by(pool: WorkerPool, work: Callable[..., _Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[_Result]:
+    """What `pool.map` gives; a task that stands alone is done here, where threads share it."""
     first = [*tasks]
-    return (crew if len(first) > 1 else Crew()).map(work, first)
+    return (pool if len(first) > 1 else WorkerPool()).map(work, first)
 
 
 def mapped(work: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:

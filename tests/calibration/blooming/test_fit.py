@@ -7,7 +7,7 @@ import pytest
 
 from blooming_kit import X, lut_text, sign_frame, sign_model, true_y
 from lidarcheck.calibration.blooming.cells import cells_of_scan
-from lidarcheck.calibration.blooming.fit import Free
+from lidarcheck.calibration.blooming.fit import FreeLight
 from lidarcheck.calibration.blooming.operator import light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light
@@ -152,7 +152,7 @@ def test_the_measured_sign():
     lut = load_lut(shared_path("samples/vertical_lut.ini"))
     bench = bench_of(sign_model("SLIM"), "vertical")
     cells = gather([Measured(profile)], bench)
-    result = calibrate(cells, bench, lut, free=Free(pulse=True))
+    result = calibrate(cells, bench, lut, free=FreeLight(pulse=True))
     off = rms_of(result.measured[0], result.expected[0])
     fwhm = result.fit.parameters[0]
     print(f"PEAK {off['PEAK']:.3f}, AREA {off['AREA']:.3f}, WIDTH {off['WIDTH']:.2f} ns, FWHM {fwhm.value:.2f} ns")
@@ -170,7 +170,7 @@ def test_the_fitted_model_can_be_saved_and_run(tmp_path, fits):
     lut_file = tmp_path / "lut.ini"
     lut_file.write_bytes(result.lut.content)
     bench = bench_of(model, "vertical")
-    save_model(fitted_model(model, bench, result, lut_file, Free()), tmp_path / "model.toml")
+    save_model(fitted_model(model, bench, result, lut_file, FreeLight()), tmp_path / "model.toml")
     loaded = load_model(tmp_path / "model.toml")
     measured, ideal = sign_frame(156.6, "SLIM", 203)
     simulated = simulate(ideal, loaded, seed=1)
@@ -185,7 +185,7 @@ def test_the_fitted_model_keeps_all_of_the_pulse(tmp_path, fits):
     lut_file = tmp_path / "lut.ini"
     lut_file.write_bytes(result.lut.content)
     model = sign_model("SLIM")
-    written = fitted_model(model, bench_of(model, "vertical"), twice, lut_file, Free(pulse=True))
+    written = fitted_model(model, bench_of(model, "vertical"), twice, lut_file, FreeLight(pulse=True))
     own = next(effect.settings() for effect in written.effects if effect.name == "pulse_shape")
     stretch = 4.0 / model.sensor.pulse_fwhm_ns
     assert own == {"stretch": stretch, "tail_share": 0.1, "tail_ns": 2.0, "tail_delay_ns": 9.5}

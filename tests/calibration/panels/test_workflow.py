@@ -15,7 +15,7 @@ from lidarcheck.calibration.panels.planes import fit_plane, level_of
 from lidarcheck.calibration.panels.samples import Sampler
 from lidarcheck.calibration.panels.workflow import (
     Arrangement,
-    Frame,
+    PanelFrame,
     PanelSettings,
     characterise,
     panel_scan,
@@ -36,7 +36,7 @@ def measured(hall, hits, variant, seeds, beams=ph.BLOCK):
 
 
 def frames(scans):
-    return [Frame(f"frame {i}", lambda scan=scan: scan) for i, scan in enumerate(scans)]
+    return [PanelFrame(f"frame {i}", lambda scan=scan: scan) for i, scan in enumerate(scans)]
 
 
 @pytest.fixture(scope="session")

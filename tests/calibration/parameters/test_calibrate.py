@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibrate_kit import Truth, write_case
-from lidarcheck.calibration.parameters.bench import Bench
+from lidarcheck.calibration.parameters.bench import FitData
 from lidarcheck.calibration.parameters.loop import Asked, calibrate, prepared
 from lidarcheck.calibration.parameters.roles import deal, is_separable, thinned
 from lidarcheck.cases.case import load_case
@@ -17,7 +17,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.data import Course, Distribution
 from lidarcheck.figures.pages.parameters import document, page
 from lidarcheck.model import load_model
-from lidarcheck.workers.checkpoint import Notebook
+from lidarcheck.workers.checkpoint import Checkpoint
 
 SMALL = {"frames": 2, "layers": range(210, 306, 4), "points": range(430, 526, 3)}
 LAB = {**SMALL, "scene": "lab"}
@@ -136,11 +136,11 @@ def test_an_interrupted_run_goes_on_and_ends_the_same(readout, readout_case, tmp
             raise Stop
 
     asked = Asked(tuple(values))
-    with pytest.raises(Stop), Notebook(tmp_path / "kept", "key") as notebook:
-        calibrate(case, asked, seed=2, watched=stop, notebook=notebook)
-    with Notebook(tmp_path / "kept", "key") as notebook:
-        assert len(notebook) == 1
-        again = calibrate(case, asked, seed=2, notebook=notebook)
+    with pytest.raises(Stop), Checkpoint(tmp_path / "kept", "key") as checkpoint:
+        calibrate(case, asked, seed=2, watched=stop, checkpoint=checkpoint)
+    with Checkpoint(tmp_path / "kept", "key") as checkpoint:
+        assert len(checkpoint) == 1
+        again = calibrate(case, asked, seed=2, checkpoint=checkpoint)
     assert again.parameters == readout[0].parameters
     assert [one.held for one in again.rounds] == [one.held for one in readout[0].rounds]
 
@@ -184,7 +184,7 @@ def test_one_frame_holds_out_blocks_of_beams(tmp_path):
     found = calibrate(case, Asked(("effects.range_offset.offset_m",)), rounds=2)
     assert any("every other block" in note for note in found.notes)
     assert far(found.parameters[0], 0.2) < FIVE_ERRORS
-    bench = Bench.of(case.frames, case.model, 0)
+    bench = FitData.of(case.frames, case.model, 0)
     roles = deal(bench, "case")
     assert not (roles.fit.used & roles.held.used).any()
     assert (roles.fit.used | roles.held.used).all()
@@ -192,7 +192,7 @@ def test_one_frame_holds_out_blocks_of_beams(tmp_path):
 
 def test_beams_can_be_left_out_only_where_none_looks_at_another(signal_case):
     case = load_case(signal_case, fewest=1)
-    bench = Bench.of(case.frames, case.model, 0)
+    bench = FitData.of(case.frames, case.model, 0)
     assert is_separable(bench, case.model)
     assert not is_separable(bench, case.model.with_(make("vibration", {"pitch_deg": 0.5})))
     fewer = thinned(bench, 400, "test")
@@ -200,7 +200,7 @@ def test_beams_can_be_left_out_only_where_none_looks_at_another(signal_case):
     counts = [np.count_nonzero(fewer.beams.material_id == i) for i in np.unique(bench.beams.material_id)]
     there = [np.count_nonzero(bench.beams.material_id == i) for i in np.unique(bench.beams.material_id)]
     assert all(count >= min(of, 400 // len(there)) for count, of in zip(counts, there, strict=True))
-    whole, part = bench.sights(case.model, "test", 0), fewer.sights(case.model, "test", 0)
+    whole, part = bench.observations(case.model, "test", 0), fewer.observations(case.model, "test", 0)
     kept = np.isin(bench.beams.key, fewer.beams.key)
     assert np.array_equal(whole.feature[kept], part.feature)
 

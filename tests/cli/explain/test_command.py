@@ -14,7 +14,7 @@ from lidarcheck.cli import main
 from lidarcheck.cli.explain.files import write_together
 from lidarcheck.cli.explain.watch import JsonLines, Pace, clock_text, watched
 from lidarcheck.errors import InputError
-from lidarcheck.explain.report.explanation import Progress, Step
+from lidarcheck.explain.report.explanation import Progress, SearchStep
 from lidarcheck.explain.report.text import report_text, verdict_sentence
 from lidarcheck.model import load_model
 
@@ -45,16 +45,16 @@ class Workflow:
         self.answer = explanation
         self.fails = None
 
-    def explain(self, case, *, seed=0, exclude=(), jobs=1, crew=None, tell=None, hear=None, notebook=None):
-        self.calls.append({"seed": seed, "exclude": exclude, "jobs": jobs, "kept": notebook.get("split")})
-        tell("split", 1, 1)
-        if hear is not None:
-            hear(Step("split", "2 frames to fit"))
-        notebook.put("split", [0, 1])
-        tell("fit", 0, 2)
+    def explain(self, case, *, seed=0, exclude=(), jobs=1, pool=None, on_progress=None, on_step=None, checkpoint=None):
+        self.calls.append({"seed": seed, "exclude": exclude, "jobs": jobs, "kept": checkpoint.get("split")})
+        on_progress("split", 1, 1)
+        if on_step is not None:
+            on_step(SearchStep("split", "2 frames to fit"))
+        checkpoint.put("split", [0, 1])
+        on_progress("fit", 0, 2)
         if self.fails:
             raise self.fails
-        tell("fit", 2, 2)
+        on_progress("fit", 2, 2)
         return self.answer(case)
 
 
@@ -311,25 +311,25 @@ def test_pace_knows_the_rest_from_the_steps_shares():
     pace = Pace({"a": 1.0, "b": 3.0}, clock=lambda: now[0])
     assert pace.left_s is None
     now[0] = 10.0
-    pace.tell("a", 1, 2)
+    pace.on_progress("a", 1, 2)
     assert pace.left_s == pytest.approx(70.0)
-    pace.tell("b", 0, 0)
+    pace.on_progress("b", 0, 0)
     assert pace.left_s == pytest.approx(30.0)
-    pace.tell("a", 0, 2)
-    pace.tell("strange", 5, 5)
+    pace.on_progress("a", 0, 2)
+    pace.on_progress("strange", 5, 5)
     assert pace.part == 0.25
     now[0] = 40.0
-    pace.tell("b", 7, 5)
+    pace.on_progress("b", 7, 5)
     assert pace.left_s == 0.0
 
 
 def test_what_an_earlier_run_did_says_nothing_about_the_pace():
     now = [0.1]
     pace = Pace({"a": 1.0, "b": 1.0}, clock=lambda: now[0])
-    pace.tell("b", 0, 2)
+    pace.on_progress("b", 0, 2)
     assert pace.left() == ""
     now[0] = 20.1
-    pace.tell("b", 1, 2)
+    pace.on_progress("b", 1, 2)
     assert pace.left() == "about 0:20 left"
 
 
@@ -342,9 +342,9 @@ def test_progress_moves_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setattr("lidarcheck.cli.explain.watch._AT_ONCE_S", -1.0)
-    with watched({"split": 0.5, "fit": 0.5}) as tell:
-        tell("split", 0, 3)
-        tell("fit", 2, 4)
+    with watched({"split": 0.5, "fit": 0.5}) as on_progress:
+        on_progress("split", 0, 3)
+        on_progress("fit", 2, 4)
     err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
     assert "fit" in err
     assert "2/4" in err
@@ -370,13 +370,13 @@ def test_progress_for_programs_is_a_line_of_json_each(case, workflow, capsys):
 def test_a_step_tells_its_beginning_and_its_end_and_not_every_turn(capsys):
     lines = JsonLines({"fit": 1.0})
     for done in range(1001):
-        lines.tell("fit", done, 1000)
+        lines.on_progress("fit", done, 1000)
     said = [json.loads(line) for line in capsys.readouterr().err.splitlines()][1:]
     assert (said[0]["done"], said[-1]["done"]) == (0, 1000)
     assert len(said) < 500
 
 
 def test_quiet_progress_says_nothing(capsys):
-    with watched({"a": 1.0}, quiet=True) as tell:
-        tell("a", 0, 1)
+    with watched({"a": 1.0}, quiet=True) as on_progress:
+        on_progress("a", 0, 1)
     assert capsys.readouterr().err == ""

@@ -331,7 +331,7 @@ def calls(bench):
 
 def test_cases_are_run_and_judged(bench):
     told = []
-    result = run(6, tell=lambda *what: told.append(what))
+    result = run(6, on_progress=lambda *what: told.append(what))
     assert calls(bench) == ["alien2", "alien5", "null1", "null4", "single0", "single3"]
     assert told[-1] == (6, 6, "case 5, alien")
     share = {name: (s.hits, s.of) for name, s in result.score.shares.items()}
@@ -368,11 +368,11 @@ def test_an_interrupted_benchmark_goes_on(bench):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(5, out=bench / "out", tell=stop)
+        run(5, out=bench / "out", on_progress=stop)
     file = bench / "out/cases.jsonl"
     file.write_bytes(file.read_bytes() + b'{"number": 2, "ki')
     told = []
-    result = run(5, out=bench / "out", tell=lambda *what: told.append(what))
+    result = run(5, out=bench / "out", on_progress=lambda *what: told.append(what))
     assert told[0] == (2, 5, "kept by an earlier run")
     assert calls(bench) == ["alien2", "null1", "null4", "single0", "single3"]
     assert len(result.answers) == 5

@@ -10,12 +10,12 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.decision.equivalence import Polished, Rival, contest, rivals
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
-from lidarcheck.explain.search.selection import Bench
+from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 
 OFFSET = make("range_offset", {"offset_m": 0.12})
@@ -23,26 +23,26 @@ FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
 
 
 @pytest.fixture(scope="module")
-def bench() -> Bench:
+def bench() -> SearchData:
     measured = frames(model(OFFSET), 4, **FINE)
-    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
-    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:2], model(), 3), Simulator(measured[2:], model(), 4)
+    return SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
 
 
-def fitted(lab: Lab, name: str):
+def fitted(simulator: Simulator, name: str):
     """The fit of one effect alone, from its first start."""
     probe = fixed_probes([name])[0]
-    return fit(lab, [probe], [probe.start()], rounds=2)
+    return fit(simulator, [probe], [probe.start()], rounds=2)
 
 
-def trial(bench: Bench, name: str, gain: float) -> Trial:
-    found = fitted(bench.lab, name)
-    return Trial(name, 1, found, gain, 1.0, 1000.0, 100.0)
+def trial(bench: SearchData, name: str, gain: float) -> FittedCandidate:
+    found = fitted(bench.simulator, name)
+    return FittedCandidate(name, 1, found, gain, 1.0, 1000.0, 100.0)
 
 
-def test_the_nearer_name_takes_the_place(bench: Bench) -> None:
-    scale = Scale.of((*bench.lab.frames, *bench.select.frames), model(), 5)
-    right, wrong = (fitted(bench.lab, name) for name in ("range_offset", "range_scale"))
+def test_the_nearer_name_takes_the_place(bench: SearchData) -> None:
+    scale = Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 5)
+    right, wrong = (fitted(bench.simulator, name) for name in ("range_offset", "range_scale"))
     for now, other in ((wrong, right), (right, wrong)):
         found = contest(scale, model(), now, [Rival(other.names()[0], 0, other, 0.0)], 7)
         assert found.fit.names() == found.last.names() == ("range_offset",)
@@ -52,14 +52,14 @@ def test_the_nearer_name_takes_the_place(bench: Bench) -> None:
 
 @pytest.mark.parametrize(("chance", "name"), [(0.01, "range_scale"), (0.3, "range_offset")])
 def test_what_a_random_rival_hits_upon_by_chance_takes_no_place(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, chance: float, name: str
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, chance: float, name: str
 ) -> None:
     """Its gap varies from seed to seed by more than it is the smaller."""
-    right, other = (fitted(bench.lab, name) for name in ("range_offset", "range_scale"))
+    right, other = (fitted(bench.simulator, name) for name in ("range_offset", "range_scale"))
     verdicts = {"range_offset": (0.1, 0.01), "range_scale": (0.05, chance)}
     monkeypatch.setattr(
         "lidarcheck.explain.decision.equivalence.judged",
-        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
+        lambda _scale, _model, fit, _seed: Judged(bench.simulator, fit, *verdicts[fit.names()[0]]),
     )
     scale = Scale.of(bench.select.frames, model(), 5)
     assert contest(scale, model(), right, [Rival("range_scale", 0, other, 0.0)], 7).fit.names() == (name,)
@@ -71,7 +71,7 @@ def test_what_a_random_rival_hits_upon_by_chance_takes_no_place(
 )
 @pytest.mark.parametrize("accepted", ["signal_gain", "layer_gain"])
 def test_what_can_do_all_that_another_does_must_leave_much_less(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, general: float, special: float, name: str, accepted: str
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, general: float, special: float, name: str, accepted: str
 ) -> None:
     """Whichever of them was accepted; and what is near because it can do the same is no equal."""
     found = judged_as(bench, monkeypatch, accepted, {"layer_gain": (general, 0.005), "signal_gain": (special, 0.005)})
@@ -89,7 +89,7 @@ def test_what_can_do_all_that_another_does_must_leave_much_less(
     ],
 )
 def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, accepted: str, walk: float, name: str
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, accepted: str, walk: float, name: str
 ) -> None:
     """It must leave less than 0.8 of what the offset leaves, 0.1; one that was accepted keeps its place."""
     found = judged_as(bench, monkeypatch, accepted, {"walk_error": (walk, 0.001), "range_offset": (0.1, 0.001)})
@@ -107,7 +107,7 @@ def test_a_walk_that_is_alike_at_all_amplitudes_takes_no_offset_s_place(
     ],
 )
 def test_nor_does_a_motion_in_a_narrow_view(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, moved: float, distance: float, name: str
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, moved: float, distance: float, name: str
 ) -> None:
     """Nor one that is nearer beam by beam, and farther by summaries; one that is much nearer by these must only leave
     no more."""
@@ -121,7 +121,7 @@ def test_nor_does_a_motion_in_a_narrow_view(
     [(0.09, 1200.0, "fog"), (0.09, 1300.0, "rain"), (0.07, 1300.0, "fog"), (0.105, 700.0, "rain")],
 )
 def test_a_rival_whose_summaries_are_farther_must_leave_much_less(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, left: float, distance: float, name: str
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, left: float, distance: float, name: str
 ) -> None:
     """Farther by more than 250 than the accepted one's 1000: less than 0.8 of its 0.1."""
     verdicts = {"fog": (left, 0.001), "rain": (0.1, 0.001)}
@@ -129,7 +129,7 @@ def test_a_rival_whose_summaries_are_farther_must_leave_much_less(
 
 
 def judged_as(
-    bench: Bench,
+    bench: SearchData,
     monkeypatch: pytest.MonkeyPatch,
     accepted: str,
     verdicts: dict[str, tuple[float, float]],
@@ -144,22 +144,22 @@ def judged_as(
     }
     monkeypatch.setattr(
         "lidarcheck.explain.decision.equivalence.judged",
-        lambda _scale, _model, fit, _seed: Judged(bench.lab, fit, *verdicts[fit.names()[0]]),
+        lambda _scale, _model, fit, _seed: Judged(bench.simulator, fit, *verdicts[fit.names()[0]]),
     )
     scale = Scale.of(bench.select.frames, model(), 5)
     other = next(one for one in fits if one != accepted)
     return contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
 
 
-def test_without_rivals_the_accepted_name_stays(bench: Bench) -> None:
+def test_without_rivals_the_accepted_name_stays(bench: SearchData) -> None:
     scale = Scale.of(bench.select.frames, model(), 5)
-    now = fitted(bench.lab, "range_offset")
+    now = fitted(bench.simulator, "range_offset")
     found = contest(scale, model(), now, [], 7)
     assert found.fit is now
     assert found.equals == {}
 
 
-def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: Bench) -> None:
+def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: SearchData) -> None:
     names = {"range_offset": 1000.0, "range_scale": 990.0, "signal_gain": 100.0}
     trials = [trial(bench, name, gain) for name, gain in names.items()]
     found = rivals(bench, trials[1].fit, [trials[1], trials[0], trials[2]], lambda *_: None)
@@ -172,7 +172,7 @@ def test_rivals_are_other_names_of_the_round_that_explain_nearly_as_much(bench: 
 
 @pytest.mark.parametrize(("gain", "less", "found"), [(400.0, 180.0, 1), (400.0, 100.0, 0), (4000.0, 3300.0, 0)])
 def test_names_that_explain_less_by_no_more_than_chance_are_rivals(
-    bench: Bench, gain: float, less: float, found: int
+    bench: SearchData, gain: float, less: float, found: int
 ) -> None:
     """However small a part of what the accepted one explains that is."""
     both = ((name, size) for name, size in (("range_offset", gain), ("range_scale", less)))
@@ -186,20 +186,20 @@ def test_names_that_explain_less_by_no_more_than_chance_are_rivals(
     ids=["overlooked", "explained less", "little is left"],
 )
 def test_a_name_that_explained_more_in_an_earlier_round_is_tried_where_much_is_left(
-    bench: Bench, explained: float, left: float, found: list[str]
+    bench: SearchData, explained: float, left: float, found: list[str]
 ) -> None:
     """Beside the first effect, whose fit has taken up a part of its own, it explained less than the second one."""
     first, second, other = (trial(bench, name, 600.0) for name in ("signal_gain", "range_offset", "range_scale"))
-    both = fit(bench.lab, [*first.fit.probes, *second.fit.probes], [*first.fit.x, *second.fit.x], rounds=1)
-    now = replace(both, distance=bench.lab.floor_distance + left)
+    both = fit(bench.simulator, [*first.fit.probes, *second.fit.probes], [*first.fit.x, *second.fit.x], rounds=1)
+    now = replace(both, distance=bench.simulator.floor_distance + left)
     second = replace(second, fit=both, round=2, gain=200.0, select_after=900.0)
     trials = [first, replace(other, gain=explained, select_after=1000.0 - explained), second]
     assert [one.name for one in rivals(bench, now, trials, lambda *_: None) if one.place == 1] == found
 
 
-def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: Bench) -> None:
+def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: SearchData) -> None:
     scale = Scale.of(bench.select.frames, model(), 5)
-    now, other = fitted(bench.lab, "range_offset"), fitted(bench.lab, "range_scale")
+    now, other = fitted(bench.simulator, "range_offset"), fitted(bench.simulator, "range_scale")
     found = contest(scale, model(), now, [Rival("range_scale", 0, other, 900.0, near=False)], 7)
     assert found.fit is now
     assert found.compared == {}
@@ -207,7 +207,7 @@ def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: 
 
 
 @pytest.mark.parametrize(("name", "found"), [("range_offset", ["range_offset"]), ("walk_error", [])])
-def test_the_same_error_of_range_of_another_kind_is_a_rival(bench: Bench, name: str, found: list[str]) -> None:
+def test_the_same_error_of_range_of_another_kind_is_a_rival(bench: SearchData, name: str, found: list[str]) -> None:
     """Whether echoes are moved or the light is, the summaries hardly tell."""
     trials = [trial(bench, name, 1000.0)]
     for t in [*trials]:
@@ -218,17 +218,17 @@ def test_the_same_error_of_range_of_another_kind_is_a_rival(bench: Bench, name: 
 
 @pytest.mark.parametrize(("left", "takes"), [(0.02, True), (0.095, False)], ids=["nearer", "by chance"])
 def test_an_effect_of_another_kind_stands_for_it_where_it_is_nearer(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, left: float, takes: bool
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, left: float, takes: bool
 ) -> None:
     """Another name is then compared with that."""
-    plain = fitted(bench.lab, "range_offset")
+    plain = fitted(bench.simulator, "range_offset")
     light = replace(plain, probes=(replace(plain.probes[0], variant="light"),))
-    walk = fitted(bench.lab, "walk_error")
+    walk = fitted(bench.simulator, "walk_error")
     verdicts = {"": left, "light": 0.1}
 
     def judge(_scale: Scale, _model: object, fit: Fit, _seed: int) -> Judged:
         of = 0.03 if fit.names() == ("walk_error",) else verdicts[fit.probes[0].variant]
-        return Judged(bench.lab, replace(fit, distance=1000.0), of, 0.005)
+        return Judged(bench.simulator, replace(fit, distance=1000.0), of, 0.005)
 
     monkeypatch.setattr("lidarcheck.explain.decision.equivalence.judged", judge)
     others = [Rival("range_offset", 0, plain, 0.0), Rival("walk_error", 0, walk, 1.0)]
@@ -244,8 +244,8 @@ def test_an_effect_of_another_kind_stands_for_it_where_it_is_nearer(
 @pytest.mark.parametrize(("gain", "near"), [(1.03, False), (1.1, True)])
 def test_a_rival_that_is_no_more_than_a_usual_error_is_not_near(gain: float, near: bool) -> None:
     measured = frames(model(make("signal_gain", {"gain": gain})), 4, **FINE)
-    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
-    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:2], model(), 3), Simulator(measured[2:], model(), 4)
+    bench = SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
     both = [trial(bench, name, 1000.0) for name in ("range_offset", "signal_gain")]
     [found] = rivals(bench, both[0].fit, both, lambda *_: None)
     assert (found.name, found.near) == ("signal_gain", near)

@@ -10,9 +10,9 @@ from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.decision.footprint_rays import with_best_rays
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 FINE = {"layers": range(240, 284, 2), "points": range(390, 600, 3), "sign": True}
 WIDE = {"vertical_deg": 0.35, "horizontal_deg": 0.35}
@@ -21,10 +21,10 @@ WIDE = {"vertical_deg": 0.35, "horizontal_deg": 0.35}
 def fitted(rays: int) -> tuple[Scale, Polished]:
     """A footprint of so many rays, as the search fits it."""
     seen = Scale.of(frames(model(make("beam_divergence", WIDE | {"rays": rays})), 2, **FINE), model(), 5)
-    lab = Lab(seen.frames, model(), 3)
+    simulator = Simulator(seen.frames, model(), 3)
     probe = replace(fixed_probes(["beam_divergence"])[0], settings=WIDE)
-    found = fit(lab, [probe], [probe.start()], rounds=2)
-    return seen, Polished(found, lab, found, {})
+    found = fit(simulator, [probe], [probe.start()], rounds=2)
+    return seen, Polished(found, simulator, found, {})
 
 
 def left(seen: Scale, now: Fit) -> float:
@@ -34,7 +34,7 @@ def left(seen: Scale, now: Fit) -> float:
 @pytest.mark.parametrize("rays", [3, 11])
 def test_more_rays_are_taken_where_they_leave_less(rays: int) -> None:
     seen, before = fitted(rays)
-    after = with_best_rays(seen, model(), before, Crew())
+    after = with_best_rays(seen, model(), before, WorkerPool())
     used = after.last.effects()[0].settings()["rays"]
     assert used == 3 if rays == 3 else used > 3
     assert (after is before) == (rays == 3)
@@ -45,6 +45,8 @@ def test_more_rays_are_taken_where_they_leave_less(rays: int) -> None:
 
 def test_without_a_footprint_nothing_is_fitted() -> None:
     seen = Scale.of(frames(model(), 2), model(), 5)
-    lab = Lab(seen.frames, model(), 3)
-    plain = Polished(Fit((), (), 0.0, lab.measured[None]), lab, Fit((), (), 0.0, lab.measured[None]), {})
-    assert with_best_rays(seen, model(), plain, Crew()) is plain
+    simulator = Simulator(seen.frames, model(), 3)
+    plain = Polished(
+        Fit((), (), 0.0, simulator.measured[None]), simulator, Fit((), (), 0.0, simulator.measured[None]), {}
+    )
+    assert with_best_rays(seen, model(), plain, WorkerPool()) is plain

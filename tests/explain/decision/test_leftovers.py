@@ -10,7 +10,7 @@ from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS, Scale
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
@@ -24,27 +24,27 @@ TRUE = {
 def named(true: Effect, name: str) -> Judged:
     """The fit of one effect to what a sensor with another one, or the same, measured."""
     measured, probe = frames(model(true), 3, **FINE), fixed_probes([name])[0]
-    found = fit(Lab(measured, model(), 3), [probe], [probe.start()], rounds=4)
+    found = fit(Simulator(measured, model(), 3), [probe], [probe.start()], rounds=4)
     return judged(Scale.of(measured, model(), 5), model(), found, 7)
 
 
 @pytest.mark.parametrize("name", TRUE)
 def test_the_true_name_leaves_nothing_that_follows(name: str) -> None:
     own = named(TRUE[name], name)
-    assert ranges_off(own.lab, own.last) < 1.4
-    assert not ranges_follow(own.lab, own.last)
+    assert ranges_off(own.simulator, own.last) < 1.4
+    assert not ranges_follow(own.simulator, own.last)
 
 
 @pytest.mark.parametrize(("true", "name"), [("walk_error", "range_scale"), ("range_scale", "range_offset")])
 def test_a_wrong_name_does(true: str, name: str) -> None:
     own = named(TRUE[true], name)
-    assert ranges_follow(own.lab, own.last)
+    assert ranges_follow(own.simulator, own.last)
 
 
 def test_beside_other_effects_it_is_not_asked() -> None:
     own = named(TRUE["walk_error"], "signal_gain")
-    assert ranges_off(own.lab, own.last) > 1.6
-    assert not ranges_follow(own.lab, own.last)
+    assert ranges_off(own.simulator, own.last) > 1.6
+    assert not ranges_follow(own.simulator, own.last)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from lidarcheck.explain.report.explanation import Gap, Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
 OFF = Nuisance(materials={1: 2.5, 2: -2.5})
@@ -35,14 +35,14 @@ def wrong_table() -> Scale:
 
 
 def test_errors_of_the_table_are_put_right_where_that_comes_nearer(wrong_table: Scale) -> None:
-    there, *_ = calibrated(wrong_table, model(), OFF, Crew())
+    there, *_ = calibrated(wrong_table, model(), OFF, WorkerPool())
     assert there.materials == OFF.model(model()).materials
     assert there.effects == ()
 
 
 def test_the_pose_is_left_alone_where_only_the_table_comes_nearer(wrong_table: Scale) -> None:
     both = Nuisance(yaw=2.5, pitch=2.5, materials=OFF.materials)
-    there, *_ = calibrated(wrong_table, model(), both, Crew())
+    there, *_ = calibrated(wrong_table, model(), both, WorkerPool())
     assert there.materials == OFF.model(model()).materials
     assert there.effects == ()
 
@@ -50,14 +50,14 @@ def test_the_pose_is_left_alone_where_only_the_table_comes_nearer(wrong_table: S
 @pytest.mark.parametrize("off", [Nuisance(), Nuisance(materials={1: -2.5, 2: 2.5})])
 def test_what_comes_no_nearer_is_not_written(wrong_table: Scale, off: Nuisance) -> None:
     believed = model()
-    assert calibrated(wrong_table, believed, off, Crew())[0] is believed
+    assert calibrated(wrong_table, believed, off, WorkerPool())[0] is believed
 
 
 def test_a_pose_that_is_off_need_not_move_edges() -> None:
     """All ranges are those of a turned view, and no beam looks past an edge that it did not look past before."""
     off = Nuisance(yaw=-2.0, pitch=2.0)
     measured = Scale.of(frames(off.calibrated(model(), own_surface=True), 2, **FINE), model(), 5)
-    there, left, _ = calibrated(measured, model(), off, Crew())
+    there, left, _ = calibrated(measured, model(), off, WorkerPool())
     assert [effect.settings()["own_surface"] for effect in there.effects] == [1]
     assert left[0] < 0.2 * measured.excess_by_part(model())[0][0]
     known = model(make("boresight", {"yaw_deg": 1.0, "pitch_deg": 0.0}))

@@ -11,17 +11,17 @@ from lidarcheck.effects import Effect, make
 from lidarcheck.explain import workflow
 from lidarcheck.explain.decision.answer import CALIBRATION, Answer
 from lidarcheck.explain.decision.model_check import Open
-from lidarcheck.explain.progress import silent
+from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.report.explanation import Finding, Gap, Interval
 from lidarcheck.explain.search.located_patch import from_side_to_side
 from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
-from lidarcheck.explain.workflow import Run
+from lidarcheck.explain.workflow import Workflow
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 HAZE = make("fog", {"mor_m": 120.0, "backscatter": 0.0})
@@ -29,14 +29,14 @@ DRIZZLE = make("rain", {"rate_mm_h": 40.0})
 
 
 @pytest.fixture(scope="module")
-def plain() -> Lab:
-    return Lab(frames(model(), 2, **FINE), model(), 3)
+def plain() -> Simulator:
+    return Simulator(frames(model(), 2, **FINE), model(), 3)
 
 
 @pytest.mark.parametrize(
     ("first", "last", "whole"), [(0, 959, True), (320, 640, True), (320, 500, False), (450, 470, False)]
 )
-def test_a_band_over_all_points_is_no_dirt(plain: Lab, first: int, last: int, whole: bool) -> None:
+def test_a_band_over_all_points_is_no_dirt(plain: Simulator, first: int, last: int, whole: bool) -> None:
     place = {"first_layer": 240, "last_layer": 250, "first_point": first, "last_point": last}
     assert from_side_to_side(plain, make("blockage", place)) is whole
     assert not from_side_to_side(plain, make("signal_gain", {}))
@@ -44,12 +44,14 @@ def test_a_band_over_all_points_is_no_dirt(plain: Lab, first: int, last: int, wh
 
 @pytest.mark.parametrize(("missing", "is_rain"), [(HAZE, False), (DRIZZLE, True)], ids=["haze", "rain"])
 def test_there_is_no_rain_without_drops(missing: Effect, is_rain: bool) -> None:
-    lab = Lab(frames(model(missing), 2, **FINE), model(), 3)
-    nothing = np.zeros((1, len(lab.measured)))
-    now = Fit((), (), lab.distance(nothing), nothing)
-    found = [tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["rain"])]
+    simulator = Simulator(frames(model(missing), 2, **FINE), model(), 3)
+    nothing = np.zeros((1, len(simulator.measured)))
+    now = Fit((), (), simulator.distance(nothing), nothing)
+    found = [tried(simulator, simulator, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["rain"])]
     assert any(fit.possible for fit in found) is is_rain
-    fog = min((tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["fog"])), key=_distance)
+    fog = min(
+        (tried(simulator, simulator, now, nothing, 10.0, probe)[0] for probe in fixed_probes(["fog"])), key=_distance
+    )
     assert fog.possible
 
 
@@ -92,17 +94,19 @@ def test_a_name_that_widens_the_gap_is_left_out(
     found = [Finding(name, {}, 0.9, (), "", "", ()) for name in names]
     asked = []
 
-    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+    def judged(self: Workflow, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
         asked.append(search.fit.names())
         return search, Answer(simpler, tuple(found[: len(search.fit.names())]), (), "")
 
-    monkeypatch.setattr(Run, "judge", judged)
-    monkeypatch.setattr(workflow, "without", lambda lab, fit, at: alone if at == 1 else pytest.fail("the wrong one"))
+    monkeypatch.setattr(Workflow, "judge", judged)
+    monkeypatch.setattr(
+        workflow, "without", lambda simulator, fit, at: alone if at == 1 else pytest.fail("the wrong one")
+    )
     steps = tuple((name, Interval(v, v, v)) for name, v in zip(names, (first, second), strict=True))
     gap = Gap(*(Interval(v, v, v) for v in (1.0, second, 0.1)), waterfall=steps)
-    run, search = Run(model(), 0, (), Crew(), silent), Search(both, both)
+    run, search = Workflow(model(), 0, (), WorkerPool(), ignore_progress), Search(both, both)
     answer = Answer("explained", tuple(found), (), "")
-    bench = SimpleNamespace(lab=None)
+    bench = SimpleNamespace(simulator=None)
     search, answer = run.leave_out(bench, None, search, answer, gap)  # type: ignore[arg-type]
     assert [one.name for one in answer.findings] == left == list(search.fit.names())
     assert asked == ([("walk_error",)] if second > first else [])
@@ -125,20 +129,20 @@ def test_a_rival_may_make_another_name_needless(
     """Crosstalk and a pattern of layers were found where the gain is too high; with the gain no pattern is needed."""
     swapped = fit_of("signal_gain", "fog")
 
-    def polished(self: Run, seen: object, search: Search, closed: object, others: object) -> None:
+    def polished(self: Workflow, seen: object, search: Search, closed: object, others: object) -> None:
         if "crosstalk" in search.fit.names():
             search.fit = swapped
 
-    def said(self: Run, bench: object, seen: object, search: Search, closed: object, last: object) -> Answer:
+    def said(self: Workflow, bench: object, seen: object, search: Search, closed: object, last: object) -> Answer:
         names = search.fit.names()
         return Answer("explained" if len(names) == 2 else simpler, tuple(_named(one) for one in names), (), "")
 
-    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
-    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
-    monkeypatch.setattr(Run, "polish", polished)
-    monkeypatch.setattr(Run, "decide", said)
+    monkeypatch.setattr(Workflow, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Workflow, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Workflow, "polish", polished)
+    monkeypatch.setattr(Workflow, "decide", said)
     monkeypatch.setattr(workflow, "backward", lambda bench, fit, told: fit_of(*needed))
-    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("crosstalk", "fog")
     search, answer = run.judge(None, None, Search(first, first))  # type: ignore[arg-type]
     assert [one.name for one in answer.findings] == left == list(search.fit.names())
     said_of_it = ["left out again" if len(left) == 1 else "kept"] if len(needed) == 1 else []
@@ -146,12 +150,12 @@ def test_a_rival_may_make_another_name_needless(
 
 
 def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Run, "close", lambda self, bench, seen, search: (search, None))
-    monkeypatch.setattr(Run, "find_rivals", lambda self, bench, search, closed: [])
-    monkeypatch.setattr(Run, "polish", lambda self, seen, search, closed, others: None)
-    monkeypatch.setattr(Run, "decide", lambda self, bench, seen, search, *_: Answer("explained", (), (), ""))
+    monkeypatch.setattr(Workflow, "close", lambda self, bench, seen, search: (search, None))
+    monkeypatch.setattr(Workflow, "find_rivals", lambda self, bench, search, closed: [])
+    monkeypatch.setattr(Workflow, "polish", lambda self, seen, search, closed, others: None)
+    monkeypatch.setattr(Workflow, "decide", lambda self, bench, seen, search, *_: Answer("explained", (), (), ""))
     monkeypatch.setattr(workflow, "backward", lambda *_: pytest.fail("not asked"))
-    run, first = Run(model(), 0, (), Crew(), silent), fit_of("crosstalk", "fog")
+    run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("crosstalk", "fog")
     assert run.judge(None, None, Search(first, first))[1].verdict == "explained"  # type: ignore[arg-type]
 
 
@@ -181,16 +185,16 @@ def test_where_much_stays_open_other_names_are_asked(
 ) -> None:
     """Rain was called fog by blunt summaries, with which all the drops stayed open."""
 
-    def judged(self: Run, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
+    def judged(self: Workflow, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
         [name] = search.fit.names()
         verdict, its = others[name]
         return search, Answer(verdict, (_named(name),), (), "", opened(its))
 
-    monkeypatch.setattr(Run, "judge", judged)
+    monkeypatch.setattr(Workflow, "judge", judged)
     monkeypatch.setattr(workflow, "with_fewer_kin", lambda *_: iter(()))
     ways = [Search(fit_of(name), fit_of(name)) for name in others]
     monkeypatch.setattr(workflow, "other_ways", lambda *_: iter(ways))
-    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("fog")
     answer = Answer("explained", (_named("fog"),), (), "", opened(left))
     search, answer = run.take_another_way(None, None, [], Search(first, first), answer)  # type: ignore[arg-type]
     assert [one.name for one in answer.findings] == names == list(search.fit.names())
@@ -198,7 +202,7 @@ def test_where_much_stays_open_other_names_are_asked(
 
 
 def test_an_unknown_is_asked_for_no_other_way() -> None:
-    run, first = Run(model(), 0, (), Crew(), silent), fit_of("fog")
+    run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("fog")
     search, answer = Search(first, first), Answer("unknown", (_named("unknown"),), (), "")
     assert run.take_another_way(None, None, [], search, answer) == (search, answer)  # type: ignore[arg-type]
 

@@ -14,7 +14,7 @@ from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import simulate
 from lidarcheck.scan import Scan
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 AIR = {"mor_m": 300.0, "backscatter": 0.05, "overlap_start_m": 1.0, "overlap_full_m": 7.0}
 EVEN = make("fog", AIR)
@@ -58,17 +58,17 @@ def finding() -> Finding:
 
 def test_even_fog_is_not_patchy() -> None:
     scale = seen((1.0,), (1.0,), (1.0,), (1.0,))
-    assert patchiness_of(scale, model(EVEN), EVEN, Nuisance(), Crew()) is None
-    assert with_patches(scale, model(), [finding()], Nuisance(), Crew()) == (finding(),)
+    assert patchiness_of(scale, model(EVEN), EVEN, Nuisance(), WorkerPool()) is None
+    assert with_patches(scale, model(), [finding()], Nuisance(), WorkerPool()) == (finding(),)
 
 
 def test_other_effects_are_left_as_they_are() -> None:
     other = Finding("dropout", {}, 0.9, (), "", effects=(make("dropout", {}),))
-    assert with_patches(seen(*((d,) for d in DENSITIES)), model(), [other], Nuisance(), Crew()) == (other,)
+    assert with_patches(seen(*((d,) for d in DENSITIES)), model(), [other], Nuisance(), WorkerPool()) == (other,)
 
 
 def test_frames_of_different_density_have_patches_larger_than_the_view() -> None:
-    found = patchiness_of(seen(*((d,) for d in DENSITIES)), model(EVEN), EVEN, Nuisance(), Crew())
+    found = patchiness_of(seen(*((d,) for d in DENSITIES)), model(EVEN), EVEN, Nuisance(), WorkerPool())
     assert found is not None
     spread = float(np.log(DENSITIES).std(ddof=1))
     assert found.patchiness.value == pytest.approx(spread, rel=0.15)
@@ -78,7 +78,7 @@ def test_frames_of_different_density_have_patches_larger_than_the_view() -> None
 
 def test_directions_of_different_density_have_patches_within_the_view() -> None:
     stripes = [(a, b, a, b) for a, b in ((0.6, 1.5), (1.4, 0.7), (0.75, 1.3), (1.5, 0.6))]
-    found = patchiness_of(seen(*stripes), model(EVEN), EVEN, Nuisance(), Crew())
+    found = patchiness_of(seen(*stripes), model(EVEN), EVEN, Nuisance(), WorkerPool())
     assert found is not None
     assert found.patchiness.value == pytest.approx(float(np.log(stripes).std()), rel=0.2)
     # Stripes of 5 degrees.
@@ -87,7 +87,7 @@ def test_directions_of_different_density_have_patches_within_the_view() -> None:
 
 def test_a_name_of_fog_gets_the_patches_with_their_interval() -> None:
     scale = seen(*((d,) for d in DENSITIES))
-    [found] = with_patches(scale, model(), [finding()], Nuisance(), Crew())
+    [found] = with_patches(scale, model(), [finding()], Nuisance(), WorkerPool())
     settings = found.effects[0].settings()
     patchiness, mor = found.parameters["patchiness"], found.parameters["mor_m"]
     assert settings["patchiness"] == pytest.approx(patchiness.value, abs=1e-4)

@@ -12,7 +12,7 @@ from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.explain.decision.recurring import recurs
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.scan import Scan
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 FINE = {"layers": range(230, 290, 2), "points": range(400, 560, 4)}
 RANDOM = {
@@ -35,14 +35,14 @@ def test_true_effects_strike_elsewhere_in_every_frame(form: str) -> None:
     name = form.split(" ")[0]
     true = model(make(name, RANDOM[form]))
     seen = Scale.of(frames(true, 3, **FINE), model(), 5)
-    assert not recurs(seen, true, name, Crew())
+    assert not recurs(seen, true, name, WorkerPool())
 
 
 @pytest.mark.parametrize("form", RANDOM)
 def test_columns_that_stick_are_the_same_in_every_frame(form: str) -> None:
     name = form.split(" ")[0]
     seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
-    assert recurs(seen, model(make(name, RANDOM[form])), name, Crew())
+    assert recurs(seen, model(make(name, RANDOM[form])), name, WorkerPool())
 
 
 @pytest.mark.parametrize("columns", [1.0, 0.05], ids=["everywhere", "in columns"])
@@ -55,7 +55,7 @@ def test_echoes_that_gather_around_a_sign_at_its_range_are_no_foreign_pulses(
     foreign = make("interference", {"share": 0.1, "signal": 8.0, "columns": columns, "column_span_m": 5.0})
     cause = make("blooming_vertical", {"skirt_up": 2e-3, "skirt_down": 2e-3}) if true != "interference" else foreign
     seen = Scale.of(frames(model(cause), 3, sign=True, **FINE, seed=3), model(), 5)
-    assert recurs(seen, model(foreign), "interference", Crew()) == (true == "blooming_vertical")
+    assert recurs(seen, model(foreign), "interference", WorkerPool()) == (true == "blooming_vertical")
 
 
 @pytest.mark.parametrize("true", ["retro_ghost", "interference"])
@@ -66,12 +66,12 @@ def test_echoes_on_beams_that_meet_one_material_are_no_foreign_pulses(
     foreign = make("interference", {"share": 0.05, "signal": 8.0})
     cause = foreign if true == "interference" else make("retro_ghost", {})
     seen = Scale.of(frames(model(cause), 3, sign=True, **FINE, seed=3), model(), 5)
-    assert recurs(seen, model(foreign), "interference", Crew()) == (true == "retro_ghost")
+    assert recurs(seen, model(foreign), "interference", WorkerPool()) == (true == "retro_ghost")
 
 
 def test_effects_that_do_not_strike_at_random_may_recur() -> None:
     seen = Scale.of(frames(model(), 3, changed=stuck, **FINE), model(), 5)
-    assert not recurs(seen, model(make("range_offset", {"offset_m": 0.1})), "range_offset", Crew())
+    assert not recurs(seen, model(make("range_offset", {"offset_m": 0.1})), "range_offset", WorkerPool())
 
 
 def test_what_recurs_speaks_against_a_name_whatever_it_closes() -> None:

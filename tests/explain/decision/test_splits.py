@@ -10,7 +10,7 @@ from explain_core_kit import PANEL, at_ranges, frames, model, together
 from lidarcheck.effects import make
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.decision.splits import only_edges_stay
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.wasserstein import PARTS, Scale
@@ -90,5 +90,5 @@ def test_select_frames_of_few_edges_must_only_not_speak_against_a_footprint(
     probe = fixed_probes(["beam_divergence"])[0]
     fitted = Fit((probe,), (probe.start(),), 2000.0, np.zeros((1, 1)))
     along_edges = better, change
-    trial = Trial("beam_divergence", 1, fitted, 318.0, 85.0, 1074.0, 1182.0, 400.0, along_edges)
+    trial = FittedCandidate("beam_divergence", 1, fitted, 318.0, 85.0, 1074.0, 1182.0, 400.0, along_edges)
     assert trial.passes == passes

@@ -15,8 +15,8 @@ from lidarcheck.explain.empirical.curves import curve, levels, repeating, rhythm
 from lidarcheck.explain.empirical.description import describe
 from lidarcheck.explain.empirical.residuals import Residual, residuals
 from lidarcheck.explain.empirical.terms import Kind, _fitted, again, described
-from lidarcheck.explain.search.selection import Bench
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.explain.search.selection import SearchData
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import Model
 from lidarcheck.scan import Scan
@@ -126,11 +126,11 @@ def rhythmic(scan: Scan) -> Scan:
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
 
 
-def bench_of(true: Model, believed: Model, changed: Callable[[Scan], Scan] | None) -> tuple[Bench, Scale, Scale]:
+def bench_of(true: Model, believed: Model, changed: Callable[[Scan], Scan] | None) -> tuple[SearchData, Scale, Scale]:
     """The bench of three frames, what is seen of them, and a fourth one for the gap."""
     measured = frames(true, 4, changed=changed, **FINE)
-    lab, select = Lab((measured[0], measured[2]), believed, 3), Lab(measured[1:2], believed, 4)
-    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator((measured[0], measured[2]), believed, 3), Simulator(measured[1:2], believed, 4)
+    bench = SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
     return bench, Scale.of(measured[:3], believed, 8), Scale.of(measured[3:], believed, 9)
 
 
@@ -174,11 +174,11 @@ def test_a_chosen_kind_is_fitted_again_whatever_ranks_before_it_on_other_frames(
         Kind("range", ("layer",), 80),
     ]
     for kind in kinds:
-        found = again(bench.lab, model(), kind)
+        found = again(bench.simulator, model(), kind)
         assert found is not None
         own = found.settings()
         assert tuple(own[name] for name in ("covariate", "covariate_2") if name in own) == kind.covariates
-    over_range = again(bench.lab, model(), kinds[0])
+    over_range = again(bench.simulator, model(), kinds[0])
     assert over_range is not None
     knots, values = (np.array(over_range.settings()[name]) for name in ("knots", "values"))
     assert np.polyfit(knots, values, 1)[0] == pytest.approx(0.004, rel=0.3)
@@ -189,16 +189,16 @@ def test_levels_that_a_file_would_not_tell_apart_are_one() -> None:
     area = np.log(rng.uniform(20_000.0, 20_010.0, 5_000))
     left = Residual("area", np.zeros(9), np.ones(9), np.arange(9), 2.0, all_values=(area, area + 0.1))
     bench, _, _ = bench_of(model(), model(), None)
-    settings = _fitted(bench.lab, left, Kind("area", ("area_log10",), shape="levels")).settings()
+    settings = _fitted(bench.simulator, left, Kind("area", ("area_log10",), shape="levels")).settings()
     assert len(settings["knots_area"]) == len(settings["values_area"]) < 5
     assert np.array(settings["values_area"]) == pytest.approx(0.1, abs=0.01)
 
 
 def test_where_few_echoes_are_seen_no_levels_are_fitted() -> None:
     few = frames(model(), 2, layers=range(256, 262), points=range(470, 480))
-    lab = Lab(few, model(), 3)
-    assert all(one.all_values is None for one in residuals(lab, model()))
-    assert again(lab, model(), Kind("peak", ("peak_log10",), shape="levels")) is None
+    simulator = Simulator(few, model(), 3)
+    assert all(one.all_values is None for one in residuals(simulator, model()))
+    assert again(simulator, model(), Kind("peak", ("peak_log10",), shape="levels")) is None
 
 
 def test_parts_that_a_model_describes_already_are_left_as_they_are() -> None:

@@ -10,7 +10,7 @@ from explain_report_kit import MODEL, case, explanation
 from lidarcheck.explain.decision.findings import candidates_table
 from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.text import report_sections
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
 from lidarcheck.figures.explain.report import explanation_html
@@ -19,9 +19,9 @@ from lidarcheck.inference.gauss_newton import Fit
 BENCH = SimpleNamespace(select=SimpleNamespace(floor_distance=100.0))
 
 
-def trial(probe: Probe, gain: float) -> Trial:
+def trial(probe: Probe, gain: float) -> FittedCandidate:
     fit = Fit((probe,), (probe.start(),), 1.0, np.zeros((1, 3)))
-    return Trial(probe.name, 1, fit, gain, 50.0, 300.0, 150.0, gain)
+    return FittedCandidate(probe.name, 1, fit, gain, 50.0, 300.0, 150.0, gain)
 
 
 def rows(verdict: str = "explained") -> tuple[Candidate, ...]:

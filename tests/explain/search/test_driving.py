@@ -7,12 +7,12 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.effects.base import Effect
 from lidarcheck.explain.search.located_ranges import driving_instead
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.search import _driving_or_offset
-from lidarcheck.explain.search.selection import Bench
+from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(220, 300), "points": range(320, 640, 8)}
 GAIN = make("signal_gain", {"gain": 1.5})
@@ -20,20 +20,20 @@ DRIVING = make("motion", {"forward_m_s": -20.0})
 OFFSET = make("range_offset", {"offset_m": 0.3})
 
 
-def bench_of(*hidden: Effect) -> Bench:
+def bench_of(*hidden: Effect) -> SearchData:
     measured = frames(model(*hidden), 4, **FINE)
-    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
-    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:2], model(), 3), Simulator(measured[2:], model(), 4)
+    return SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
 
 
-def offset_and_gain(bench: Bench) -> Fit:
+def offset_and_gain(bench: SearchData) -> Fit:
     probes = [fixed_probes([name])[0] for name in ("range_offset", "signal_gain")]
-    return fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    return fit(bench.simulator, probes, [one.start() for one in probes], rounds=6)
 
 
 def test_it_drives_as_fast_as_lengthens_ranges_by_the_offset() -> None:
     bench = bench_of(DRIVING)
-    driving = driving_instead(bench.lab, 0.3)
+    driving = driving_instead(bench.simulator, 0.3)
     assert driving is not None
     # The middle of these columns is fired 15 ms after the frame's start.
     assert driving.settings["forward_m_s"] == pytest.approx(-0.3 / 0.015, rel=0.1)
@@ -57,8 +57,8 @@ def test_it_takes_an_offset_s_place_beside_others_where_it_comes_nearer(
     probe = fixed_probes(["motion"])[0]
     gain = 500.0 if passes else 0.5
     moved = Fit((probe,), (probe.start(),), 1000.0, np.zeros((1, 3)))
-    trial = Trial("motion", 1, moved, gain, 1.0, 1000.0, 1000.0 - gain)
+    trial = FittedCandidate("motion", 1, moved, gain, 1.0, 1000.0, 1000.0 - gain)
     found = _driving_or_offset(bench, now, [trial])
     assert found.names() == names
     if "motion" in names:
-        assert found.distance < bench.lab.floor_distance < now.distance - 250.0
+        assert found.distance < bench.simulator.floor_distance < now.distance - 250.0

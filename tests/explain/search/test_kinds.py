@@ -11,15 +11,15 @@ import pytest
 
 from lidarcheck.explain.search import selection as forward
 from lidarcheck.explain.search.screening import Screened
-from lidarcheck.explain.search.selection import Bench, Search, run_round
+from lidarcheck.explain.search.selection import Search, SearchData, run_round
 from lidarcheck.explain.search.starts import Probe, fixed_probes
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 FLOOR = 500.0
 PLACE: Any = SimpleNamespace(held=None, floor_distance=FLOOR, distance=lambda shown: 9000.0)
-BENCH = Bench(PLACE, PLACE, 1.0, 10_000.0, Crew())
+BENCH = SearchData(PLACE, PLACE, 1.0, 10_000.0, WorkerPool())
 
 
 def start(name: str, variant: str = "") -> tuple[float, Screened]:
@@ -34,7 +34,7 @@ def fitted(monkeypatch: pytest.MonkeyPatch, left: dict[str, float]) -> tuple[lis
     asked: list[tuple[str, str]] = []
     told: list[str] = []
 
-    def tried(lab: None, select: None, now: Fit, before: object, least: float, probe: Probe) -> Any:
+    def tried(simulator: None, select: None, now: Fit, before: object, least: float, probe: Probe) -> Any:
         asked.append((probe.name, probe.variant))
         return Fit((probe,), (probe.start(),), left[probe.name], np.zeros((1, 3))), 100.0, 50.0, None, None
 

@@ -9,19 +9,19 @@ from lidarcheck.effects import Effect, make
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 RISES = {"backscatter": 0.05, "overlap_start_m": 1.0, "overlap_full_m": 9.0, "overlap_power": 2.0}
 
 
-def tried_on(true: Effect) -> tuple[Lab, list[Fit]]:
+def tried_on(true: Effect) -> tuple[Simulator, list[Fit]]:
     """The fits from all starts of an effect's name, the nearest first, on frames of a sensor that has the effect."""
-    lab = Lab(frames(model(true), 2, **FINE), model(), 3)
-    nothing = np.zeros((1, len(lab.measured)))
-    now = Fit((), (), lab.distance(nothing), nothing)
-    fits = [tried(lab, lab, now, nothing, 10.0, probe)[0] for probe in fixed_probes([true.name])]
-    return lab, sorted(fits, key=lambda fit: fit.distance)
+    simulator = Simulator(frames(model(true), 2, **FINE), model(), 3)
+    nothing = np.zeros((1, len(simulator.measured)))
+    now = Fit((), (), simulator.distance(nothing), nothing)
+    fits = [tried(simulator, simulator, now, nothing, 10.0, probe)[0] for probe in fixed_probes([true.name])]
+    return simulator, sorted(fits, key=lambda fit: fit.distance)
 
 
 def variants(fits: list[Fit]) -> list[str]:
@@ -48,7 +48,7 @@ def test_rain_of_few_small_drops_has_a_start_of_its_own() -> None:
 def test_a_sheen_is_a_falloff_that_levels_off() -> None:
     angle = np.deg2rad(np.arange(0.0, 91.0, 10.0))
     factors = tuple((0.5 + 0.5 * np.cos(angle) ** 3).tolist())
-    lab, fits = tried_on(make("incidence_falloff", {"exponent": 1.0, "factors": factors}))
+    simulator, fits = tried_on(make("incidence_falloff", {"exponent": 1.0, "factors": factors}))
     plain = fits[variants(fits).index("")]
     assert fits[0].probes[0].variant == "levelling"
-    assert fits[0].distance - lab.floor_distance < 0.3 * (plain.distance - lab.floor_distance)
+    assert fits[0].distance - simulator.floor_distance < 0.3 * (plain.distance - simulator.floor_distance)

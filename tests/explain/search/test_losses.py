@@ -11,17 +11,17 @@ from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.located_losses import as_struck, loss_probes, share_spread
 from lidarcheck.explain.search.starts import Probe, free_of
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 WINDOW = {"layers": range(200, 250), "points": range(400, 520)}
 BLOCKS = 2 * 50 * 120
 """Beams of two frames; in so many parts of a block's size they fall apart."""
 
 
-def lab_of(share: float, points: int, layers: int, *others: object) -> Lab:
+def lab_of(share: float, points: int, layers: int, *others: object) -> Simulator:
     """Two frames with losses, and a model without."""
     lost = make("dropout", {"share": share, "block_points": points, "block_layers": layers})
-    return Lab(frames(model(lost, *others), 2, **WINDOW), model(), 5)  # type: ignore[arg-type]
+    return Simulator(frames(model(lost, *others), 2, **WINDOW), model(), 5)  # type: ignore[arg-type]
 
 
 def fit_of(share: float, points: int, layers: int) -> Fit:
@@ -58,34 +58,34 @@ def test_where_all_is_lost_no_size_is_read_off() -> None:
 
 
 def test_other_frames_lose_as_many_blocks_as_they_do() -> None:
-    lab = lab_of(0.03, 8, 8)
-    [read] = loss_probes(lab)
-    struck = as_struck(lab, fit_of(0.08, 8, 8))
+    simulator = lab_of(0.03, 8, 8)
+    [read] = loss_probes(simulator)
+    struck = as_struck(simulator, fit_of(0.08, 8, 8))
     assert struck.effects()[0].settings()["share"] == pytest.approx(read.settings["share"], rel=0.02)
     far = fit_of(0.5, 8, 8)
-    assert as_struck(lab, far) == far, "chance does not make nine tenths of the blocks come back"
+    assert as_struck(simulator, far) == far, "chance does not make nine tenths of the blocks come back"
 
 
 def test_single_beams_are_so_many_that_their_share_is_known() -> None:
-    lab = lab_of(0.03, 8, 8)
+    simulator = lab_of(0.03, 8, 8)
     single = fit_of(0.08, 1, 1)
-    assert as_struck(lab, single) == single
+    assert as_struck(simulator, single) == single
     fog = Probe("fog", {"mor_m": 100.0}, free_of("fog"))
     other = replace(single, probes=(fog,), x=(fog.start(),))
-    assert as_struck(lab, other) == other
+    assert as_struck(simulator, other) == other
 
 
 def test_of_few_blocks_the_share_is_known_as_well_as_their_number() -> None:
-    lab = lab_of(0.08, 8, 8)
+    simulator = lab_of(0.08, 8, 8)
     found = fit_of(0.08, 8, 8)
     lost = 0.08 * len(
         {(k, layer // 8, point // 8) for k in range(2) for layer in range(200, 250) for point in range(400, 520)}
     )
-    spread = share_spread(lab, found.probes[0], 0.08)
+    spread = share_spread(simulator, found.probes[0], 0.08)
     assert spread == pytest.approx(np.sqrt(2.0 / lost), rel=0.02)
-    assert share_spread(lab, fit_of(0.08, 1, 1).probes[0], 0.08) == 0.0
+    assert share_spread(simulator, fit_of(0.08, 1, 1).probes[0], 0.08) == 0.0
     fits = [fit_of(0.08, 8, 8), fit_of(0.08, 1, 1)]
-    shown = [replace(one, shown=lab.shows(one.model(lab.model))) for one in fits]
-    [blocks], [single] = (intervals(lab, one, 1.5) for one in shown)
+    shown = [replace(one, shown=simulator.shows(one.model(simulator.model))) for one in fits]
+    [blocks], [single] = (intervals(simulator, one, 1.5) for one in shown)
     assert blocks["share"].high / 0.08 > np.exp(1.645 * spread)
     assert single["share"].high < blocks["share"].high

@@ -11,22 +11,22 @@ import pytest
 
 from lidarcheck.explain.search import selection as forward
 from lidarcheck.explain.search import trial as trials
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search, accept, best_of, neck_and_neck
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 BENCH: Any = SimpleNamespace(
-    lab=SimpleNamespace(held="fit"), select=SimpleNamespace(held="select"), crew=Crew(), level=1.0
+    simulator=SimpleNamespace(held="fit"), select=SimpleNamespace(held="select"), pool=WorkerPool(), level=1.0
 )
 
 
-def trial(name: str, gain: float, variant: str = "") -> Trial:
+def trial(name: str, gain: float, variant: str = "") -> FittedCandidate:
     probe = replace(fixed_probes([name])[0], variant=variant)
     fit = Fit((probe,), (probe.start(),), 10_000.0 - gain, np.zeros((1, 3)))
-    return Trial(name, 1, fit, gain, 1.0, gain, 0.0, gain)
+    return FittedCandidate(name, 1, fit, gain, 1.0, gain, 0.0, gain)
 
 
 @pytest.fixture
@@ -34,8 +34,8 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     """What is fitted to the end, (name, variant); a scale then explains more than a motion does."""
     asked: list[tuple[str, str]] = []
 
-    def to_the_end(lab: str, select: str, before: object, now: Fit) -> Any:
-        assert (lab, select) == ("fit", "select")
+    def to_the_end(simulator: str, select: str, before: object, now: Fit) -> Any:
+        assert (simulator, select) == ("fit", "select")
         probe = now.probes[-1]
         asked.append((probe.name, probe.variant))
         left = 100.0 if probe.name == "range_scale" else now.distance
@@ -131,8 +131,8 @@ def test_numbers_and_nuisances_are_fitted_in_turn_while_that_brings_much(
     distances: list[float], ends_at: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left = iter(distances)
-    monkeypatch.setattr(trials, "finished", lambda lab, now: now)
-    monkeypatch.setattr(trials, "fit_nuisance", lambda lab, now: replace(now, distance=next(left)))
+    monkeypatch.setattr(trials, "finished", lambda simulator, now: now)
+    monkeypatch.setattr(trials, "fit_nuisance", lambda simulator, now: replace(now, distance=next(left)))
     monkeypatch.setattr(trials, "_there", lambda select, before, found: found)
-    lab: Any = None
-    assert trials.to_the_end(lab, lab, np.zeros((1, 3)), NOTHING).distance == ends_at  # type: ignore[attr-defined]
+    simulator: Any = None
+    assert trials.to_the_end(simulator, simulator, np.zeros((1, 3)), NOTHING).distance == ends_at  # type: ignore[attr-defined]

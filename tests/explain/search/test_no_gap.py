@@ -14,12 +14,12 @@ from lidarcheck.explain.decision.needless import without_any
 from lidarcheck.explain.search.merit import CHANCE
 from lidarcheck.explain.search.screening import Screened, chance_level, screen
 from lidarcheck.explain.search.search import _beside_usual, backward, find_effects, without
-from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference import gauss_newton as fitting
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
@@ -27,13 +27,13 @@ DARK_WALL = Nuisance(materials={WALL: -1.0})
 NAMES = ("dropout", "timing_jitter", "walk_error")
 
 
-def searched(*hidden: Effect) -> tuple[tuple[str, ...], Bench, list[Screened]]:
+def searched(*hidden: Effect) -> tuple[tuple[str, ...], SearchData, list[Screened]]:
     """What the search finds in frames of a wall a little darker than the table has it, and of these effects."""
     measured = frames(DARK_WALL.model(model(*hidden)), 4, **FINE)
-    lab, select = Lab(measured[:3], model(), 3), Lab(measured[3:], model(), 4)
-    screened = screen(lab, fixed_probes(NAMES))
-    start = lab.distance(np.zeros((1, len(lab.measured))))
-    bench = Bench(lab, select, chance_level(lab, screened), start)
+    simulator, select = Simulator(measured[:3], model(), 3), Simulator(measured[3:], model(), 4)
+    screened = screen(simulator, fixed_probes(NAMES))
+    start = simulator.distance(np.zeros((1, len(simulator.measured))))
+    bench = SearchData(simulator, select, chance_level(simulator, screened), start)
     return find_effects(bench, screened, lambda *_: None).fit.names(), bench, screened
 
 
@@ -45,7 +45,7 @@ def test_a_usual_error_of_the_table_is_no_effect() -> None:
 def test_few_lost_beams_stand_out_of_a_rest_that_is_small_enough_for_chance(share: float) -> None:
     found, bench, _ = searched(make("dropout", {"share": share}))
     assert found == ("dropout",)
-    assert bench.start < 3.0 * bench.lab.floor_distance
+    assert bench.start < 3.0 * bench.simulator.floor_distance
 
 
 @pytest.mark.parametrize(
@@ -59,8 +59,8 @@ def test_few_lost_beams_stand_out_of_a_rest_that_is_small_enough_for_chance(shar
 def test_beside_usual_errors_an_effect_must_explain_a_part_of_what_chance_may_leave(
     nuisance: Nuisance, asked: float
 ) -> None:
-    lab: Any = SimpleNamespace(floor_distance=800.0)
-    small, large = Bench(lab, lab, 10.0, 1600.0), Bench(lab, lab, 10.0, 3800.0)
+    simulator: Any = SimpleNamespace(floor_distance=800.0)
+    small, large = SearchData(simulator, simulator, 10.0, 1600.0), SearchData(simulator, simulator, 10.0, 3800.0)
     first = Fit((), (), 1000.0, np.zeros((1, 3)), nuisance=nuisance)
     assert _beside_usual(large, first).worth == pytest.approx(150.0)
     assert _beside_usual(small, first).worth == pytest.approx(asked if asked < 150.0 else 40.0)
@@ -70,12 +70,12 @@ def test_the_nuisances_are_fitted_to_their_end_in_few_steps(monkeypatch: pytest.
     """A pose and tables off by what they may be: two single steps leave 100 above the floor, two doubled ones none."""
     off = Nuisance(yaw=-1.5, pitch=1.0, materials={WALL: -2.0, PANEL: 2.0, ROAD: 1.5})
     how = {"layers": range(230, 290), "points": range(320, 640, 4)}
-    lab = Lab(frames(off.calibrated(model(), own_surface=True), 3, **how), model(), 3)
-    shown = np.zeros((1, len(lab.measured)))
-    plain = Fit((), (), lab.distance(shown), shown)
+    simulator = Simulator(frames(off.calibrated(model(), own_surface=True), 3, **how), model(), 3)
+    shown = np.zeros((1, len(simulator.measured)))
+    plain = Fit((), (), simulator.distance(shown), shown)
 
     def left() -> float:
-        return fit_nuisance(lab, plain, rounds=2).distance - lab.floor_distance
+        return fit_nuisance(simulator, plain, rounds=2).distance - simulator.floor_distance
 
     assert left() < -50.0
     monkeypatch.setattr(fitting, "_DOUBLED", 0)
@@ -86,10 +86,10 @@ def test_a_pose_and_tables_that_move_the_same_ranges_are_told_apart() -> None:
     """A wall that recedes and a road: the pose moves their ranges, which their reflectances must not make up for."""
     off = Nuisance(yaw=1.5, pitch=1.0, materials={WALL: -1.2, ROAD: 1.5})
     measured = frames(off.calibrated(model(), own_surface=True), 3, layers=range(230, 290), points=range(320, 640, 4))
-    lab = Lab(measured, model(), 3)
-    shown = np.zeros((1, len(lab.measured)))
-    found = fit_nuisance(lab, Fit((), (), lab.distance(shown), shown), rounds=2)
-    assert found.distance < lab.floor_distance
+    simulator = Simulator(measured, model(), 3)
+    shown = np.zeros((1, len(simulator.measured)))
+    found = fit_nuisance(simulator, Fit((), (), simulator.distance(shown), shown), rounds=2)
+    assert found.distance < simulator.floor_distance
     assert found.nuisance.yaw == pytest.approx(1.5, abs=0.15)
     assert found.nuisance.pitch == pytest.approx(1.0, abs=0.2)
     assert found.nuisance.materials[WALL] == pytest.approx(-1.2, abs=0.2)
@@ -99,11 +99,11 @@ def test_a_pose_and_tables_that_move_the_same_ranges_are_told_apart() -> None:
 def test_what_only_tables_at_their_limits_would_explain_keeps_its_name(gain: float, named: bool) -> None:
     """Tables that are off by what they may be at most explain nearly all of a gain of 0.9."""
     measured = frames(model(make("signal_gain", {"gain": gain})), 4, **FINE)
-    lab, select = Lab(measured[:3], model(), 3), Lab(measured[3:], model(), 4)
-    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:3], model(), 3), Simulator(measured[3:], model(), 4)
+    bench = SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
     probe = fixed_probes(["signal_gain"])[0]
-    now = fit(lab, [probe], [probe.start()], rounds=6)
-    fewer = without(lab, now, 0)
+    now = fit(simulator, [probe], [probe.start()], rounds=6)
+    fewer = without(simulator, now, 0)
     assert fewer.nuisance.usual == (not named)
     assert fewer.distance - now.distance < 150.0
     found = backward(replace(bench, start=bench.start + 20000.0), now, lambda *_: None)
@@ -124,10 +124,10 @@ def test_a_name_that_comes_no_nearer_beam_by_beam_than_usual_errors_is_none(
     hidden: tuple[Effect, ...], name: str, kept: bool
 ) -> None:
     measured = frames(DARK_WALL.model(model(*hidden)), 4, **FINE)
-    lab, select = Lab(measured[:3], model(), 3), Lab(measured[3:], model(), 4)
-    bench = Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:3], model(), 3), Simulator(measured[3:], model(), 4)
+    bench = SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
     probe = fixed_probes([name])[0]
-    named = fit(lab, [probe], [probe.start()], rounds=4)
+    named = fit(simulator, [probe], [probe.start()], rounds=4)
     found = without_any(bench, Scale.of(measured, model(), 5), Search(named, named), 7)
     assert found.fit.names() == ((name,) if kept else ())
 

@@ -10,7 +10,7 @@ from lidarcheck.explain.search import relisted
 from lidarcheck.explain.search.relisted import _at_knots, read_again
 from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.scan import Scan
 
 FIRST, LAST = 230, 279
@@ -19,14 +19,14 @@ PLACE = {"first_layer": FIRST, "last_layer": LAST, "every": 1}
 
 
 @pytest.fixture(scope="module")
-def lab() -> Lab:
+def simulator() -> Simulator:
     gains = make("layer_gain", {**PLACE, "gain": 1.0, "gains": tuple(TRUE.tolist())})
-    return Lab(frames(model(gains), 2, layers=range(FIRST, LAST + 1), points=range(320, 640, 4)), model(), 3)
+    return Simulator(frames(model(gains), 2, layers=range(FIRST, LAST + 1), points=range(320, 640, 4)), model(), 3)
 
 
-def with_gains(lab: Lab, gains: np.ndarray) -> Fit:
+def with_gains(simulator: Simulator, gains: np.ndarray) -> Fit:
     probe = Probe("layer_gain", {"gain": 1.0, "gains": tuple(gains.tolist())}, free_of("layer_gain"), PLACE, "pattern")
-    return fit(lab, [probe], [probe.start()], rounds=0)
+    return fit(simulator, [probe], [probe.start()], rounds=0)
 
 
 def gains_of(found: Fit) -> np.ndarray:
@@ -34,22 +34,22 @@ def gains_of(found: Fit) -> np.ndarray:
     return float(settings["gain"]) * np.asarray(settings["gains"])
 
 
-def test_gains_that_were_read_too_small_come_out_right(lab: Lab) -> None:
+def test_gains_that_were_read_too_small_come_out_right(simulator: Simulator) -> None:
     """A list that says half of what each layer does leaves much open, and no factor on all layers helps."""
-    start = with_gains(lab, np.sqrt(TRUE))
-    found = read_again(lab, start)
-    assert found.distance - lab.floor_distance < 0.4 * (start.distance - lab.floor_distance)
+    start = with_gains(simulator, np.sqrt(TRUE))
+    found = read_again(simulator, start)
+    assert found.distance - simulator.floor_distance < 0.4 * (start.distance - simulator.floor_distance)
     before, after = (np.abs(np.log(gains_of(one) / TRUE)) for one in (start, found))
     assert np.median(after) < 0.5 * np.median(before)
     assert after.mean() < 0.6 * before.mean()
     assert np.array_equal(found.x[0], start.x[0])
 
 
-def test_other_frames_may_have_other_layers(lab: Lab) -> None:
+def test_other_frames_may_have_other_layers(simulator: Simulator) -> None:
     """Gains of layers that these frames lack stay as they are; those that the list lacks are not added."""
-    start = with_gains(lab, np.sqrt(TRUE))
+    start = with_gains(simulator, np.sqrt(TRUE))
     true = model(make("layer_gain", {**PLACE, "gain": 1.0, "gains": tuple(TRUE.tolist())}))
-    other = Lab(frames(true, 2, layers=range(FIRST + 10, LAST + 6), points=range(320, 640, 4)), model(), 3)
+    other = Simulator(frames(true, 2, layers=range(FIRST + 10, LAST + 6), points=range(320, 640, 4)), model(), 3)
     there = fit(other, start.probes, start.x, rounds=0)
     found = read_again(other, there)
     assert found.distance < there.distance
@@ -69,16 +69,16 @@ def walked(scan: Scan) -> Scan:
 
 def test_what_a_walk_s_curve_has_not_comes_out_as_a_table() -> None:
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
-    lab = Lab(frames(model(), 3, changed=walked, **fine), model(), 3)
+    simulator = Simulator(frames(model(), 3, changed=walked, **fine), model(), 3)
     probe = next(one for one in fixed_probes(["walk_error"]) if not one.variant)
-    curve = fit(lab, [probe], [probe.start()], rounds=4)
-    found = read_again(lab, curve)
-    assert found.distance - lab.floor_distance < 0.5 * (curve.distance - lab.floor_distance)
+    curve = fit(simulator, [probe], [probe.start()], rounds=4)
+    found = read_again(simulator, curve)
+    assert found.distance - simulator.floor_distance < 0.5 * (curve.distance - simulator.floor_distance)
     there, plain = found.effects()[0], curve.effects()[0]
     assert isinstance(there, WalkError)
     assert isinstance(plain, WalkError)
     assert there.per_decade_m == pytest.approx(plain.per_decade_m, abs=0.01)
-    area = np.exp(lab.summaries.expected.mean[lab.summaries.expected.known, 1])
+    area = np.exp(simulator.summaries.expected.mean[simulator.summaries.expected.known, 1])
     off = [np.abs(walk.shift_m(area) - saturating(area)).mean() for walk in (there, plain)]
     assert off[0] < 0.8 * off[1]
     span = np.ptp(plain.shift_m(area))
@@ -95,13 +95,13 @@ def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch:
     def late(scan: Scan) -> Scan:
         return at_ranges(scan, scan.range_m - 0.2 * np.exp(-scan.area / 500.0))
 
-    lab = Lab(frames(brighter, 3, changed=late, **fine), model(), 3)
+    simulator = Simulator(frames(brighter, 3, changed=late, **fine), model(), 3)
     walk = next(one for one in fixed_probes(["walk_error"]) if not one.variant)
     material = Probe("material_reflectance", {"factor": 1.2}, free_of("material_reflectance"), {"material_id": 2})
-    alone = fit(lab, [walk], [walk.start()], rounds=4)
-    curve = fit(lab, [walk, material], [*alone.x, material.start()], rounds=4)
-    found = read_again(lab, curve)
-    assert (found.distance - lab.floor_distance < 0.5 * (curve.distance - lab.floor_distance)) == nearer
+    alone = fit(simulator, [walk], [walk.start()], rounds=4)
+    curve = fit(simulator, [walk, material], [*alone.x, material.start()], rounds=4)
+    found = read_again(simulator, curve)
+    assert (found.distance - simulator.floor_distance < 0.5 * (curve.distance - simulator.floor_distance)) == nearer
 
 
 def test_what_a_power_of_the_cosine_has_not_comes_out_as_factors() -> None:
@@ -109,19 +109,19 @@ def test_what_a_power_of_the_cosine_has_not_comes_out_as_factors() -> None:
     bumps = np.array([0.6, 0.8, 1.2, 1.6, 1.6, 1.0, 0.6, 0.5, 0.8, 1.2])
     sheen = make("incidence_falloff", {"exponent": 2.0, "factors": tuple(bumps.tolist())})
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 4)}
-    lab = Lab(frames(model(sheen), 3, **fine), model(), 3)
+    simulator = Simulator(frames(model(sheen), 3, **fine), model(), 3)
     probe = fixed_probes(["incidence_falloff"])[0]
-    curve = fit(lab, [probe], [probe.start()], rounds=4)
-    found = read_again(lab, curve)
-    assert found.distance - lab.floor_distance < 0.6 * (curve.distance - lab.floor_distance)
+    curve = fit(simulator, [probe], [probe.start()], rounds=4)
+    found = read_again(simulator, curve)
+    assert found.distance - simulator.floor_distance < 0.6 * (curve.distance - simulator.floor_distance)
 
     def factor(one: Fit) -> np.ndarray:
         settings = one.effects()[0].settings()
-        power = np.cos(np.deg2rad(lab.beams.incidence_deg)) ** (settings["exponent"] - 1.0)
+        power = np.cos(np.deg2rad(simulator.beams.incidence_deg)) ** (settings["exponent"] - 1.0)
         knots = settings.get("factors") or (1.0,)
-        return np.asarray(power * np.interp(lab.beams.incidence_deg / 10.0, np.arange(len(knots)), knots))
+        return np.asarray(power * np.interp(simulator.beams.incidence_deg / 10.0, np.arange(len(knots)), knots))
 
-    angle, true = lab.beams.incidence_deg, np.cos(np.deg2rad(lab.beams.incidence_deg))
+    angle, true = simulator.beams.incidence_deg, np.cos(np.deg2rad(simulator.beams.incidence_deg))
     true = true * np.interp(angle / 10.0, np.arange(10), bumps)
     off = [np.abs(np.log(factor(one) / true))[angle < 85.0].mean() for one in (found, curve)]
     assert off[0] < 0.8 * off[1]
@@ -136,9 +136,9 @@ def test_where_no_beams_are_a_table_goes_on_between_its_neighbours() -> None:
     assert np.array_equal(_at_knots(place[:0], value[:0], place[:0], 10), np.zeros(10))
 
 
-def test_what_comes_no_nearer_is_left_as_it_is(lab: Lab) -> None:
-    right = with_gains(lab, np.round(TRUE, 3))
-    assert np.abs(np.log(gains_of(read_again(lab, right)) / TRUE)).max() < 0.1
+def test_what_comes_no_nearer_is_left_as_it_is(simulator: Simulator) -> None:
+    right = with_gains(simulator, np.round(TRUE, 3))
+    assert np.abs(np.log(gains_of(read_again(simulator, right)) / TRUE)).max() < 0.1
     plain = fixed_probes(["signal_gain"])[0]
-    nothing = fit(lab, [plain], [plain.start()], rounds=0)
-    assert read_again(lab, nothing) is nothing
+    nothing = fit(simulator, [plain], [plain.start()], rounds=0)
+    assert read_again(simulator, nothing) is nothing

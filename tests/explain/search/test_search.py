@@ -10,15 +10,15 @@ from lidarcheck.explain.search.screening import Screened, chance_level, screen, 
 from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
 from lidarcheck.inference.gauss_newton import fit, fit_nuisance
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
-from lidarcheck.inference.simulator import Lab, Metric
+from lidarcheck.inference.simulator import Metric, Simulator
 from lidarcheck.model import Model, simulate
-from lidarcheck.model.incremental import simulate_unread
+from lidarcheck.model.incremental import simulate_detected
 from lidarcheck.scan import Scan
 
 
 @pytest.fixture(scope="module")
-def lab() -> Lab:
-    return Lab(frames(model(), 2, sign=True), model(), 0)
+def simulator() -> Simulator:
+    return Simulator(frames(model(), 2, sign=True), model(), 0)
 
 
 # Screening
@@ -87,7 +87,7 @@ def test_the_chance_level_is_passed_once_in_a_hundred_draws() -> None:
 
 
 def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_effect_first() -> None:
-    bench = Lab(frames(model(make("range_offset", {"offset_m": 0.05})), 2), model(), 5)
+    bench = Simulator(frames(model(make("range_offset", {"offset_m": 0.05})), 2), model(), 5)
     told: list[tuple[int, int]] = []
     impossible = Probe("dropout", {"share": 7.0}, free_of("dropout"))
     probes = [*fixed_probes(["signal_gain", "range_offset", "dropout", "fog"]), impossible]
@@ -100,7 +100,7 @@ def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_eff
 
 
 def test_a_start_that_is_much_too_strong_is_screened_again_as_weak_as_fits_and_explains_more() -> None:
-    bench = Lab(frames(model(make("range_offset", {"offset_m": 0.03})), 2), model(), 5)
+    bench = Simulator(frames(model(make("range_offset", {"offset_m": 0.03})), 2), model(), 5)
     screened = screen(bench, [Probe("range_offset", {"offset_m": 0.3}, free_of("range_offset"))])
     [weaker] = weaker_starts(bench, screened)
     gain, scale = screened[0].gain(bench, bench.measured)
@@ -123,16 +123,16 @@ TRUTHS = [
 @pytest.mark.parametrize(("name", "true", "parameter", "near"), TRUTHS, ids=[t[0] for t in TRUTHS])
 def test_the_fit_finds_the_parameter_that_made_the_data(name: str, true: dict, parameter: str, near: float) -> None:
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
-    lab = Lab(frames(model(make(name, true)), 2, **fine), model(), 6)
-    screened = screen(lab, fixed_probes([name]))
-    best = max(screened, key=lambda one: one.gain(lab, lab.measured)[0])
-    start = lab.distance(np.zeros((1, len(lab.measured))))
-    found = fit(lab, [best.probe], [best.probe.start()], rounds=5)
+    simulator = Simulator(frames(model(make(name, true)), 2, **fine), model(), 6)
+    screened = screen(simulator, fixed_probes([name]))
+    best = max(screened, key=lambda one: one.gain(simulator, simulator.measured)[0])
+    start = simulator.distance(np.zeros((1, len(simulator.measured))))
+    found = fit(simulator, [best.probe], [best.probe.start()], rounds=5)
     assert found.names() == (name,)
-    assert found.distance < start - 0.6 * (start - lab.floor_distance)
+    assert found.distance < start - 0.6 * (start - simulator.floor_distance)
     value = found.effects()[0].settings()[parameter]
     assert value == pytest.approx(true[parameter], abs=near)
-    one = intervals(lab, found, 1.5)[0][parameter]
+    one = intervals(simulator, found, 1.5)[0][parameter]
     assert one.low < one.value < one.high
     assert one.value == pytest.approx(value)
     # Nine intervals in ten hold the truth; twice as wide all of these must.
@@ -140,18 +140,18 @@ def test_the_fit_finds_the_parameter_that_made_the_data(name: str, true: dict, p
     assert [e.name for e in found.model(model()).effects] == [name]
 
 
-def test_without_effects_a_fit_stays_where_it_is(lab: Lab) -> None:
-    found = fit(lab, [], [])
+def test_without_effects_a_fit_stays_where_it_is(simulator: Simulator) -> None:
+    found = fit(simulator, [], [])
     assert found.probes == ()
     assert found.model(model()) == model()
-    assert found.distance == pytest.approx(lab.distance(lab.shows(model())))
+    assert found.distance == pytest.approx(simulator.distance(simulator.shows(model())))
 
 
 def test_two_effects_are_fitted_together() -> None:
     true = model(make("range_offset", {"offset_m": 0.05}), make("signal_gain", {"gain": 0.85}))
-    lab = Lab(frames(true, 2), model(), 7)
+    simulator = Simulator(frames(true, 2), model(), 7)
     probes = [fixed_probes(["signal_gain"])[0], fixed_probes(["range_offset"])[0]]
-    found = fit(lab, probes, [probe.start() for probe in probes], rounds=4)
+    found = fit(simulator, probes, [probe.start() for probe in probes], rounds=4)
     gain, offset = found.effects()
     assert gain.settings()["gain"] == pytest.approx(0.85, abs=0.03)
     assert offset.settings()["offset_m"] == pytest.approx(0.05, abs=0.012)
@@ -159,9 +159,9 @@ def test_two_effects_are_fitted_together() -> None:
 
 def test_a_small_error_of_a_table_entry_is_found_as_a_nuisance() -> None:
     true = Nuisance(materials={WALL: -2.0}).model(model())
-    lab = Lab(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), 8)
-    plain = fit(lab, [], [])
-    found = fit_nuisance(lab, plain, rounds=4)
+    simulator = Simulator(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), 8)
+    plain = fit(simulator, [], [])
+    found = fit_nuisance(simulator, plain, rounds=4)
     assert -LIMIT <= found.nuisance.materials[WALL] < -0.2
     assert found.distance < plain.distance
 
@@ -173,9 +173,9 @@ READOUTS = [("range_offset", {"offset_m": 0.3}), ("dropout", {"share": 0.2}), ("
 
 
 @pytest.mark.parametrize(("name", "settings"), READOUTS, ids=[r[0] for r in READOUTS])
-def test_a_readout_effect_leaves_the_echoes_as_they_are(lab: Lab, name: str, settings: dict) -> None:
-    plain, changed = lab.scans(model(), 5), lab.scans(model(make(name, settings)), 5)
-    for one, other, frame in zip(plain, changed, lab.frames, strict=True):
+def test_a_readout_effect_leaves_the_echoes_as_they_are(simulator: Simulator, name: str, settings: dict) -> None:
+    plain, changed = simulator.scans(model(), 5), simulator.scans(model(make(name, settings)), 5)
+    for one, other, frame in zip(plain, changed, simulator.frames, strict=True):
         assert not same(one, other)
         assert same(other, simulate(frame.ideal, model(make(name, settings)), seed=5, frame=frame.number))
         kept = np.isin(beam(one), beam(other)) if name == "dropout" else np.ones(len(one), dtype=bool)
@@ -188,43 +188,47 @@ def beam(scan: Scan) -> np.ndarray:
     return scan.layer * 1000 + scan.point
 
 
-def test_a_lab_shows_what_the_simulation_does_and_its_memory_does_not_matter(lab: Lab) -> None:
+def test_a_lab_shows_what_the_simulation_does_and_its_memory_does_not_matter(simulator: Simulator) -> None:
     one = make("fog", {"mor_m": 80.0})
     two = make("range_scale", {"fraction": 0.01})
     brighter = Nuisance(materials={PANEL: 2.0}).model(model(one))
     for _ in range(2):
         for at_seed in (3, 4):
             for m in (model(), model(one), model(two), model(one, two)):
-                scans = lab.scans(m, at_seed)
+                scans = simulator.scans(m, at_seed)
                 assert all(
                     same(s, simulate(f.ideal, m, seed=at_seed, frame=f.number))
-                    for s, f in zip(scans, lab.frames, strict=True)
+                    for s, f in zip(scans, simulator.frames, strict=True)
                 )
-            scans = lab.scans(model(one), at_seed, Nuisance(materials={PANEL: 2.0}))
-            assert same(scans[0], simulate(lab.frames[0].ideal, brighter, seed=at_seed, frame=0))
-            turned = lab.scans(model(), at_seed, Nuisance(yaw=2.0))
-            assert not same(turned[0], lab.scans(model(), at_seed)[0])
+            scans = simulator.scans(model(one), at_seed, Nuisance(materials={PANEL: 2.0}))
+            assert same(scans[0], simulate(simulator.frames[0].ideal, brighter, seed=at_seed, frame=0))
+            turned = simulator.scans(model(), at_seed, Nuisance(yaw=2.0))
+            assert not same(turned[0], simulator.scans(model(), at_seed)[0])
 
 
-def test_a_model_shows_the_same_to_the_same_lab_again(lab: Lab) -> None:
+def test_a_model_shows_the_same_to_the_same_lab_again(simulator: Simulator) -> None:
     changed = model(make("signal_gain", {"gain": 0.9}))
-    first = lab.shows(changed)
-    lab.shows(model(make("fog", {})))
-    assert np.array_equal(lab.shows(changed), first)
-    assert not lab.shows(model()).any()
-    again = Lab(lab.frames, model(), lab.seed)
+    first = simulator.shows(changed)
+    simulator.shows(model(make("fog", {})))
+    assert np.array_equal(simulator.shows(changed), first)
+    assert not simulator.shows(model()).any()
+    again = Simulator(simulator.frames, model(), simulator.seed)
     assert np.array_equal(again.shows(changed), first)
-    assert np.array_equal(again.measured, lab.measured)
+    assert np.array_equal(again.measured, simulator.measured)
 
 
-def test_noise_of_the_seeds_falls_out_of_the_distance(lab: Lab) -> None:
+def test_noise_of_the_seeds_falls_out_of_the_distance(simulator: Simulator) -> None:
     rng = np.random.default_rng(2)
-    n = len(lab.measured)
+    n = len(simulator.measured)
     truth = rng.normal(size=n)
-    off = np.array([lab.distance(truth + rng.normal(size=(2, n)), np.zeros(n), lab.bare) for _ in range(60)])
-    plain = lab.bare.square(truth)
+    off = np.array(
+        [simulator.distance(truth + rng.normal(size=(2, n)), np.zeros(n), simulator.bare) for _ in range(60)]
+    )
+    plain = simulator.bare.square(truth)
     assert off.mean() == pytest.approx(plain, abs=4.0 * off.std() / np.sqrt(60.0))
-    noisy = np.mean([lab.distance(truth + rng.normal(size=(1, n)), np.zeros(n), lab.bare) for _ in range(20)])
+    noisy = np.mean(
+        [simulator.distance(truth + rng.normal(size=(1, n)), np.zeros(n), simulator.bare) for _ in range(20)]
+    )
     assert noisy > 1.2 * plain
 
 
@@ -239,10 +243,10 @@ def test_echoes_read_out_later_are_those_of_the_simulation(names: tuple[str, ...
     ideal = street(1, sign=True)
     full = model(*(make(name, {}) for name in names))
     before = Model(full.sensor, MATERIALS, tuple(e for e in full.effects if e.stage != "readout"))
-    unread = simulate_unread(ideal, before, seed=9, frame=3)
+    unread = simulate_detected(ideal, before, seed=9, frame=3)
     assert same(unread.read_out(full), simulate(ideal, full, seed=9, frame=3))
     assert same(unread.read_out(before), simulate(ideal, before, seed=9, frame=3))
-    assert same(simulate_unread(ideal, full, seed=9, frame=3).read_out(full), unread.read_out(full))
+    assert same(simulate_detected(ideal, full, seed=9, frame=3).read_out(full), unread.read_out(full))
 
 
 @pytest.mark.parametrize(
@@ -264,9 +268,9 @@ def test_an_effect_takes_over_what_nuisances_said_of_the_same(
         if name != "boresight"
         else model(make(name, {"yaw_deg": 0.13, "pitch_deg": 0.035}))
     )
-    lab = Lab(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 12)), model(), 3)
-    both = fit(lab, [probe], [probe.start()], rounds=0, nuisance=off)
-    alone = fit_nuisance(lab, both)
+    simulator = Simulator(frames(true, 2, layers=range(230, 290, 2), points=range(320, 640, 12)), model(), 3)
+    both = fit(simulator, [probe], [probe.start()], rounds=0, nuisance=off)
+    alone = fit_nuisance(simulator, both)
     assert alone.effects()[0].settings()[parameter] == pytest.approx(total, rel=1e-3)
     assert alone.nuisance.said_by(alone.effects()[0], parameter) == pytest.approx(0.0, abs=1e-9)
     assert alone.distance < 1.2 * both.distance

@@ -13,42 +13,42 @@ from lidarcheck.explain.decision.appeal import appeal
 from lidarcheck.explain.decision.closure import Closure, closure
 from lidarcheck.explain.decision.needless import without_needless
 from lidarcheck.explain.search import second_look as looking
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import judged
 from lidarcheck.explain.search.screening import screen
 from lidarcheck.explain.search.search import without
 from lidarcheck.explain.search.second_look import joint_trials, look_around, second_look, unstrained_trials
-from lidarcheck.explain.search.selection import Bench, Search, start_fit
+from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_shown, tried
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.5}), make("timing_jitter", {"sigma_ns": 0.5})
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 12)}
 NAMES = ("range_offset", "timing_jitter", "dark_counts", "signal_gain")
 
 
-def bench_of(*hidden: Effect) -> Bench:
+def bench_of(*hidden: Effect) -> SearchData:
     measured = frames(model(*hidden), 4, **FINE)
-    lab, select = Lab(measured[:2], model(), 3), Lab(measured[2:], model(), 4)
-    return Bench(lab, select, 10.0, lab.distance(np.zeros((1, len(lab.measured)))))
+    simulator, select = Simulator(measured[:2], model(), 3), Simulator(measured[2:], model(), 4)
+    return SearchData(simulator, select, 10.0, simulator.distance(np.zeros((1, len(simulator.measured)))))
 
 
-def seen_of(bench: Bench) -> Scale:
-    return Scale.of((*bench.lab.frames, *bench.select.frames), model(), 5)
+def seen_of(bench: SearchData) -> Scale:
+    return Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 5)
 
 
-def fitted(bench: Bench, name: str) -> Fit:
+def fitted(bench: SearchData, name: str) -> Fit:
     probe = fixed_probes([name])[0]
-    return fit(bench.lab, [probe], [probe.start()], rounds=4)
+    return fit(bench.simulator, [probe], [probe.start()], rounds=4)
 
 
-def trial(found: Fit, gain: float, after: float) -> Trial:
-    return Trial(found.names()[0], 1, found, gain, 1.0, 100.0, after)
+def trial(found: Fit, gain: float, after: float) -> FittedCandidate:
+    return FittedCandidate(found.names()[0], 1, found, gain, 1.0, 100.0, after)
 
 
 def ignored(_done: int, _of: int) -> None:
@@ -62,7 +62,7 @@ def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
     bench = bench_of(*hidden)
     strong = fitted(bench, "signal_gain")
     search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
-    found = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    found = second_look(bench, seen_of(bench), search, screen(bench.simulator, fixed_probes(NAMES)), 7, ignored)
     assert found.own is not None
     assert found.fit.names() == (names or ("signal_gain",))
     if names is None:
@@ -70,7 +70,7 @@ def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
     else:
         assert found.own.last.effects()[1].settings()["sigma_ns"] == pytest.approx(0.5, abs=0.1)
         assert found.trials[-1].round == 2
-        assert len(found.own.lab.frames) == 4
+        assert len(found.own.simulator.frames) == 4
 
 
 @pytest.mark.parametrize(("holds", "names"), [(True, 2), (False, 3)])
@@ -81,7 +81,7 @@ def test_looks_go_on_while_more_is_open_than_may_be_though_the_last_name_left_le
     strong = fitted(bench, "signal_gain")
     monkeypatch.setattr(looking, "closure", lambda *_: SimpleNamespace(holds=holds))
     search = Search(strong, strong, [trial(strong, 1e4, 100.0)])
-    after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    after = second_look(bench, seen_of(bench), search, screen(bench.simulator, fixed_probes(NAMES)), 7, ignored)
     assert after.fit.names() == ("signal_gain", "dark_counts", "timing_jitter")[:names]
 
 
@@ -95,7 +95,7 @@ def test_what_is_small_beside_the_whole_gap_must_close_most_of_what_is_left(
     bench = bench_of(make("signal_gain", {"gain": 0.3}), make("timing_jitter", {"sigma_ns": 0.22}))
     strong = fitted(bench, "signal_gain")
     search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
-    after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    after = second_look(bench, seen_of(bench), search, screen(bench.simulator, fixed_probes(NAMES)), 7, ignored)
     assert (after.fit.names() == ("signal_gain", "timing_jitter")) == found
 
 
@@ -128,7 +128,7 @@ def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
     bench = bench_of(make("signal_gain", {"gain": 0.7}), JITTER)
     strong = fitted(bench, "signal_gain")
     search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
-    after = second_look(bench, seen_of(bench), search, screen(bench.lab, fixed_probes(NAMES)), 7, ignored)
+    after = second_look(bench, seen_of(bench), search, screen(bench.simulator, fixed_probes(NAMES)), 7, ignored)
     assert after.fit.names() == ("signal_gain", "timing_jitter")
 
 
@@ -140,32 +140,34 @@ def test_of_two_effects_that_do_much_the_same_both_are_found_though_the_first_to
     assert strong.effects()[0].settings()["rate_per_ns"] > 0.0012
     trials = [trial(strong, 1000.0, 10.0), trial(other, 900.0, 20.0), trial(far, 300.0, 60.0)]
     seen = seen_of(bench)
-    own = judged(seen, bench.lab.model, strong, 7)
-    [found] = joint_trials(own, Search(strong, strong, trials), 2, Crew())
+    own = judged(seen, bench.simulator.model, strong, 7)
+    [found] = joint_trials(own, Search(strong, strong, trials), 2, WorkerPool())
     assert found.fit.names() == ("dark_counts", "crosstalk")
     assert found.passes
     rate, sides = (e.settings() for e in found.fit.effects())
     assert rate["rate_per_ns"] == pytest.approx(0.0007, rel=0.35)
     # More dark counts and less crosstalk do much the same: on so few beams, 90 of 7000 in distance are between them.
     assert sides["sides"] + sides["corners"] == pytest.approx(0.17, rel=0.45)
-    assert seen.excess(found.fit.model(bench.lab.model), found.fit.nuisance)[0] < 0.5 * own.left
+    assert seen.excess(found.fit.model(bench.simulator.model), found.fit.nuisance)[0] < 0.5 * own.left
 
 
 def test_a_second_look_at_no_effect_is_none() -> None:
     bench = bench_of()
-    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))))
+    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.simulator.measured))))
     search = Search(nothing, nothing)
     assert second_look(bench, seen_of(bench), search, [], 7, ignored) is search
 
 
 @pytest.fixture(scope="module")
-def offset() -> Bench:
+def offset() -> SearchData:
     return bench_of(make("range_offset", {"offset_m": 0.12}))
 
 
-def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_much_is_open(offset: Bench) -> None:
+def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_much_is_open(
+    offset: SearchData,
+) -> None:
     much = Closure(1000.0, 900.0, 350.0)
-    nothing = Fit((), (), offset.start, np.zeros((1, len(offset.lab.measured))))
+    nothing = Fit((), (), offset.start, np.zeros((1, len(offset.simulator.measured))))
     right, wrong = (trial(fitted(offset, name), 500.0, 110.0) for name in ("range_offset", "dark_counts"))
     assert not right.passes
     search, closed = appeal(offset, seen_of(offset), Search(nothing, nothing, [wrong, right]), much, 7)
@@ -179,7 +181,7 @@ def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_
     assert closed is much
 
 
-def test_the_accepted_effects_appeal_before_all_others(offset: Bench) -> None:
+def test_the_accepted_effects_appeal_before_all_others(offset: SearchData) -> None:
     much, scale = Closure(1000.0, 900.0, 350.0), seen_of(offset)
     right, wrong = (fitted(offset, name) for name in ("range_offset", "dark_counts"))
     search, closed = appeal(offset, scale, Search(wrong, wrong, [trial(right, 500.0, 110.0)]), much, 7)
@@ -190,7 +192,7 @@ def test_the_accepted_effects_appeal_before_all_others(offset: Bench) -> None:
 def test_usual_errors_that_close_the_gap_leave_nothing_to_name() -> None:
     bench = bench_of(make("material_reflectance", {"factor": 1.08, "material_id": 1}))
     much = Closure(1000.0, 900.0, 350.0)
-    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))))
+    nothing = Fit((), (), bench.start, np.zeros((1, len(bench.simulator.measured))))
     search = Search(nothing, nothing, [trial(fitted(bench, "signal_gain"), 500.0, 110.0)])
     found, closed = appeal(bench, seen_of(bench), search, much, 7)
     assert closed.holds
@@ -199,7 +201,7 @@ def test_usual_errors_that_close_the_gap_leave_nothing_to_name() -> None:
 
 def test_errors_that_only_the_frames_of_the_fit_have_are_no_sign_of_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = bench_of()
-    off = Fit((), (), bench.start, np.zeros((1, len(bench.lab.measured))), nuisance=Nuisance(yaw=4.0))
+    off = Fit((), (), bench.start, np.zeros((1, len(bench.simulator.measured))), nuisance=Nuisance(yaw=4.0))
     # As where errors that are fitted to some frames make others worse, and cannot be fitted there.
     monkeypatch.setattr("lidarcheck.explain.decision.closure._left", lambda _lab, _now: 5000.0)
     assert closure(bench, off).holds
@@ -211,18 +213,20 @@ def test_errors_that_only_the_frames_of_the_fit_have_are_no_sign_of_an_effect(mo
     [((), 100.0, True), (("vibration",), 100.0, True), (("vibration",), 400.0, False), (("walk_error",), 100.0, False)],
 )
 def test_one_edge_in_the_select_frames_opens_no_gap_that_the_frames_of_the_fit_do_not_have(
-    offset: Bench, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], on_fit: float, holds: bool
+    offset: SearchData, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], on_fit: float, holds: bool
 ) -> None:
     """The select frames are 5000 off, and 200 but for what any one edge shows; only effects that turn beams, or none,
     are excused by that."""
 
-    def left(lab: Lab, _now: Fit, *, along_edges: bool = False) -> float:
-        return on_fit if lab is offset.lab else 200.0 if along_edges else 5000.0
+    def left(simulator: Simulator, _now: Fit, *, along_edges: bool = False) -> float:
+        return on_fit if simulator is offset.simulator else 200.0 if along_edges else 5000.0
 
     monkeypatch.setattr("lidarcheck.explain.decision.closure._left", left)
     monkeypatch.setattr("lidarcheck.explain.decision.closure.fit_nuisance", lambda _lab, now: now)
     probes = [next(probe for probe in fixed_probes([name])) for name in names]
-    now = Fit(tuple(probes), tuple(probe.start() for probe in probes), 900.0, np.zeros((1, len(offset.lab.measured))))
+    now = Fit(
+        tuple(probes), tuple(probe.start() for probe in probes), 900.0, np.zeros((1, len(offset.simulator.measured)))
+    )
     monkeypatch.setattr(offset.select, "distance", lambda _shown: 6000.0)
     assert closure(offset, now).holds == holds
 
@@ -237,10 +241,10 @@ def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -
 def test_where_nuisances_are_at_their_limits_an_effect_is_sought_without_them() -> None:
     """Reflectances that are all off by 10 % make up for a gain of 1.13, and leave it nothing to begin with."""
     bench = bench_of(JITTER, make("signal_gain", {"gain": 1.13}))
-    fit_of_jitter = fit_nuisance(bench.lab, fitted(bench, "timing_jitter"), rounds=4)
-    own = judged(seen_of(bench), bench.lab.model, fit_of_jitter, 7)
+    fit_of_jitter = fit_nuisance(bench.simulator, fitted(bench, "timing_jitter"), rounds=4)
+    own = judged(seen_of(bench), bench.simulator.model, fit_of_jitter, 7)
     assert not own.last.nuisance.usual
-    look = look_around(own, fixed_probes(NAMES[2:]), Crew(), ignored)
+    look = look_around(own, fixed_probes(NAMES[2:]), WorkerPool(), ignored)
     [found] = unstrained_trials(own, look, 2)
     assert found.name == "signal_gain"
     assert found.passes
@@ -251,14 +255,14 @@ def test_where_nuisances_are_at_their_limits_an_effect_is_sought_without_them() 
 def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_stays() -> None:
     bench = bench_of(GAIN, JITTER)
     seen, probes = seen_of(bench), [fixed_probes([name])[0] for name in ("signal_gain", "timing_jitter", "dark_counts")]
-    three = fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    three = fit(bench.simulator, probes, [one.start() for one in probes], rounds=6)
     found = without_needless(bench, seen, Search(three, three), 7)
     assert found.fit.names() == ("signal_gain", "timing_jitter")
     assert found.own is not None
     assert found.own.left < 0.1 * seen.excess(model())[0]
     again = without_needless(bench, seen, found, 7)
     assert again.fit is found.fit
-    one = Search(found.fit, without(bench.lab, found.fit, 1))
+    one = Search(found.fit, without(bench.simulator, found.fit, 1))
     assert without_needless(bench, seen, one, 7) is one
 
 
@@ -272,7 +276,7 @@ def test_what_closes_all_of_a_part_is_not_needless_though_it_is_little_of_the_wh
     monkeypatch.setattr(needless, "_closes", lambda *_, **__: True)
     bench = bench_of(make("signal_gain", {"gain": 0.7}), JITTER)
     probes = [fixed_probes([name])[0] for name in ("signal_gain", "timing_jitter")]
-    both = fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    both = fit(bench.simulator, probes, [one.start() for one in probes], rounds=6)
     found = without_needless(bench, seen_of(bench), Search(both, both), 7)
     assert len(found.fit.names()) == names
 
@@ -290,7 +294,7 @@ def test_a_third_name_must_close_a_part_of_the_gap(
     lost = make("dropout", {"share": share})
     bench = bench_of(make("signal_gain", {"gain": 0.6}), make("range_offset", {"offset_m": 0.2}), lost)
     probes = [fixed_probes([name])[0] for name in ("signal_gain", "range_offset", "dropout")]
-    three = fit(bench.lab, probes, [one.start() for one in probes], rounds=6)
+    three = fit(bench.simulator, probes, [one.start() for one in probes], rounds=6)
     found = without_needless(bench, seen_of(bench), Search(three, three), 7)
     assert found.fit.names() == ("signal_gain", "range_offset", "dropout")[:names]
 
@@ -309,7 +313,7 @@ def test_what_strikes_at_random_must_close_much_beside_its_special_case(
     bench = bench_of(make("boresight", {"yaw_deg": 0.2, "pitch_deg": 0.05}), shaken)
     random = next(probe for probe in fixed_probes(["vibration"]) if probe.variant == "random")
     probes = [fixed_probes(["boresight"])[0], random]
-    both = fit(bench.lab, probes, [probe.start() for probe in probes], rounds=5)
+    both = fit(bench.simulator, probes, [probe.start() for probe in probes], rounds=5)
     found = without_needless(bench, seen_of(bench), Search(both, both), 7)
     assert found.fit.names() == names
 
@@ -331,7 +335,7 @@ def test_where_noise_hides_it_beam_by_beam_the_summaries_tell(
 ) -> None:
     """Crosstalk leaves 1000 of the summaries and 0.009 of the gap, which with its noise may be chance."""
     last = SimpleNamespace(distance=1600.0, nuisance=Nuisance(), names=lambda: ("crosstalk",))
-    own = SimpleNamespace(left=0.009, chance=chance, last=last, lab=SimpleNamespace(floor_distance=600.0))
+    own = SimpleNamespace(left=0.009, chance=chance, last=last, simulator=SimpleNamespace(floor_distance=600.0))
     one = SimpleNamespace(name=name, gain=gain, fit=SimpleNamespace(nuisance=Nuisance()))
     assert looking._closes(own, one, left, 0.4) == closes  # type: ignore[arg-type]
 
@@ -375,19 +379,19 @@ def test_what_another_effect_can_do_exactly_is_needless_though_reflectances_are_
 
 def test_beside_others_most_of_what_these_leave_is_worth_a_name() -> None:
     bench = bench_of(JITTER)
-    far = replace(bench, start=bench.lab.floor_distance + 100_000.0)
+    far = replace(bench, start=bench.simulator.floor_distance + 100_000.0)
     assert far.worth == pytest.approx(5000.0)
-    assert far.worth_beside(bench.lab.floor_distance + 1000.0) == pytest.approx(600.0)
-    assert far.worth_beside(bench.lab.floor_distance + 50_000.0) == far.worth
+    assert far.worth_beside(bench.simulator.floor_distance + 1000.0) == pytest.approx(600.0)
+    assert far.worth_beside(bench.simulator.floor_distance + 50_000.0) == far.worth
 
 
 def test_an_effect_that_usual_errors_have_made_up_for_is_also_fitted_before_these() -> None:
     bench = bench_of(make("signal_gain", {"gain": 1.13}))
-    first = start_fit(bench.lab, nuisances=True)
+    first = start_fit(bench.simulator, nuisances=True)
     assert first.nuisance.penalty > 5.0
     [probe] = [one for one in fixed_probes(["signal_gain"]) if one.settings["gain"] > 1.0]
-    held = fit(bench.lab, [probe], [probe.start()], rounds=3, nuisance=first.nuisance)
-    found, *_ = tried(bench.lab, bench.select, first, select_shown(bench.select, first), 10.0, probe)
+    held = fit(bench.simulator, [probe], [probe.start()], rounds=3, nuisance=first.nuisance)
+    found, *_ = tried(bench.simulator, bench.select, first, select_shown(bench.select, first), 10.0, probe)
     assert found.distance < held.distance
     assert found.nuisance.penalty < 1.0
     assert found.effects()[0].settings()["gain"] == pytest.approx(1.13, abs=0.02)

@@ -9,10 +9,10 @@ from lidarcheck.effects import find
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search import second_look
 from lidarcheck.explain.search.located_ranges import _walks
-from lidarcheck.explain.search.merit import Trial
+from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
-from lidarcheck.explain.search.related import KIN, are_kin
-from lidarcheck.explain.search.selection import KIN_PART, RANDOM_KIN_PART, Search, beside_kin
+from lidarcheck.explain.search.related import RELATED, are_related
+from lidarcheck.explain.search.selection import KIN_PART, RANDOM_KIN_PART, Search, beside_related
 from lidarcheck.explain.search.starts import Probe, fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.inference.gauss_newton import Fit
@@ -20,10 +20,10 @@ from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
 
-def trial(name: str, gain: float, before: float, after: float, change: float) -> Trial:
+def trial(name: str, gain: float, before: float, after: float, change: float) -> FittedCandidate:
     probe = next(probe for probe in fixed_probes([name]) if not probe.variant)
     fit = Fit((probe,), (probe.start(),), 1.0, np.zeros((1, 3)))
-    return Trial(name, 1, fit, gain, 1.0, before, after, change)
+    return FittedCandidate(name, 1, fit, gain, 1.0, before, after, change)
 
 
 def probe_of(name: str, variant: str = "") -> Probe:
@@ -33,8 +33,8 @@ def probe_of(name: str, variant: str = "") -> Probe:
 def test_what_turns_at_random_needs_more_beside_its_kin() -> None:
     first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert beside_kin(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
-    assert beside_kin(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
+    assert beside_related(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert beside_related(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
 
 
 def test_a_second_look_asks_the_same_of_what_turns_at_random(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +52,7 @@ def test_a_second_look_asks_the_same_of_what_turns_at_random(monkeypatch: pytest
     assert [one.passes for one in found] == [False, True]
 
 
-def two(first: Trial, other: Probe) -> Fit:
+def two(first: FittedCandidate, other: Probe) -> Fit:
     """A fit of a trial's effect and another one."""
     probes = (*first.fit.probes, other)
     return dataclasses.replace(first.fit, probes=probes, x=tuple(probe.start() for probe in probes))
@@ -103,21 +103,23 @@ def test_what_explains_much_holds_where_the_select_frames_are_near_their_floor_w
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert beside_kin(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
-    assert beside_kin(probe_of("fog"), found) == 0.0
+    assert beside_related(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert beside_related(probe_of("fog"), found) == 0.0
     assert (
-        beside_kin(probe_of("range_scale"), Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first]))
+        beside_related(
+            probe_of("range_scale"), Search(first.fit, dataclasses.replace(first.fit, probes=(), x=()), [first])
+        )
         == 0.0
     )
 
 
 def test_kin_are_effects_and_none_is_its_own() -> None:
-    for kin in KIN:
-        for name in kin:
+    for related in RELATED:
+        for name in related:
             find(name)
-            assert not are_kin(name, name)
-    assert are_kin("range_offset", "walk_error")
-    assert not are_kin("range_offset", "fog")
+            assert not are_related(name, name)
+    assert are_related("range_offset", "walk_error")
+    assert not are_related("range_offset", "fog")
 
 
 @pytest.mark.parametrize(
@@ -172,8 +174,8 @@ def test_a_start_that_no_sensor_can_have_is_made_weaker_or_left(shift_ns: float,
     probe = dataclasses.replace(probe, settings={**probe.settings, "shift_ns": shift_ns})
     with pytest.raises(UsageError):
         probe.effect(probe.start()).detector(sensor)
-    lab = NarrowLab(sensor)
-    fit, after, *_ = tried(lab, lab, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
+    simulator = NarrowLab(sensor)
+    fit, after, *_ = tried(simulator, simulator, Fit((), (), 1.0, np.zeros((1, 3))), np.zeros((1, 3)), 1.0, probe)
     assert fit.possible == found
     assert np.isfinite(after) == found
 

@@ -8,7 +8,7 @@ from lidarcheck.effects import catalogue, find, make
 from lidarcheck.explain.search.located import located_probes
 from lidarcheck.explain.search.located_ranges import range_probes
 from lidarcheck.explain.search.screening import screen
-from lidarcheck.explain.search.starts import Free, Probe, fixed_probes
+from lidarcheck.explain.search.starts import FreeParameter, Probe, fixed_probes
 from lidarcheck.inference.gauss_newton import fit
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
@@ -20,14 +20,14 @@ from lidarcheck.inference.nuisances import (
     axes_of,
     is_usual_error,
 )
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import simulate
 from lidarcheck.model.surfaces import Surfaces
 
 
 @pytest.fixture(scope="module")
-def lab() -> Lab:
-    return Lab(frames(model(), 2, sign=True), model(), 0)
+def simulator() -> Simulator:
+    return Simulator(frames(model(), 2, sign=True), model(), 0)
 
 
 # Nuisances
@@ -138,7 +138,7 @@ def test_an_aim_a_speed_an_offset_and_a_scale_are_read_off_the_ranges(
     name: str, settings: dict[str, float], within: float
 ) -> None:
     how = {"layers": range(230, 270), "points": range(320, 640, 4)}
-    there = Lab(frames(model(make(name, settings)), 3, **how), model(), 5)
+    there = Simulator(frames(model(make(name, settings)), 3, **how), model(), 5)
     found = [probe.settings for probe in range_probes(there, [name])]
     off = [max(abs(one[key] - value) for key, value in settings.items()) for one in found]
     assert min(off) < within, found
@@ -149,27 +149,27 @@ def test_a_blocked_patch_is_read_off_line_by_line(transmission: float) -> None:
     place = {"first_layer": 236, "last_layer": 249, "first_point": 421, "last_point": 447}
     dirt = make("blockage", {"transmission": transmission, "soft_edge_deg": 0.0, **place})
     how = {"layers": range(230, 270), "points": range(400, 480)}
-    found = [p.settings for p in located_probes(Lab(frames(model(dirt), 2, **how), model(), 5), ["blockage"])]
+    found = [p.settings for p in located_probes(Simulator(frames(model(dirt), 2, **how), model(), 5), ["blockage"])]
     assert all(abs(found[0][name] - value) <= 1 for name, value in place.items()), found[0]
     nearest = min((one["transmission"] for one in found[:2]), key=lambda t: abs(np.log(t / transmission)))
     assert nearest == pytest.approx(transmission, rel=0.35)
 
 
-def test_an_offset_of_the_light_is_a_start_of_its_own(lab: Lab) -> None:
-    kinds = {probe.variant: probe.effect().stage for probe in range_probes(lab, ["range_offset", "range_scale"])}
+def test_an_offset_of_the_light_is_a_start_of_its_own(simulator: Simulator) -> None:
+    kinds = {probe.variant: probe.effect().stage for probe in range_probes(simulator, ["range_offset", "range_scale"])}
     assert kinds == {"": "readout", "light": "light"}
 
 
 # Candidates
 
 
-def probes_of(lab: Lab, name: str) -> list[Probe]:
-    return fixed_probes([name]) + located_probes(lab, [name])
+def probes_of(simulator: Simulator, name: str) -> list[Probe]:
+    return fixed_probes([name]) + located_probes(simulator, [name])
 
 
 @pytest.mark.parametrize("name", list(catalogue()))
-def test_every_effect_of_the_catalogue_has_starts_that_it_can_have(lab: Lab, name: str) -> None:
-    probes = probes_of(lab, name)
+def test_every_effect_of_the_catalogue_has_starts_that_it_can_have(simulator: Simulator, name: str) -> None:
+    probes = probes_of(simulator, name)
     assert probes, f"the search for {name} begins nowhere: give it starts"
     ranges = {p.name: p for p in find(name).parameters()}
     for probe in probes:
@@ -182,12 +182,12 @@ def test_every_effect_of_the_catalogue_has_starts_that_it_can_have(lab: Lab, nam
             assert one.step > 0.0
             assert one.name not in probe.fixed
             assert ranges[one.name].low <= float(settings[one.name]) <= ranges[one.name].high
-        simulate(lab.frames[0].ideal, model(effect), seed=1)
+        simulate(simulator.frames[0].ideal, model(effect), seed=1)
 
 
 @pytest.mark.parametrize("name", list(catalogue()))
-def test_a_start_is_where_the_fit_s_scale_says(lab: Lab, name: str) -> None:
-    for probe in probes_of(lab, name):
+def test_a_start_is_where_the_fit_s_scale_says(simulator: Simulator, name: str) -> None:
+    for probe in probes_of(simulator, name):
         settings, again = probe.effect().settings(), probe.effect(probe.start()).settings()
         assert again.keys() == settings.keys()
         for key, value in settings.items():
@@ -198,9 +198,9 @@ def test_a_start_is_where_the_fit_s_scale_says(lab: Lab, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(catalogue()))
-def test_the_fit_s_scale_ends_where_the_parameter_does(lab: Lab, name: str) -> None:
+def test_the_fit_s_scale_ends_where_the_parameter_does(simulator: Simulator, name: str) -> None:
     ranges = {p.name: p for p in find(name).parameters()}
-    for one in {one for probe in probes_of(lab, name) for one in probe.free}:
+    for one in {one for probe in probes_of(simulator, name) for one in probe.free}:
         p = ranges[one.name]
         for x in (-1e9, -3.0, 0.0, 3.0, 1e9):
             assert p.low <= one.decode(x, p.low, p.high) <= p.high
@@ -210,7 +210,7 @@ def test_the_fit_s_scale_ends_where_the_parameter_does(lab: Lab, name: str) -> N
 
 
 def test_steps_on_the_fit_s_scale() -> None:
-    plain, log, whole = Free("a", 0.5), Free("b", 0.1, log=True), Free("c", 2.0, whole=True)
+    plain, log, whole = FreeParameter("a", 0.5), FreeParameter("b", 0.1, log=True), FreeParameter("c", 2.0, whole=True)
     assert plain.encode(3.0) == pytest.approx(6.0)
     assert plain.decode(7.0, 0.0, 100.0) == pytest.approx(3.5)
     assert log.decode(log.encode(3.0) + 1.0, 0.0, 100.0) == pytest.approx(3.0 * np.exp(0.1))
@@ -226,9 +226,11 @@ SCALED = set(catalogue()) - {*PARTLY, *FOLLOWED}
 
 
 @pytest.mark.parametrize("name", sorted(SCALED))
-def test_a_start_scaled_down_comes_near_the_model_itself(lab: Lab, name: str) -> None:
-    for probe in probes_of(lab, name):
-        whole, little = (lab.metric.square(lab.shows(model(probe.scaled(s).effect()), 1)[0]) for s in (1.0, 0.001))
+def test_a_start_scaled_down_comes_near_the_model_itself(simulator: Simulator, name: str) -> None:
+    for probe in probes_of(simulator, name):
+        whole, little = (
+            simulator.metric.square(simulator.shows(model(probe.scaled(s).effect()), 1)[0]) for s in (1.0, 0.001)
+        )
         assert little <= max(0.4 * whole, 50.0), probe.settings
         assert probe.scaled(1.0).effect() == probe.effect()
 
@@ -238,7 +240,7 @@ def test_a_weak_dead_time_that_varies_has_a_start_that_leads_to_it() -> None:
     their strength mends."""
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
     weak = make("dead_time", {"shift_ns": 1.0, "spread_ns": 1.2})
-    there = Lab(frames(model(weak), 2, sign=True, **fine), model(), 3)
+    there = Simulator(frames(model(weak), 2, sign=True, **fine), model(), 3)
     excess = there.distance(np.zeros((1, len(there.measured)))) - there.floor_distance
     gains = [one.gain(there, there.measured)[0] for one in screen(there, fixed_probes(["dead_time"]))]
     assert max(gains) > 0.5 * excess
@@ -247,7 +249,7 @@ def test_a_weak_dead_time_that_varies_has_a_start_that_leads_to_it() -> None:
 def test_foreign_pulses_in_lines_are_told_from_those_at_any_range() -> None:
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
     truth = {"share": 0.03, "columns": 0.1, "signal": 2.0, "spread_decades": 0.1, "column_span_m": 5.0}
-    there = Lab(frames(model(make("interference", truth)), 2, sign=True, **fine), model(), 3)
+    there = Simulator(frames(model(make("interference", truth)), 2, sign=True, **fine), model(), 3)
     starts = {one.variant: one for one in fixed_probes(["interference"])}
     lines, stripes = (fit(there, [starts[k]], [starts[k].start()], leaps=True) for k in ("lines", "stripes"))
     assert lines.distance < 0.9 * stripes.distance

@@ -11,28 +11,28 @@ from lidarcheck.effects import make
 from lidarcheck.explain.search.starts import Probe, fixed_probes
 from lidarcheck.explain.search.trial import finished, fit_next
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 SUN = {"rate_per_ns": 0.008, "direct": 0.8, "sun_azimuth_deg": -120.0, "sun_elevation_deg": 25.0}
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 
 
 @pytest.fixture(scope="module")
-def sunny() -> Lab:
+def sunny() -> Simulator:
     """Frames of a street in a low sun from the right and behind, and a model that knows of none."""
-    return Lab(frames(model(make("ambient_light", SUN)), 2, **FINE), model(), 3)
+    return Simulator(frames(model(make("ambient_light", SUN)), 2, **FINE), model(), 3)
 
 
-def started(lab: Lab) -> Fit:
-    nothing = np.zeros((1, len(lab.measured)))
-    return Fit((), (), lab.distance(nothing), nothing)
+def started(simulator: Simulator) -> Fit:
+    nothing = np.zeros((1, len(simulator.measured)))
+    return Fit((), (), simulator.distance(nothing), nothing)
 
 
 def starts(variant: str) -> list[Probe]:
     return [probe for probe in fixed_probes(["ambient_light"]) if probe.variant == variant]
 
 
-def test_the_sun_is_found_where_it_stands(sunny: Lab) -> None:
+def test_the_sun_is_found_where_it_stands(sunny: Simulator) -> None:
     now = started(sunny)
     even = min((fit_next(sunny, now, one, 1.0) for one in starts("")), key=lambda fit: fit.distance)
     [from_the_sun] = [finished(sunny, fit_next(sunny, now, one, 1.0)) for one in starts("from the sun")]

@@ -8,13 +8,13 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search.search import without
-from lidarcheck.explain.search.starts import Free, Probe, fixed_probes, free_of
+from lidarcheck.explain.search.starts import FreeParameter, Probe, fixed_probes, free_of
 from lidarcheck.explain.search.taking_over import is_within_another, others_of
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 AREA = np.geomspace(10.0, 5000.0, 40)
-REFERENCE = Free("reference_area", 0.1, log=True)
+REFERENCE = FreeParameter("reference_area", 0.1, log=True)
 
 
 def walk_probe(**settings: object) -> Probe:
@@ -93,10 +93,10 @@ def test_others_are_left_alone() -> None:
 def test_an_offset_beside_a_walk_is_left_out_at_no_loss() -> None:
     """The walk of two fits is zero at an AREA of 843, the sensor's at 6400, which no fit with a fixed one could be."""
     true = model(make("walk_error", {"per_decade_m": 0.178, "reference_area": 6430.0}))
-    lab = Lab(frames(true, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), 3)
+    simulator = Simulator(frames(true, layers=range(230, 290, 2), points=range(320, 640, 8)), model(), 3)
     now = beside_an_offset(walk_probe(per_decade_m=0.178, reference_area=843.0), -0.157)
-    both = fit(lab, now.probes, now.x, rounds=0)
-    alone = without(lab, both, 0)
+    both = fit(simulator, now.probes, now.x, rounds=0)
+    alone = without(simulator, both, 0)
     assert alone.names() == ("walk_error",)
     assert alone.distance < both.distance + 5.0
 

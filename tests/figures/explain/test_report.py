@@ -11,13 +11,13 @@ import pytest
 from explain_report_kit import AFTER, MODEL, FakeCase, candidate, case, explanation, findings, gap, odd_frames
 from html_kit import Page
 from lidarcheck.errors import InputError
-from lidarcheck.explain.report.explanation import Finding, Gap, Interval, Step
+from lidarcheck.explain.report.explanation import Finding, Gap, Interval, SearchStep
 from lidarcheck.figures.drawing.svg import amount
 from lidarcheck.figures.explain.maps import map_svg, reach_of
 from lidarcheck.figures.explain.pictures import detected_svg, histogram_svg, residual_svg
 from lidarcheck.figures.explain.report import explanation_html, verify_pictures, write_html
 from lidarcheck.figures.explain.strips import candidate_strip, feature_strip, gap_strip
-from lidarcheck.figures.explain.tables import Curve, Detected, FieldMap, Histogram, Pictures
+from lidarcheck.figures.explain.tables import Detected, FieldMap, Histogram, Pictures, ResidualCurve
 from lidarcheck.figures.explain.terminal import closed_most, terminal_histograms, terminal_waterfall
 from lidarcheck.sensor import Material
 
@@ -138,7 +138,7 @@ def test_everything_is_escaped(street):
     model = dataclasses.replace(MODEL, materials=materials)
     finding = Finding(evil, {evil: Interval(1.0, 0.9, 1.1, evil)}, 0.5, (evil,), evil, evil)
     found = explanation(
-        findings=(finding,), model=dataclasses.replace(AFTER, materials=materials), steps=(Step(evil, evil),),
+        findings=(finding,), model=dataclasses.replace(AFTER, materials=materials), steps=(SearchStep(evil, evil),),
         not_testable={evil: evil}, hashes={evil: evil}, left_out={evil: evil}, candidates=(candidate(evil, 50.0),),
         gap=dataclasses.replace(gap("explained"), waterfall=((evil, Interval(0.1, 0.0, 0.2)),)),
         seeds={"seed": 1, evil: 2},
@@ -201,7 +201,7 @@ def test_a_histogram_on_a_log_scale():
 def test_residuals_on_zero_lie_on_the_line():
     before, after = np.tile([-3.0, -1.0, 1.0], (4, 1)), np.tile([-1.0, 0.0, 1.0], (4, 1))
     before[2] = math.nan
-    curve = Curve("area", "ln AREA residual", "1", "range", tuple("abcd"), np.full(4, 50), before, after)
+    curve = ResidualCurve("area", "ln AREA residual", "1", "range", tuple("abcd"), np.full(4, 50), before, after)
     text = residual_svg(curve, changed=True)
     zero = numbers(r'class="zero" d="M[\d.]+ ([\d.]+)H', text)
     assert numbers(r'class="after-dot" cx="[\d.]+" cy="([\d.]+)"', text) == zero * 4

@@ -11,7 +11,7 @@ import pytest
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import save_scan
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Echoes, Fired, Selection
+from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
 from lidarcheck.harness.kpis.spec import Measurement
 from lidarcheck.harness.scenario import measure as measuring
 from lidarcheck.harness.scenario.measure import measure
@@ -48,7 +48,7 @@ def select(rows: list[bool], window_m: float = 0.5, ideal: IdealScan = IDEAL) ->
 
 
 def value(kind: str, selection: Selection, scan: Scan = SCAN) -> float:
-    echoes = Echoes.of(scan, pair_with_ideal(IDEAL, scan))
+    echoes = SelectedEchoes.of(scan, pair_with_ideal(IDEAL, scan))
     compute = KINDS[kind].value
     assert compute is not None
     return compute(selection.seen(echoes))
@@ -120,7 +120,7 @@ def test_sub_beams_are_one_beam():
     zeros = np.zeros(4)
     ideal = IdealScan(zeros, np.array([0, 1, 0, 1]), np.array([10.0, 20.0, 15.0, 0.0]), np.arange(4), zeros)
     scan = scan_of([(0, 10.1, 5.0), (0, 14.9, 7.0), (1, 20.0, 9.0)])
-    echoes = Echoes.of(scan, pair_with_ideal(ideal, scan))
+    echoes = SelectedEchoes.of(scan, pair_with_ideal(ideal, scan))
     everything = select([True] * 4, ideal=ideal).seen(echoes)
     assert (everything.beams, everything.beams_meeting, everything.beams_with(everything.on)) == (2, 2, 2)
     assert everything.area.tolist() == [5.0, 7.0, 9.0]
@@ -130,8 +130,8 @@ def test_sub_beams_are_one_beam():
 
 
 def test_frames_count_their_beams_apart():
-    parts = [Echoes.of(SCAN, pair_with_ideal(IDEAL, SCAN), frame) for frame in range(3)]
-    seen = EVERYTHING.seen(Echoes.joined(parts), frames=3)
+    parts = [SelectedEchoes.of(SCAN, pair_with_ideal(IDEAL, SCAN), frame) for frame in range(3)]
+    seen = EVERYTHING.seen(SelectedEchoes.joined(parts), frames=3)
     assert (seen.beams, seen.beams_meeting, seen.beams_with(seen.on), len(seen.every)) == (15, 12, 6, 18)
 
 

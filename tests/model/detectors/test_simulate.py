@@ -14,7 +14,7 @@ from lidarcheck.model import echoes_of
 from lidarcheck.model.detectors import array as array
 from lidarcheck.model.detectors import heap as heap
 from lidarcheck.model.detectors.simulate import draw_avalanches
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, NonIdeal, Sensor
@@ -267,7 +267,7 @@ def test_afterpulses_are_in_the_steady_state_from_the_first_bin() -> None:
         assert abs(early.sum() - expected) < 4 * spread, (share, early.sum(), expected)
 
 
-def same(one: Echoes, other: Echoes) -> bool:
+def same(one: EchoArrays, other: EchoArrays) -> bool:
     held = np.arange(one.area.shape[1]) < one.held[:, None]
     return np.array_equal(one.held, other.held) and all(
         np.array_equal(getattr(one, name)[held], getattr(other, name)[held]) for name in one._fields[1:]
@@ -285,7 +285,7 @@ def test_the_same_echoes_for_any_threads_chunks_and_order() -> None:
     order = np.random.default_rng(0).permutation(n)[: n // 2]
     few = replace(light(0.5, len(order), range_m=range_m[order], background=1e-3), layer=beams.layer[order])
     few = replace(few, point=beams.point[order])
-    others = Echoes(*(column[order] for column in first))
+    others = EchoArrays(*(column[order] for column in first))
     assert same(others, follow(few, sensor, chunk=50)), "neither the order nor other beams matter"
     assert not same(first, follow(beams, sensor, seed=2))
     assert not same(first, follow(beams, sensor, frame=1))

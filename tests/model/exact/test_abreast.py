@@ -9,7 +9,7 @@ import pytest
 
 from lidarcheck.model import lane_math, simulate, streams
 from lidarcheck.model.exact import kernel, listing
-from lidarcheck.model.exact.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.lane_math import LANES
@@ -70,7 +70,7 @@ def light(n: int, background: float | np.ndarray, pulses: int, spread_m: float, 
     return Light(*np.divmod(np.arange(n), 960), np.broadcast_to(background, n), first, range_m, signal)
 
 
-def run(beams: Light, sensor: Sensor, chunk: int) -> Echoes:
+def run(beams: Light, sensor: Sensor, chunk: int) -> EchoArrays:
     numbers, echoes = numbers_of(sensor), new_echoes(len(beams), sensor.max_echoes)
     for column in echoes:
         column[:] = 0

@@ -289,10 +289,10 @@ def test_without_frames_it_says_what_it_needs(tmp_path):
 def test_it_is_stopped(project, monkeypatch):
     begun, go = threading.Event(), threading.Event()
 
-    def slow(hall, model, tell):
+    def slow(hall, model, on_progress):
         begun.set()
         go.wait(60)
-        tell(1, 2, "frames")
+        on_progress(1, 2, "frames")
         raise AssertionError("nobody waits for it")
 
     monkeypatch.setattr(noise, "_page", slow)
@@ -315,12 +315,12 @@ def test_it_is_stopped(project, monkeypatch):
 def test_a_computation_hears_that_nobody_waits(project):
     job = noise_jobs(read_project(project), "")[0]
 
-    def tell(done, of, now):
+    def on_progress(done, of, now):
         if now.startswith("simulated"):
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        job.compute(tell)
+        job.compute(on_progress)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])

@@ -19,12 +19,12 @@ import numpy.typing as npt
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes
 from lidarcheck.calibration.blooming.problem import Problem
-from lidarcheck.calibration.blooming.pulses import Free
+from lidarcheck.calibration.blooming.pulses import FreeLight
 from lidarcheck.calibration.blooming.residuals import huber_cost, huber_weight
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["SMOOTHNESS", "Fit", "Free", "Parameter", "Score", "fit_table"]
+__all__ = ["SMOOTHNESS", "Fit", "FreeLight", "Parameter", "Score", "fit_table"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -101,7 +101,7 @@ def fit_table(
     sensor: Sensor,
     *,
     shape: PulseShape | None = None,
-    free: Free = Free(),  # noqa: B008 - frozen
+    free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
     told: Told = lambda _what: None,
 ) -> Fit:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes, spread
-from lidarcheck.calibration.blooming.pulses import Free, Pulses
+from lidarcheck.calibration.blooming.pulses import FreeLight, Pulses
 from lidarcheck.calibration.blooming.residuals import (
     detection_residual,
     huber_cost,
@@ -42,7 +42,7 @@ class Problem:
     """
 
     def __init__(
-        self, cells: Sequence[Cells], nodes: Nodes, sensor: Sensor, *, shape: PulseShape, free: Free
+        self, cells: Sequence[Cells], nodes: Nodes, sensor: Sensor, *, shape: PulseShape, free: FreeLight
     ) -> None:  # fmt: skip
         self.cells, self.nodes = tuple(cells), nodes
         self.pulses = Pulses(sensor, shape, free)

@@ -11,7 +11,7 @@ from lidarcheck.calibration.blooming.response import Response, response_of
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Extra", "Free", "Pulses"]
+__all__ = ["Extra", "FreeLight", "Pulses"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _BRIGHTNESS = "brightness"
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeLight:
     """What is fitted besides the table: the pulse's length, its tail, a factor on the target's light."""
 
     pulse: bool = False
@@ -54,7 +54,7 @@ class Pulses:
     since a fit looks at few.
     """
 
-    def __init__(self, sensor: Sensor, shape: PulseShape, free: Free) -> None:
+    def __init__(self, sensor: Sensor, shape: PulseShape, free: FreeLight) -> None:
         self.sensor, self.shape = sensor, shape
         length = float(np.log10(shape.fwhm_ns))
         extras: tuple[Extra, ...] = (

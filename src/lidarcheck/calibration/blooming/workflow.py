@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells, Profile, cells_of_scan, profile_of
 from lidarcheck.calibration.blooming.csv import is_profile, profile_axis, read_profile
-from lidarcheck.calibration.blooming.fit import Fit, Free, fit_table
+from lidarcheck.calibration.blooming.fit import Fit, FreeLight, fit_table
 from lidarcheck.calibration.blooming.operator import Nodes, light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import FEATURES, Response, response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light, target_in_scan
@@ -26,7 +26,7 @@ from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Light, PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Bench", "Calibration", "Measured", "Row", "bench_of", "calibrate", "fitted_model", "gather", "rms_of"]
+__all__ = ["Calibration", "Measured", "ModelSide", "Row", "bench_of", "calibrate", "fitted_model", "gather", "rms_of"]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str], object]
@@ -51,7 +51,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Bench:
+class ModelSide:
     """What measurements are held against: the sensor behind its effects, its pulse, and the target's light.
 
     `model` is without blooming. `signal_at_1m`: S of the target on a beam, times R^2, where no ideal scan tells;
@@ -101,7 +101,7 @@ class Calibration:
 def bench_of(
     model: Model, axis: Axis, *, settings: Settings | None = None, material: int | None = None,
     signal_at_1m: float | None = None,
-) -> Bench:  # fmt: skip
+) -> ModelSide:  # fmt: skip
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
     if model.external is not None:
         raise InputError("the model runs another program", file=model.file, fix="a fit needs the built-in sensor model")
@@ -116,7 +116,7 @@ def bench_of(
     else:
         material = None
     settings = settings or default_settings(axis)
-    return Bench(bare, sensor, light.shape, axis, bright, signal_at_1m, material, settings)
+    return ModelSide(bare, sensor, light.shape, axis, bright, signal_at_1m, material, settings)
 
 
 def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, Sensor]:
@@ -137,7 +137,7 @@ def _target_signal(model: Model, wanted: int | None) -> tuple[int | None, float 
     return number, model.sensor.signal_at_1m * retros[number].reflectance * retros[number].retro_gain
 
 
-def gather(measured: Sequence[Measured], bench: Bench, reach: tuple[float, float] | None = None) -> list[Cells]:
+def gather(measured: Sequence[Measured], bench: ModelSide, reach: tuple[float, float] | None = None) -> list[Cells]:
     """The cells of all measurements, within `reach` of offsets where it is given. Errors name the file."""
     found = [_cells(one, bench) for one in measured]
     if reach is not None:
@@ -145,7 +145,7 @@ def gather(measured: Sequence[Measured], bench: Bench, reach: tuple[float, float
     return found
 
 
-def _cells(measured: Measured, bench: Bench) -> Cells:
+def _cells(measured: Measured, bench: ModelSide) -> Cells:
     name, axis = str(measured.path), bench.axis
     if is_profile(measured.path):
         if profile_axis(measured.path) != axis:
@@ -174,7 +174,7 @@ def _cells(measured: Measured, bench: Bench) -> Cells:
     return cells_of_scan(scan, target, axis, own=own, name=name)
 
 
-def _needed_signal(bench: Bench, name: str) -> float:
+def _needed_signal(bench: ModelSide, name: str) -> float:
     if bench.signal_at_1m is None:
         retros = [str(number) for number, m in bench.model.materials.items() if m.kind == "retro"]
         found = f"retro-reflectors {', '.join(retros)}" if retros else "no retro-reflector"
@@ -185,10 +185,10 @@ def _needed_signal(bench: Bench, name: str) -> float:
 
 def calibrate(
     measured: Sequence[Cells],
-    bench: Bench,
+    bench: ModelSide,
     lut: LutFile,
     *,
-    free: Free = Free(),  # noqa: B008 - frozen
+    free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
     told: Told = lambda _what: None,
 ) -> Calibration:
@@ -283,7 +283,7 @@ def rms_of(measured: Profile, expected: Profile) -> dict[str, float]:
     return found
 
 
-def fitted_model(model: Model, bench: Bench, result: Calibration, file: Path, free: Free) -> Model:
+def fitted_model(model: Model, bench: ModelSide, result: Calibration, file: Path, free: FreeLight) -> Model:
     """The model with the table, which `file` holds, and with the pulse and the target's brightness that were free."""
     table = result.lut.tables[bench.axis]
     curve = Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(file))

@@ -20,7 +20,7 @@ from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["WINDOW_M", "Beams", "check_expected", "sign_beams", "with_ghost"]
+__all__ = ["WINDOW_M", "SignBeams", "check_expected", "sign_beams", "with_ghost"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -33,7 +33,7 @@ FEWEST_RETRO_BEAMS = 3
 
 
 @dataclass(frozen=True)
-class Beams:
+class SignBeams:
     """The beams of one dataset that see its sign, and could show a ghost, shapes (n,).
 
     `range_m`: true range of the sign; `unit_signal`: S that a ghost of strength 1 and exponent 0 would have.
@@ -86,9 +86,10 @@ def check_expected(found: GhostScan, ideal: IdealScan, model: Model) -> None:
         what = f"the ideal scan has {len(rows)} beams on a retro-reflector of the model, so no sign"
         raise InputError(what, file=ideal.file or found.name, fix="check the material IDs, or name another ideal scan")
     part = ideal.take(rows)
-    sights = Returns(part.layer, part.point, part.distance_m, np.ones(len(rows)), np.arange(len(rows)))
+    observations = Returns(part.layer, part.point, part.distance_m, np.ones(len(rows)), np.arange(len(rows)))
     largest = next(
-        iter(clusters_of(sights, np.arange(len(rows)), grid_steps(ideal.layer, ideal.point))), np.arange(len(rows))
+        iter(clusters_of(observations, np.arange(len(rows)), grid_steps(ideal.layer, ideal.point))),
+        np.arange(len(rows)),
     )
     range_m = float(np.median(part.distance_m[largest]))
     if not any(abs(sign.range_m - range_m) < OF_SIGN_M for sign in found.signs):
@@ -101,7 +102,7 @@ def check_expected(found: GhostScan, ideal: IdealScan, model: Model) -> None:
         )
 
 
-def sign_beams(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: Model) -> list[Beams]:
+def sign_beams(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: Model) -> list[SignBeams]:
     """The beams of each dataset on which a ghost can stand, and what does; a ghost's AREA is needed.
 
     The place of the ghosts is where those that were found stand most; without any, one cannot know what to look for.
@@ -161,7 +162,7 @@ def _place(lit: _Lit, keys: IndexArray) -> IndexArray:
     return np.where(lit.key[at] == keys, at, -1)
 
 
-def _beams(found: GhostScan, lit: _Lit, beyond_m: FloatArray, centre_m: float) -> Beams:
+def _beams(found: GhostScan, lit: _Lit, beyond_m: FloatArray, centre_m: float) -> SignBeams:
     """Beams with an echo of their sign; of several echoes at the ghost's place that which is closest to it."""
     scan, place = found.scan, _place(lit, beam_keys(found.scan.layer, found.scan.point))
     on_sign = np.flatnonzero((found.label == SIGN) & (place >= 0))
@@ -177,7 +178,7 @@ def _beams(found: GhostScan, lit: _Lit, beyond_m: FloatArray, centre_m: float) -
     seen = seen[(echo[seen] >= 0) | (held[seen] < lit.sensor.max_echoes)]
     echo = echo[seen]
     columns = [np.where(echo >= 0, column[echo], np.nan) for column in (scan.area, scan.peak, beyond_m)]
-    return Beams(
+    return SignBeams(
         name=found.name,
         range_m=lit.range_m[seen],
         unit_signal=lit.unit_signal[seen],

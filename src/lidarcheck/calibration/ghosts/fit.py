@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.ghosts.data import Beams, sign_beams, with_ghost
+from lidarcheck.calibration.ghosts.data import SignBeams, sign_beams, with_ghost
 from lidarcheck.calibration.ghosts.library import Library, library_of
 from lidarcheck.calibration.ghosts.likelihood import (
     FARTHEST_OFF,
@@ -88,7 +88,7 @@ class GhostFit:
 
     parameters: dict[str, Estimate]
     datasets: tuple[DatasetFit, ...]
-    beams: tuple[Beams, ...]
+    beams: tuple[SignBeams, ...]
     model: Model
     scatter: float
     warnings: tuple[str, ...]
@@ -126,7 +126,7 @@ def fit_ghosts(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: M
     return GhostFit(parameters, datasets, tuple(beams), fitted, doubt.scatter, tuple(warnings))
 
 
-def _check_enough(beams: Sequence[Beams]) -> None:
+def _check_enough(beams: Sequence[SignBeams]) -> None:
     ghosts = sum(int(np.count_nonzero(b.detected)) for b in beams)
     if ghosts < FEWEST_GHOSTS:
         each = ", ".join(f"{b.name} {np.count_nonzero(b.detected)} on {len(b)} beams" for b in beams)
@@ -136,18 +136,18 @@ def _check_enough(beams: Sequence[Beams]) -> None:
         )
 
 
-def _library(b: Beams, seed: int) -> Library:
+def _library(b: SignBeams, seed: int) -> Library:
     """The library of a dataset; those that see alike share one."""
     return library_of(b.sensor, b.shape, round(b.background_per_ns, BACKGROUND_DIGITS), seed=seed)
 
 
-def _tells_exponent(beams: Sequence[Beams]) -> bool:
+def _tells_exponent(beams: Sequence[SignBeams]) -> bool:
     """Whether signs at ranges that differ enough show ghosts, or at least how rare they are."""
     ranges = [float(np.median(b.range_m)) for b in beams if len(b)]
     return max(ranges) / min(ranges) >= SPREAD_OF_RANGES
 
 
-def _extra(beams: Sequence[Beams], libraries: Sequence[Library], region: Region) -> Estimate:
+def _extra(beams: Sequence[SignBeams], libraries: Sequence[Library], region: Region) -> Estimate:
     """The extra way from where the ghosts stand, given how early the sensor sees pulses of their strength."""
     best = (float(region.log_strength[0]), float(region.exponent[0]))
     value, error, chi = _extra_at(beams, libraries, *best)
@@ -161,7 +161,7 @@ def _extra(beams: Sequence[Beams], libraries: Sequence[Library], region: Region)
 
 
 def _extra_at(
-    beams: Sequence[Beams], libraries: Sequence[Library], log_strength: float, exponent: float
+    beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float
 ) -> tuple[float, float, float]:
     """Weighted mean of the extra way, its error, and the scatter around it in units of the expected."""
     values, weights = [], []
@@ -183,7 +183,7 @@ def _estimate(allowed: FloatArray, unit: str, fitted: bool = True) -> Estimate:
     return Estimate(float(allowed[0]), float(allowed.min()), float(allowed.max()), unit, fitted)
 
 
-def _dataset(b: Beams, lib: Library, parameters: dict[str, Estimate]) -> DatasetFit:
+def _dataset(b: SignBeams, lib: Library, parameters: dict[str, Estimate]) -> DatasetFit:
     at = (float(np.log(parameters["strength"].value)), parameters["exponent"].value)
     log_signal = log_signal_of(b, *at)
     probability, seen = lib.at(lib.probability, log_signal), log_signal[b.detected]
@@ -211,7 +211,7 @@ def _beyond_library(model: Model) -> list[str]:
 
 
 def _warnings(
-    beams: Sequence[Beams],
+    beams: Sequence[SignBeams],
     datasets: Sequence[DatasetFit],
     parameters: dict[str, Estimate],
     region: Region,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.ghosts.data import Beams
+from lidarcheck.calibration.ghosts.data import SignBeams
 from lidarcheck.calibration.ghosts.library import Library
 
 __all__ = [
@@ -62,18 +62,20 @@ class Doubt(NamedTuple):
     factor: float
 
 
-def log_signal_of(b: Beams, log_strength: float, exponent: float) -> FloatArray:
+def log_signal_of(b: SignBeams, log_strength: float, exponent: float) -> FloatArray:
     """ln S of the ghost on each beam; never above the sign's own."""
     log_ratio = log_strength + exponent * np.log(REFERENCE_M / b.range_m)
     return np.asarray(np.minimum(log_ratio, 0.0) + np.log(b.unit_signal))
 
 
-def _misfit(beams: Sequence[Beams], libraries: Sequence[Library], log_strength: float, exponent: float) -> float:
+def _misfit(beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float) -> float:
     """-2 ln likelihood of what each beam shows: a ghost or none, and the ghost's log AREA."""
     return float(np.sum(_misfits(beams, libraries, log_strength, exponent)))
 
 
-def _misfits(beams: Sequence[Beams], libraries: Sequence[Library], log_strength: float, exponent: float) -> FloatArray:
+def _misfits(
+    beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float
+) -> FloatArray:
     """The same beam by beam, those of all datasets one after the other."""
     parts = []
     for b, lib in zip(beams, libraries, strict=True):
@@ -88,13 +90,13 @@ def _misfits(beams: Sequence[Beams], libraries: Sequence[Library], log_strength:
     return np.concatenate(parts)
 
 
-def _middle(beams: Sequence[Beams]) -> float:
+def _middle(beams: Sequence[SignBeams]) -> float:
     """ln(25 m / R) of the ghosts' mean place, where strength and exponent are told independently."""
     return float(np.mean(np.concatenate([np.log(REFERENCE_M / b.range_m[b.detected]) for b in beams])))
 
 
 def best_setting(
-    beams: Sequence[Beams], libraries: Sequence[Library], exponent: float, free: bool
+    beams: Sequence[SignBeams], libraries: Sequence[Library], exponent: float, free: bool
 ) -> tuple[float, float]:
     """Log strength and exponent that fit best: the best of a coarse search, then refined."""
     from scipy.optimize import minimize
@@ -117,7 +119,7 @@ def best_setting(
     return float(found.x[0]) - power * middle, power
 
 
-def extra_scatter(beams: Sequence[Beams], libraries: Sequence[Library]) -> tuple[float, float]:
+def extra_scatter(beams: Sequence[SignBeams], libraries: Sequence[Library]) -> tuple[float, float]:
     """Spread of the ghosts' log AREA beyond the sensor's own, and all of it over that; 0 and 1 where that is chance.
 
     Within each dataset, whatever its ghosts' strength: beside the spread that the sensor gives to echoes of such AREA.
@@ -147,7 +149,7 @@ def extra_scatter(beams: Sequence[Beams], libraries: Sequence[Library]) -> tuple
 
 
 def doubt_of(
-    beams: Sequence[Beams], libraries: Sequence[Library], best: tuple[float, float], free: bool, scatter: float
+    beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool, scatter: float
 ) -> Doubt:
     """How far to trust the likelihood, at the best setting; `scatter` as `extra_scatter` gives it."""
     offs = [off_of(b, lib, *best) for b, lib in zip(beams, libraries, strict=True) if b.detected.any()]
@@ -157,7 +159,7 @@ def doubt_of(
     return Doubt(scatter, disagreement, max(_sandwich(beams, libraries, best, free), disagreement, 1.0))
 
 
-def _sandwich(beams: Sequence[Beams], libraries: Sequence[Library], best: tuple[float, float], free: bool) -> float:
+def _sandwich(beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool) -> float:
     """How many times more the beams' slopes scatter than the curvature says they should, in the worst direction."""
     middle = _middle(beams)
 
@@ -177,7 +179,7 @@ def _sandwich(beams: Sequence[Beams], libraries: Sequence[Library], best: tuple[
     return float(np.max(np.linalg.eigvals(np.linalg.solve(curve, slopes @ slopes.T)).real))
 
 
-def off_of(b: Beams, lib: Library, log_strength: float, exponent: float) -> FloatArray:
+def off_of(b: SignBeams, lib: Library, log_strength: float, exponent: float) -> FloatArray:
     """How many standard deviations the log AREA of each ghost is off."""
     log_signal = log_signal_of(b, log_strength, exponent)[b.detected]
     return np.asarray(
@@ -186,7 +188,7 @@ def off_of(b: Beams, lib: Library, log_strength: float, exponent: float) -> Floa
 
 
 def region_of(
-    beams: Sequence[Beams], libraries: Sequence[Library], best: tuple[float, float], free: bool, inflation: float
+    beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool, inflation: float
 ) -> Region:
     """All settings that a likelihood ratio does not exclude at 95 %: their extremes are the profile's interval."""
     middle, least = _middle(beams), _misfit(beams, libraries, *best)

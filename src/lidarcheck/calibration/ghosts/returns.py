@@ -18,7 +18,7 @@ from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import VARIANTS, Sensor
 
-__all__ = ["Brightness", "Echoes", "Returns", "brightness", "grid_steps", "returns_of", "sensor_of"]
+__all__ = ["Brightness", "Returns", "SearchEchoes", "brightness", "grid_steps", "returns_of", "sensor_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -77,7 +77,7 @@ class Returns:
 
 
 @dataclass(frozen=True)
-class Echoes:
+class SearchEchoes:
     """What a search needs of echoes, shapes (n,): beam, range, amplitude, and the return that each is part of."""
 
     layer: npt.NDArray[np.int32]
@@ -86,9 +86,9 @@ class Echoes:
     amplitude: FloatArray
     of: IndexArray
 
-    def take(self, rows: IndexArray) -> Echoes:
+    def take(self, rows: IndexArray) -> SearchEchoes:
         """The same of some rows."""
-        return Echoes(self.layer[rows], self.point[rows], self.range_m[rows], self.amplitude[rows], self.of[rows])
+        return SearchEchoes(self.layer[rows], self.point[rows], self.range_m[rows], self.amplitude[rows], self.of[rows])
 
 
 def sensor_of(scan: Scan) -> Sensor | None:

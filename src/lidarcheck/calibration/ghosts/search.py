@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.ghosts.returns import Echoes
+from lidarcheck.calibration.ghosts.returns import SearchEchoes
 from lidarcheck.calibration.ghosts.targets import Patch, typical
 from lidarcheck.kpi.detection import wilson
 
@@ -72,7 +72,9 @@ class _Behind:
         return _Behind(self.rows[chosen], self.i[chosen], self.j[chosen], self.offset_m[chosen], self.core[chosen])
 
 
-def search_ghost(echoes: Echoes, patch: Patch, target: IndexArray, *, view_m: float, trials: int = 1) -> GhostEchoes:
+def search_ghost(
+    echoes: SearchEchoes, patch: Patch, target: IndexArray, *, view_m: float, trials: int = 1
+) -> GhostEchoes:
     """The ghost of the target whose echoes are the rows `target` of those around it.
 
     `view_m`: the scan's farthest echo. `trials`: how many targets are looked at, so that chance is not asked too often.
@@ -101,7 +103,7 @@ def search_ghost(echoes: Echoes, patch: Patch, target: IndexArray, *, view_m: fl
     return GhostEchoes(np.sort(rows), centre, beams, seen, chance, "", searched, clusters)
 
 
-def _behind(echoes: Echoes, patch: Patch, target: IndexArray) -> _Behind:
+def _behind(echoes: SearchEchoes, patch: Patch, target: IndexArray) -> _Behind:
     range_m = echoes.range_m
     i, j = patch.place(echoes.layer, echoes.point)
     rows = np.flatnonzero((i >= 0) & (range_m > patch.range_m))
@@ -131,7 +133,7 @@ def _densest(offset_m: FloatArray) -> tuple[float, float, list[IndexArray]]:
     return centre, float(np.clip(4.0 * width, LEAST_TOLERANCE_M, MOST_TOLERANCE_M)), parts
 
 
-def _of_returns(echoes: Echoes, target: IndexArray) -> FloatArray:
+def _of_returns(echoes: SearchEchoes, target: IndexArray) -> FloatArray:
     """Amplitudes of the target's returns: a saturated one may have fallen apart into echoes."""
     _, of = np.unique(echoes.of[target], return_inverse=True)
     return np.bincount(of, echoes.amplitude[target]).astype(np.float64)
@@ -167,7 +169,7 @@ def _against(seen: int, chance: float, ghost: FloatArray, target: FloatArray) ->
     return ""
 
 
-def _continues(around: Echoes, patch: Patch, echoes: _Behind) -> BoolArray:
+def _continues(around: SearchEchoes, patch: Patch, echoes: _Behind) -> BoolArray:
     """Whether each echo at the target's edge stands at the range of an echo on a beam beside the target, (m,)."""
     found = np.zeros(len(echoes.rows), dtype=np.bool_)
     range_m = around.range_m

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.ghosts.returns import (
     Brightness,
-    Echoes,
     Returns,
+    SearchEchoes,
     brightness,
     grid_steps,
     returns_of,
@@ -141,7 +141,7 @@ def _signs(
     ]
     large = [rows for rows, extent_m in zip(clusters, extents_m, strict=True) if extent_m > LARGEST_M]
     ordinary_m = _ordinary_m(returns, large, bright, sensor)
-    echoes = Echoes(scan.layer, scan.point, range_m, bright.values, returns.of)
+    echoes = SearchEchoes(scan.layer, scan.point, range_m, bright.values, returns.of)
     echoes_at, returns_at = (ByLayer.of(table.layer, table.point) for table in (echoes, returns))
     view_m = float(range_m.max(initial=0.0))
     signs, others = [], []

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from lidarcheck.calibration.panels.workflow import Arrangement, Frame, same_scene
+from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame, same_scene
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan
@@ -50,14 +50,14 @@ def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
     return scenes
 
 
-def _frame(path: Path) -> Frame:
-    return Frame(str(path), partial(load_scan, path))
+def _frame(path: Path) -> PanelFrame:
+    return PanelFrame(str(path), partial(load_scan, path))
 
 
-def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[Frame]) -> list[Frame]:
+def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[PanelFrame]) -> list[PanelFrame]:
     """As many simulated frames as real ones, the seed counted up."""
     seeds = [(seed + i) % _SEEDS for i, _ in enumerate(real)]
-    return [Frame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
+    return [PanelFrame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
 
 
 def provenance(origin: Mapping[str, Sequence[Path]], command: str, seed: int | None = None) -> dict[str, str]:

@@ -12,7 +12,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
-__all__ = ["BeamImage", "Echoes", "amplitude", "echoes_of", "image_of_frames", "image_of_ideal", "strongest"]
+__all__ = ["BeamImage", "StrongestEchoes", "amplitude", "echoes_of", "image_of_frames", "image_of_ideal", "strongest"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -54,7 +54,7 @@ class BeamImage:
 
 
 @dataclass(frozen=True)
-class Echoes:
+class StrongestEchoes:
     """The strongest echo of each beam of a frame, shapes (n,); `direction` (n, 3) as measured."""
 
     layer: npt.NDArray[np.int32]
@@ -89,7 +89,7 @@ def strongest(scan: Scan, range_m: FloatArray | None = None) -> IndexArray:
     return np.asarray(order[first], dtype=np.int64)
 
 
-def echoes_of(scan: Scan) -> Echoes:
+def echoes_of(scan: Scan) -> StrongestEchoes:
     """The strongest echo of each beam, in single precision: so frames are held while panels are looked for.
 
     Its range is the mean, weighted by amplitude, of the beam's echoes within 2 m of it: a saturated echo may split.
@@ -97,7 +97,7 @@ def echoes_of(scan: Scan) -> Echoes:
     range_m, strength = scan.range_m, amplitude(scan)[1]
     rows = strongest(scan, range_m)
     xyz = np.stack([scan.x_m[rows], scan.y_m[rows], scan.z_m[rows]], axis=-1)
-    return Echoes(
+    return StrongestEchoes(
         scan.layer[rows],
         scan.point[rows],
         _rejoined(scan, rows, range_m, strength).astype(np.float32),
@@ -138,7 +138,7 @@ def image_of_ideal(ideal: IdealScan) -> BeamImage:
     )
 
 
-def image_of_frames(frames: Sequence[Echoes], file: str | None = None) -> BeamImage:
+def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) -> BeamImage:
     """Frames of one scene merged: the median range and amplitude of each beam's strongest echoes.
 
     A beam that echoes in fewer than a tenth of the frames shows nothing. `InputError` names `file` where layers and
@@ -166,7 +166,7 @@ def image_of_frames(frames: Sequence[Echoes], file: str | None = None) -> BeamIm
 _REFERENCE_STEPS = (float(np.deg2rad(0.05)), float(np.deg2rad(0.125)))
 
 
-def _shape(frames: Sequence[Echoes], file: str | None) -> tuple[int, int]:
+def _shape(frames: Sequence[StrongestEchoes], file: str | None) -> tuple[int, int]:
     layers = 1 + max(int(f.layer.max(initial=-1)) for f in frames)
     points = 1 + max(int(f.point.max(initial=-1)) for f in frames)
     if layers < 2 or points < 2:
@@ -196,7 +196,7 @@ def _grid_directions(shape: tuple[int, int]) -> FloatArray:
     return beam_directions(layer, point)
 
 
-def _directions(frame: Echoes, shape: tuple[int, int]) -> tuple[FloatArray, tuple[float, float]]:
+def _directions(frame: StrongestEchoes, shape: tuple[int, int]) -> tuple[FloatArray, tuple[float, float]]:
     """Where every beam looks, and the steps between neighbours: the reference grid where the echoes lie on it.
 
     Else of the form azimuth(point) + offset(layer), elevation(layer), from the measured positions.

@@ -9,7 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.panels.find import Found, Panel, Reject, find_panels
-from lidarcheck.calibration.panels.image import BeamImage, Echoes, amplitude, echoes_of, image_of_frames, image_of_ideal
+from lidarcheck.calibration.panels.image import (
+    BeamImage,
+    StrongestEchoes,
+    amplitude,
+    echoes_of,
+    image_of_frames,
+    image_of_ideal,
+)
 from lidarcheck.calibration.panels.noise import PanelNoise, WalkCurve, compare_sides, noise_of, scatter_of, walk_curve
 from lidarcheck.calibration.panels.samples import PanelSamples, Sampler
 from lidarcheck.calibration.panels.settings import PanelSettings
@@ -17,7 +24,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.kpi.scatter import RangeScatter
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["Arrangement", "Frame", "PanelSettings", "PanelsResult", "characterise", "panel_scan", "same_scene"]
+__all__ = ["Arrangement", "PanelFrame", "PanelSettings", "PanelsResult", "characterise", "panel_scan", "same_scene"]
 
 Progress = Callable[[int, int, str], object]
 
@@ -35,7 +42,7 @@ SAME_M, SAME_SHARE = 0.02, 0.99
 
 
 @dataclass(frozen=True)
-class Frame:
+class PanelFrame:
     """A frame by name, read when it is its turn; reading it again must give the same."""
 
     name: str
@@ -47,8 +54,8 @@ class Arrangement:
     """A scene that stands still: what its beams meet, where that is known, and the frames that show it."""
 
     ideal: IdealScan | None
-    measured: Sequence[Frame]
-    simulated: Sequence[Frame] = ()
+    measured: Sequence[PanelFrame]
+    simulated: Sequence[PanelFrame] = ()
 
 
 @dataclass(frozen=True)
@@ -147,7 +154,7 @@ def _one(arrangement: Arrangement, settings: PanelSettings, progress: Progress) 
     return _Part(found, measured, simulated, notes)
 
 
-def _survey(frames: Sequence[Frame], held: dict[int, Scan], progress: Progress) -> BeamImage:
+def _survey(frames: Sequence[PanelFrame], held: dict[int, Scan], progress: Progress) -> BeamImage:
     """The first frames merged; `held` gets those that need not be read again."""
     surveyed = min(len(frames), MOST_SURVEYED)
     echoes = []
@@ -166,7 +173,7 @@ def _survey(frames: Sequence[Frame], held: dict[int, Scan], progress: Progress) 
     return image
 
 
-def _check_still(image: BeamImage, echo: Echoes, shared: npt.NDArray[np.bool_], name: str) -> None:
+def _check_still(image: BeamImage, echo: StrongestEchoes, shared: npt.NDArray[np.bool_], name: str) -> None:
     """Refuse a frame that shows another scene than the frames together, on the beams that another frame shows too."""
     off = np.abs(echo.range_m - image.range_m[echo.layer, echo.point])[shared]
     if not len(off):
@@ -181,7 +188,7 @@ def _check_still(image: BeamImage, echo: Echoes, shared: npt.NDArray[np.bool_], 
 
 
 def _sampled(
-    frames: Sequence[Frame], found: Found, image: BeamImage, settings: PanelSettings, progress: Progress,
+    frames: Sequence[PanelFrame], found: Found, image: BeamImage, settings: PanelSettings, progress: Progress,
     held: dict[int, Scan],
 ) -> tuple[tuple[PanelSamples, ...], tuple[str, ...]]:  # fmt: skip
     """The echoes on panels of every frame, and a note on each frame that shows far less than the others."""
@@ -206,7 +213,7 @@ def _sampled(
     return sampler.samples(), tuple(notes)
 
 
-def _loaded(frame: Frame) -> Scan:
+def _loaded(frame: PanelFrame) -> Scan:
     scan = frame.load()
     if not len(scan):
         raise InputError("holds no echo", file=frame.name, fix="leave the frame out, or record it again")

@@ -13,15 +13,15 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.parameters.statistics import Statistics
 from lidarcheck.errors import UsageError
-from lidarcheck.inference.beam_table import Beams, beams_of, key_of
-from lidarcheck.inference.pairing import Sights, sights_of
+from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
+from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
-from lidarcheck.workers import Crew, Held
+from lidarcheck.workers import Shared, WorkerPool
 
-__all__ = ["Bench", "Metric", "Reference", "seed_of"]
+__all__ = ["FitData", "FitReference", "Metric", "seed_of"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -65,7 +65,7 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class Reference:
+class FitReference:
     """The statistics as a model shows them, the metric of their noise, and the measurement in them.
 
     `measured` (n_statistics,) and `measured_parts` (n_clusters, n_statistics).
@@ -77,75 +77,75 @@ class Reference:
     measured_parts: FloatArray
 
     @functools.cached_property
-    def held(self) -> Held[Statistics]:
+    def held(self) -> Shared[Statistics]:
         """The statistics for the tasks of a crew."""
-        return Held(self.statistics)
+        return Shared(self.statistics)
 
 
-class Bench:
+class FitData:
     """Some frames of which the beams that are `used` take part, and simulations of them.
 
-    `beams`: those of the frames' ideal scans. `used` (n_beams,): in their order. `crew`: simulates side by side.
+    `beams`: those of the frames' ideal scans. `used` (n_beams,): in their order. `pool`: simulates side by side.
     """
 
     def __init__(
-        self, frames: Sequence[Frame], beams: Beams, used: BoolArray, seed: int, crew: Crew | None = None
+        self, frames: Sequence[Frame], beams: BeamTable, used: BoolArray, seed: int, pool: WorkerPool | None = None
     ) -> None:
         self.frames = tuple(frames)
         self._surfaces = [Surfaces(f.ideal) for f in self.frames]
         self.beams = beams
         self.used = used
         self.seed = seed
-        self.crew = crew or Crew()
-        self.measured: Sights = sights_of(beams, [f.measured for f in frames])
+        self.pool = pool or WorkerPool()
+        self.measured: Observations = observations_of(beams, [f.measured for f in frames])
 
     @classmethod
-    def of(cls, frames: Sequence[Frame], model: Model, seed: int, crew: Crew | None = None) -> Bench:
+    def of(cls, frames: Sequence[Frame], model: Model, seed: int, pool: WorkerPool | None = None) -> FitData:
         """A bench on which all beams of the frames take part."""
         beams = beams_of([f.ideal for f in frames], model)
-        return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, crew)
+        return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, pool)
 
     @functools.cached_property
-    def held(self) -> Held[Bench]:
+    def held(self) -> Shared[FitData]:
         """The bench for the tasks of a crew."""
-        return Held(self)
+        return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without who works: a worker has no workers of its own."""
-        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "crew": Crew()}
+        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "crew": WorkerPool()}
 
-    def sights(self, model: Model, purpose: str, k: int) -> Sights:
+    def observations(self, model: Model, purpose: str, k: int) -> Observations:
         """What the model shows of each beam with the k-th seed of a purpose."""
         seed = seed_of(self.seed, purpose, k)
         pairs = zip(self.frames, self._surfaces, strict=True)
         scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
-        return sights_of(self.beams, scans)
+        return observations_of(self.beams, scans)
 
-    def totals(self, reference: Reference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
+    def totals(self, reference: FitReference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
         """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such
         numbers."""
-        return [*self.crew.map(_total, ((self.held, reference.held, *one) for one in asked))]
+        return [*self.pool.map(_total, ((self.held, reference.held, *one) for one in asked))]
 
-    def by_cluster(self, reference: Reference, model: Model, purpose: str, seeds: int) -> FloatArray:
+    def by_cluster(self, reference: FitReference, model: Model, purpose: str, seeds: int) -> FloatArray:
         """The statistics over each cluster with the first seeds of a purpose, (seeds, n_clusters, n_statistics)."""
         return self._by_cluster(reference.held, model, purpose, seeds)
 
-    def _by_cluster(self, statistics: Held[Statistics], model: Model, purpose: str, seeds: int) -> FloatArray:
+    def _by_cluster(self, statistics: Shared[Statistics], model: Model, purpose: str, seeds: int) -> FloatArray:
         tasks = ((self.held, statistics, model, purpose, k) for k in range(seeds))
-        return np.array([*self.crew.map(_clustered, tasks)])
+        return np.array([*self.pool.map(_clustered, tasks)])
 
-    def reference(self, model: Model, purpose: str) -> Reference:
+    def reference(self, model: Model, purpose: str) -> FitReference:
         """The statistics around a model, with seeds of their own."""
         tasks = ((self.held, model, f"{purpose} base", k) for k in range(_BASE_SEEDS))
-        statistics = Statistics(self.beams, self.used, [*self.crew.map(Bench.sights, tasks)])
-        drawn = self._by_cluster(Held(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
+        statistics = Statistics(self.beams, self.used, [*self.pool.map(FitData.observations, tasks)])
+        drawn = self._by_cluster(Shared(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
         drawn -= drawn.mean(axis=0)
         flat = drawn.reshape(-1, drawn.shape[-1])
         metric = Metric.of(flat.T @ flat / (_NOISE_SEEDS - 1.0), statistics.counted)
         parts = statistics.by_cluster(self.measured)
-        return Reference(statistics, metric, parts.sum(axis=0), parts)
+        return FitReference(statistics, metric, parts.sum(axis=0), parts)
 
-    def restricted(self, keep: BoolArray) -> Bench:
+    def restricted(self, keep: BoolArray) -> FitData:
         """A bench with no more than the beams that are kept, (n_beams,)."""
         frames = [
             _frame_of(frame, self.beams.key[keep & (self.beams.frame == i)], i) for i, frame in enumerate(self.frames)
@@ -153,18 +153,18 @@ class Bench:
         there = [i for i, frame in enumerate(frames) if len(frame.ideal)]
         if len(there) < len(frames):
             frames = [frames[i] for i in there]
-        return Bench(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.crew)
+        return FitData(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.pool)
 
 
-def _total(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
+def _total(bench: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
     try:
-        return statistics.total(bench.sights(model, purpose, k))
+        return statistics.total(bench.observations(model, purpose, k))
     except UsageError:
         return None
 
 
-def _clustered(bench: Bench, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
-    return statistics.by_cluster(bench.sights(model, purpose, k))
+def _clustered(bench: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
+    return statistics.by_cluster(bench.observations(model, purpose, k))
 
 
 def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:
@@ -174,7 +174,7 @@ def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:
     return dataclasses.replace(frame, ideal=ideal, measured=measured)
 
 
-def _beams_of(beams: Beams, keep: BoolArray) -> Beams:
+def _beams_of(beams: BeamTable, keep: BoolArray) -> BeamTable:
     """Some rows of a table of beams; what stands beside a beam stays known where that beam is left out."""
     place = np.cumsum(keep) - 1
     hits = keep[beams.hit_beam]
@@ -182,4 +182,4 @@ def _beams_of(beams: Beams, keep: BoolArray) -> Beams:
     # Frames are numbered anew where one of them has no beam left; keys follow.
     frame = np.unique(columns["frame"], return_inverse=True)[1].astype(np.int64)
     columns |= {"frame": frame, "key": key_of(frame, columns["layer"], columns["point"])}
-    return Beams(**columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits])
+    return BeamTable(**columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits])

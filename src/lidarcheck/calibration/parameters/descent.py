@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import Bench, Reference
-from lidarcheck.calibration.parameters.parameters import Free, with_values
+from lidarcheck.calibration.parameters.bench import FitData, FitReference
+from lidarcheck.calibration.parameters.parameters import FitParameter, with_values
 from lidarcheck.errors import UsageError
 from lidarcheck.model.spec import Model
 
@@ -43,13 +43,13 @@ class Problem:
     """What is fitted to what. `steps`: how wide a difference of each parameter is, on its scale; kept from round to
     round. `dead`: parameters that change nothing on these data."""
 
-    bench: Bench
+    bench: FitData
     base: Model
-    free: tuple[Free, ...]
+    free: tuple[FitParameter, ...]
     steps: dict[str, float] = field(default_factory=dict)
     dead: set[str] = field(default_factory=set)
     _shown: dict[tuple[bytes, int], FloatArray | None] = field(default_factory=dict)
-    _of: Reference | None = None
+    _of: FitReference | None = None
 
     def model(self, x: FloatArray) -> Model:
         """The model at a point of the fit's scales."""
@@ -81,12 +81,12 @@ class Problem:
             self.steps.pop(name, None)
         self.dead.clear()
 
-    def shows(self, reference: Reference, x: FloatArray, k: int) -> FloatArray | None:
+    def shows(self, reference: FitReference, x: FloatArray, k: int) -> FloatArray | None:
         """The statistics with the k-th seed of the fit; None where no sensor has such numbers."""
         self.look(reference, [(x, k)])
         return self._shown[x.tobytes(), k]
 
-    def look(self, reference: Reference, asked: Iterable[tuple[FloatArray, int]]) -> None:
+    def look(self, reference: FitReference, asked: Iterable[tuple[FloatArray, int]]) -> None:
         """Find all at once what will be asked for at some points, each with one of the seeds."""
         if self._of is not reference:
             self._of, self._shown = reference, {}
@@ -114,7 +114,7 @@ class Slopes:
     information: FloatArray
 
 
-def slopes_at(problem: Problem, reference: Reference, x: FloatArray, *, pairs: int = 1) -> Slopes:
+def slopes_at(problem: Problem, reference: FitReference, x: FloatArray, *, pairs: int = 1) -> Slopes:
     """Slopes at a point; `pairs`: seeds of each of the two sets. Finds out which parameters change nothing."""
     # Seeds that residuals do not use: noise in the weights must not meet its own in what they weigh.
     sets = [range(_OWN, _OWN + pairs), range(_OWN + pairs, _OWN + 2 * pairs)]
@@ -141,13 +141,15 @@ def _first_ends(problem: Problem, x: FloatArray, seeds: Sequence[int]) -> list[t
     return [(end, k) for end in ends for k in seeds]
 
 
-def _width(problem: Problem, reference: Reference) -> FloatArray:
+def _width(problem: Problem, reference: FitReference) -> FloatArray:
     """Turns slopes into differences in standard deviations of each statistic, (n_statistics, n_free)."""
     width = np.array([problem.steps.get(one.name, 1.0) for one in problem.free])
     return np.asarray(width / reference.metric.spread[:, None])
 
 
-def _slope(problem: Problem, reference: Reference, x: FloatArray, j: int, sets: Sequence[Sequence[int]]) -> FloatArray:
+def _slope(
+    problem: Problem, reference: FitReference, x: FloatArray, j: int, sets: Sequence[Sequence[int]]
+) -> FloatArray:
     """The slope along one parameter with each set of seeds, (2, n_statistics)."""
     one = problem.free[j]
     step = problem.steps.get(one.name, _first_step(one))
@@ -169,7 +171,7 @@ def _slope(problem: Problem, reference: Reference, x: FloatArray, j: int, sets: 
 
 
 def _difference(
-    problem: Problem, reference: Reference, x: FloatArray, j: int, step: float, sets: Sequence[Sequence[int]]
+    problem: Problem, reference: FitReference, x: FloatArray, j: int, step: float, sets: Sequence[Sequence[int]]
 ) -> tuple[FloatArray, float]:
     """Slopes over a central difference, and how large it is in standard deviations, by the product of both sets."""
     ends = _ends(problem, x, j, step)
@@ -195,25 +197,25 @@ def _ends(problem: Problem, x: FloatArray, j: int, step: float) -> list[FloatArr
     return ends
 
 
-def _change(problem: Problem, reference: Reference, ends: Sequence[FloatArray], k: int) -> FloatArray | None:
+def _change(problem: Problem, reference: FitReference, ends: Sequence[FloatArray], k: int) -> FloatArray | None:
     low, high = (problem.shows(reference, end, k) for end in ends)
     return None if low is None or high is None else high - low
 
 
-def _first_step(one: Free) -> float:
+def _first_step(one: FitParameter) -> float:
     return 1.0 if one.whole else 0.1 if one.logarithmic else 0.25
 
 
-def _narrowest(one: Free) -> float:
+def _narrowest(one: FitParameter) -> float:
     return 1.0 if one.whole else 1e-3
 
 
-def _widest(one: Free) -> float:
+def _widest(one: FitParameter) -> float:
     low, high = one.ends
     return min(9.0 if one.whole else 1.0 if one.logarithmic else 20.0, 0.5 * (high - low))
 
 
-def residual(problem: Problem, reference: Reference, x: FloatArray, seeds: int = SEEDS) -> FloatArray | None:
+def residual(problem: Problem, reference: FitReference, x: FloatArray, seeds: int = SEEDS) -> FloatArray | None:
     """Measured less what the model shows on average; None where no sensor has such numbers."""
     problem.look(reference, [(x, k) for k in range(seeds)])
     shown = [problem.shows(reference, x, k) for k in range(seeds)]
@@ -222,7 +224,7 @@ def residual(problem: Problem, reference: Reference, x: FloatArray, seeds: int =
     return np.asarray(reference.measured - np.mean([s for s in shown if s is not None], axis=0))
 
 
-def descend(problem: Problem, reference: Reference, x: FloatArray, *, steps: int, told: Told) -> FloatArray:
+def descend(problem: Problem, reference: FitReference, x: FloatArray, *, steps: int, told: Told) -> FloatArray:
     """Some steps towards the measurement, each of them taken only if it brings the model nearer."""
     x = problem.within(x)
     off = residual(problem, reference, x)
@@ -249,7 +251,7 @@ def descend(problem: Problem, reference: Reference, x: FloatArray, *, steps: int
     return _whole_steps(problem, reference, x)
 
 
-def _whole_steps(problem: Problem, reference: Reference, x: FloatArray) -> FloatArray:
+def _whole_steps(problem: Problem, reference: FitReference, x: FloatArray) -> FloatArray:
     """Whole parameters one by one, as long as that brings the model nearer: slopes differ from number to number."""
     off = residual(problem, reference, x)
     best = np.inf if off is None else reference.metric.inner(off, off)

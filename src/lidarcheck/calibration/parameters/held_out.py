@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import Bench, seed_of
-from lidarcheck.inference.pairing import FEATURES, Sights
+from lidarcheck.calibration.parameters.bench import FitData, seed_of
+from lidarcheck.inference.pairing import FEATURES, Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew, Held
+from lidarcheck.workers import Shared, WorkerPool
 
 __all__ = ["Distance", "HeldOut"]
 
@@ -50,27 +50,27 @@ class _Side:
     """One side of the split on the scale of the start's model."""
 
     scale: Scale
-    measured: Sights
+    measured: Observations
     weight: FloatArray
-    crew: Crew
+    pool: WorkerPool
 
     @cached_property
-    def held(self) -> Held[_Side]:
-        return Held(replace(self, crew=Crew()))
+    def held(self) -> Shared[_Side]:
+        return Shared(replace(self, pool=WorkerPool()))
 
     @classmethod
-    def of(cls, bench: Bench, model: Model) -> _Side:
+    def of(cls, bench: FitData, model: Model) -> _Side:
         scale = Scale.of(bench.frames, model, seed_of(bench.seed, "held out") >> 24)
-        return cls(scale, scale.measured, bench.used.astype(np.float64), bench.crew)
+        return cls(scale, scale.measured, bench.used.astype(np.float64), bench.pool)
 
     def distance(self, model: Model, seeds: int) -> Distance:
-        return Distance(tuple(self.crew.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
+        return Distance(tuple(self.pool.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
 
     def far(self, model: Model, k: int) -> float:
         """With one seed."""
         return self._between(self.measured, self.scale.simulated(model, k, 1)[0])
 
-    def _between(self, one: Sights, other: Sights) -> float:
+    def _between(self, one: Observations, other: Observations) -> float:
         return float(self.scale.distance(one, [other], self.weight).mean())
 
     def floor(self, model: Model) -> float:
@@ -88,7 +88,7 @@ class HeldOut:
     out: _Side
 
     @classmethod
-    def of(cls, fit: Bench, held: Bench, model: Model) -> HeldOut:
+    def of(cls, fit: FitData, held: FitData, model: Model) -> HeldOut:
         """The sides of two benches, on the scale of a model."""
         return cls(_Side.of(fit, model), _Side.of(held, model))
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import Reference
+from lidarcheck.calibration.parameters.bench import FitReference
 from lidarcheck.calibration.parameters.descent import SAME, Problem, Slopes, residual, slopes_at, solved, spectrum
-from lidarcheck.calibration.parameters.parameters import Free
+from lidarcheck.calibration.parameters.parameters import FitParameter
 
 __all__ = ["Estimate", "Fitted", "estimate"]
 
@@ -59,7 +59,7 @@ class Estimate:
     moved: float
 
 
-def estimate(problem: Problem, reference: Reference, x: FloatArray) -> Estimate:
+def estimate(problem: Problem, reference: FitReference, x: FloatArray) -> Estimate:
     """Solve the equations of the fit near `x` with more seeds, and find the intervals."""
     slopes = slopes_at(problem, reference, x, pairs=_PAIRS)
     start = x
@@ -83,7 +83,9 @@ def estimate(problem: Problem, reference: Reference, x: FloatArray) -> Estimate:
     return Estimate(end, parameters, warnings, misfit, _correlation(slopes), moved)
 
 
-def _polished(problem: Problem, reference: Reference, slopes: Slopes, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _polished(
+    problem: Problem, reference: FitReference, slopes: Slopes, x: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Newton's steps on the equations of the fit, whole parameters as they are, and what is left there."""
     moving = problem.active() & ~np.array([one.whole for one in problem.free])
     off = residual(problem, reference, x, SEEDS)
@@ -109,7 +111,7 @@ def _size(slopes: Slopes, off: FloatArray, moving: npt.NDArray[np.bool_]) -> flo
 
 
 def _score_covariance(
-    problem: Problem, reference: Reference, slopes: Slopes, x: FloatArray, off: FloatArray
+    problem: Problem, reference: FitReference, slopes: Slopes, x: FloatArray, off: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """The covariance of the equations, as the model's noise has it and as the measured columns scatter; the misfit."""
     shown = problem.bench.by_cluster(reference, problem.model(x), "fit", SEEDS)
@@ -141,7 +143,7 @@ def _quantile() -> float:
     return float(ndtri(0.5 + 0.5 * LEVEL))
 
 
-def _told(problem: Problem, one: Free, x: float, loose: bool) -> str:
+def _told(problem: Problem, one: FitParameter, x: float, loose: bool) -> str:
     """What is to be said of a parameter; one that does nothing any more where it ended is open, too."""
     if one.name in problem.dead:
         return "no effect" if np.isclose(x, one.to_x(one.start)) else "not identified"
@@ -165,7 +167,7 @@ class _Test:
     """What the data say against values of one parameter when the others are fitted to each."""
 
     problem: Problem
-    reference: Reference
+    reference: FitReference
     slopes: Slopes
     scores: Sequence[FloatArray]
     x: FloatArray
@@ -288,7 +290,7 @@ def _confounded(problem: Problem, slopes: Slopes) -> list[str]:
     return found
 
 
-def _together(members: Sequence[Free], vector: FloatArray) -> str:
+def _together(members: Sequence[FitParameter], vector: FloatArray) -> str:
     """What alone shows of parameters that can be moved together, along `vector`, without a change."""
     if not all(one.logarithmic for one in members):
         return "only a combination of them shows"

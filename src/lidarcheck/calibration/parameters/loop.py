@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import Bench
+from lidarcheck.calibration.parameters.bench import FitData
 from lidarcheck.calibration.parameters.descent import Problem, descend
 from lidarcheck.calibration.parameters.held_out import Distance, HeldOut
 from lidarcheck.calibration.parameters.intervals import Estimate, Fitted, estimate
 from lidarcheck.calibration.parameters.parameters import (
-    Free,
+    FitParameter,
     added_effects,
     free_parameters,
     held,
@@ -27,11 +27,11 @@ from lidarcheck.calibration.parameters.roles import deal, is_separable, thinned
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.table import counted
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew, Threads, one_blas_thread
+from lidarcheck.workers import Threads, WorkerPool, one_blas_thread
 
 if TYPE_CHECKING:
     from lidarcheck.cases.case import Case
-    from lidarcheck.workers.checkpoint import Notebook
+    from lidarcheck.workers.checkpoint import Checkpoint
 
 __all__ = ["Asked", "Calibration", "Round", "calibrate", "prepared"]
 
@@ -104,7 +104,7 @@ Told = Callable[[str], object]
 Watched = Callable[[Round, float | None], object]
 
 
-def prepared(case: Case, asked: Asked) -> tuple[Model, tuple[Free, ...], dict[str, str]]:
+def prepared(case: Case, asked: Asked) -> tuple[Model, tuple[FitParameter, ...], dict[str, str]]:
     """The model where the fit begins, with every effect that is named, the free parameters, and what was added."""
     names = [*asked.free, *asked.fixed]
     model, added = added_effects(case.model, names)
@@ -120,29 +120,29 @@ def calibrate(
     *,
     seed: int = 0,
     jobs: int = 1,
-    crew: Crew | None = None,
+    pool: WorkerPool | None = None,
     rounds: int = MOST_ROUNDS,
     told: Told = lambda _words: None,
     watched: Watched = lambda _round, _left_s: None,
-    notebook: Notebook | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Calibration:
     """Fit the free parameters of a case's model to its frames; the same seed, the same result, whoever works:
-    `jobs` threads, or a `crew`.
+    `jobs` threads, or a `pool`.
 
-    `told` hears what is being done; `watched` each round and for how long the work goes on at most [s]. `notebook`:
+    `told` hears what is being done; `watched` each round and for how long the work goes on at most [s]. `checkpoint`:
     rounds that are in it are not done again. `UsageError` and `InputError` for what cannot be fitted.
     """
     model, free, added = prepared(case, asked)
     own = Threads(jobs)
-    with one_blas_thread(), own if crew is None else contextlib.nullcontext(crew) as workers:
-        bench = Bench.of(case.frames, model, seed, workers)
+    with one_blas_thread(), own if pool is None else contextlib.nullcontext(pool) as workers:
+        bench = FitData.of(case.frames, model, seed, workers)
         roles = deal(bench, str(case.directory))
         problem = Problem(roles.fit, model, free)
         separable = is_separable(roles.fit, problem.model(problem.nearby()))
         benches = [_fewer(roles.fit, most, separable) for most in (ROUND_BEAMS, LAST_BEAMS)]
         shown, left_out = (_fewer(one, JUDGE_BEAMS, separable) for one in (roles.fit, roles.held))
         judge = HeldOut.of(shown, left_out, model)
-        loop = _Loop(problem, judge, benches, rounds, told, watched, notebook)
+        loop = _Loop(problem, judge, benches, rounds, told, watched, checkpoint)
         history, x = loop.run()
         found, history, kept = loop.finish(history, x)
         fitted = with_values(model, {p.name: p.value for p in found.parameters if p.told != "no effect"})
@@ -160,11 +160,11 @@ class _Loop:
     """The rounds."""
 
     def __init__(
-        self, problem: Problem, judge: HeldOut, benches: Sequence[Bench], rounds: int, told: Told, watched: Watched,
-        notebook: Notebook | None,
+        self, problem: Problem, judge: HeldOut, benches: Sequence[FitData], rounds: int, told: Told, watched: Watched,
+        checkpoint: Checkpoint | None,
     ) -> None:  # fmt: skip
         self.problem, self.judge, self.benches = problem, judge, benches
-        self.rounds, self.told, self.watched, self.notebook = rounds, told, watched, notebook
+        self.rounds, self.told, self.watched, self.checkpoint = rounds, told, watched, checkpoint
         self.notes: list[str] = []
         self.began = time.monotonic()
         self.floor = 0.0
@@ -216,7 +216,7 @@ class _Loop:
 
     def _fitted(self, number: int, x: FloatArray) -> FloatArray:
         """Where a round ends; from the notebook where it was done before."""
-        kept = None if self.notebook is None else self.notebook.get(f"fit {number}")
+        kept = None if self.checkpoint is None else self.checkpoint.get(f"fit {number}")
         if kept is None:
             self.told(f"round {number}: what the model shows")
             self.problem.revive()
@@ -225,8 +225,8 @@ class _Loop:
                 self.problem, reference, x, steps=_STEPS, told=lambda words: self.told(f"round {number}: {words}")
             )
             kept = {"x": there.tolist(), "steps": dict(self.problem.steps), "dead": sorted(self.problem.dead)}
-            if self.notebook is not None:
-                self.notebook.put(f"fit {number}", kept)
+            if self.checkpoint is not None:
+                self.checkpoint.put(f"fit {number}", kept)
         self.problem.steps, self.problem.dead = dict(kept["steps"]), set(kept["dead"])
         return np.array(kept["x"])
 
@@ -245,7 +245,7 @@ class _Loop:
         return done
 
 
-def _fewer(bench: Bench, most: int, separable: bool) -> Bench:
+def _fewer(bench: FitData, most: int, separable: bool) -> FitData:
     return thinned(bench, most, "thinned") if separable else bench
 
 
@@ -253,7 +253,7 @@ def _is_moved(found: Estimate) -> bool:
     return any(p.told != "no effect" for p in found.parameters)
 
 
-def _notes(benches: Sequence[Bench], separable: bool) -> list[str]:
+def _notes(benches: Sequence[FitData], separable: bool) -> list[str]:
     counts = [np.count_nonzero(bench.used) for bench in benches]
     if not separable:
         return [f"effects look from beam to beam: all {len(benches[1].beams)} beams of the fitted frames are simulated"]

@@ -16,7 +16,16 @@ from lidarcheck.errors import UsageError
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, Material
 
-__all__ = ["Free", "added_effects", "free_parameters", "held", "known_names", "value_of", "with_fixed", "with_values"]
+__all__ = [
+    "FitParameter",
+    "added_effects",
+    "free_parameters",
+    "held",
+    "known_names",
+    "value_of",
+    "with_fixed",
+    "with_values",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,7 +46,7 @@ _SMALLEST = 1e-12
 
 
 @dataclass(frozen=True)
-class Free:
+class FitParameter:
     """A parameter to be fitted: its name, unit, allowed interval and where the fit begins.
 
     `logarithmic`: whether it is fitted by its logarithm, as what only scales is; else in steps of `step` in its own
@@ -86,7 +95,7 @@ def free_parameters(
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     starts: Mapping[str, float] | None = None,
-) -> tuple[Free, ...]:
+) -> tuple[FitParameter, ...]:
     """The named parameters, each with its interval and its start; `model` has the effects that they belong to.
 
     `bounds`, `starts`: by name. `UsageError` for what is no parameter, with the nearest one that is, and for bounds
@@ -104,7 +113,7 @@ def free_parameters(
     return tuple(_free(model, name, bounds.get(name), starts.get(name)) for name in wanted)
 
 
-def _free(model: Model, name: str, bounds: tuple[float, float] | None, start: float | None) -> Free:
+def _free(model: Model, name: str, bounds: tuple[float, float] | None, start: float | None) -> FitParameter:
     low, high, whole, unit, typical = _facts(model, name)
     value = value_of(model, name) if start is None else start
     if bounds is not None:
@@ -118,7 +127,7 @@ def _free(model: Model, name: str, bounds: tuple[float, float] | None, start: fl
         raise UsageError(what, fix=f"give --start {name}={kind} from {low:g} to {high:g} {unit}".rstrip())
     step = 1.0 if whole else max(abs(typical), abs(value)) or (high - low) / 1000.0
     scales = low > 0.0 or name.rpartition(".")[2] in _FACTORS
-    return Free(name, unit, low, high, value, whole, not whole and scales and value > 0.0, step)
+    return FitParameter(name, unit, low, high, value, whole, not whole and scales and value > 0.0, step)
 
 
 def value_of(model: Model, name: str) -> float:

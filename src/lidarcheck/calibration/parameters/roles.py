@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import Bench, seed_of
+from lidarcheck.calibration.parameters.bench import FitData, seed_of
 from lidarcheck.errors import InputError
-from lidarcheck.inference.beam_table import Beams, key_of
+from lidarcheck.inference.beam_table import BeamTable, key_of
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
@@ -28,12 +28,12 @@ FEWEST_BEAMS = 200
 class Roles:
     """The bench to fit on and the bench that is held out, and how that was decided, in words."""
 
-    fit: Bench
-    held: Bench
+    fit: FitData
+    held: FitData
     words: str
 
 
-def deal(bench: Bench, file: str) -> Roles:
+def deal(bench: FitData, file: str) -> Roles:
     """Every other frame, in order of their median distance, is held out; of one frame every other block of beams."""
     frames, beams = bench.frames, bench.beams
     if len(frames) > 1:
@@ -45,7 +45,7 @@ def deal(bench: Bench, file: str) -> Roles:
     else:
         words = f"there is one frame: every other block of {_BLOCK} x {_BLOCK} beams is held out"
         in_fit = _blocks(beams)
-        fit, left_out = (Bench(frames, beams, used, bench.seed, bench.crew) for used in (in_fit, ~in_fit))
+        fit, left_out = (FitData(frames, beams, used, bench.seed, bench.pool) for used in (in_fit, ~in_fit))
     roles = Roles(fit, left_out, words)
     for one, what in ((roles.fit, "fit"), (roles.held, "hold out")):
         count = int(np.count_nonzero(one.used & (one.beams.distance_m > 0.0)))
@@ -55,7 +55,7 @@ def deal(bench: Bench, file: str) -> Roles:
     return roles
 
 
-def _blocks(beams: Beams) -> BoolArray:
+def _blocks(beams: BeamTable) -> BoolArray:
     row, column = (np.unique(line, return_inverse=True)[1] // _BLOCK for line in (beams.layer, beams.point))
     return np.asarray((row + column) % 2 == 0)
 
@@ -69,7 +69,7 @@ def _numbers(frames: Sequence[Frame], rows: Sequence[int]) -> str:
     return f"{'frame' if len(rows) == 1 else 'frames'} {', '.join(str(frames[i].number) for i in rows)}"
 
 
-def is_separable(bench: Bench, model: Model) -> bool:
+def is_separable(bench: FitData, model: Model) -> bool:
     """Whether a beam shows the same, bit by bit, where others are left out: no effect looks from beam to beam."""
     frame = bench.frames[0]
     rng = np.random.default_rng(seed_of(bench.seed, "separable"))
@@ -85,7 +85,7 @@ def is_separable(bench: Bench, model: Model) -> bool:
     )
 
 
-def thinned(bench: Bench, most: int, purpose: str) -> Bench:
+def thinned(bench: FitData, most: int, purpose: str) -> FitData:
     """A bench with at most so many beams, drawn by chance; of every material as many as of the others, if it has them.
 
     Sound where beams are independent: the sums that are fitted are over beams, and which of them are summed up was

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import Beams
+from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.expectation import Expected, expectation
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.strata import RANGE_EDGES_M, divisions
 
 __all__ = ["Statistics"]
@@ -54,7 +54,7 @@ class Statistics:
     what shakes or moves in the sweep moves a column at once, and clusters are independent.
     """
 
-    def __init__(self, beams: Beams, used: BoolArray, base: Sequence[Sights]) -> None:
+    def __init__(self, beams: BeamTable, used: BoolArray, base: Sequence[Observations]) -> None:
         self.beams = beams
         self.expected: Expected = expectation(beams, base)
         self.cluster, self.clusters = _clusters(beams)
@@ -91,20 +91,20 @@ class Statistics:
         parts = csr_matrix((ones, (self.cluster[c] * count + r, c)), shape=(self.clusters * count, n))
         return _Bins(total, parts, count)
 
-    def total(self, sights: Sights) -> FloatArray:
+    def total(self, observations: Observations) -> FloatArray:
         """The sums, shape (n_statistics,)."""
-        return np.concatenate([part.sum(axis=0) for part in self._parts(sights, clustered=False)])
+        return np.concatenate([part.sum(axis=0) for part in self._parts(observations, clustered=False)])
 
-    def by_cluster(self, sights: Sights) -> FloatArray:
+    def by_cluster(self, observations: Observations) -> FloatArray:
         """The sums over each cluster, shape (n_clusters, n_statistics); they add up to the total."""
-        return np.concatenate(list(self._parts(sights, clustered=True)), axis=1)
+        return np.concatenate(list(self._parts(observations, clustered=True)), axis=1)
 
-    def _parts(self, sights: Sights, *, clustered: bool) -> list[FloatArray]:
-        valid = sights.detected & self.expected.known
-        u = (sights.feature - self.expected.mean) / self.expected.spread
+    def _parts(self, observations: Observations, *, clustered: bool) -> list[FloatArray]:
+        valid = observations.detected & self.expected.known
+        u = (observations.feature - self.expected.mean) / self.expected.spread
         u = np.where(valid[:, None], _LINEAR * np.arcsinh(u / _LINEAR), 0.0)
         sure = ~self.expected.at_edge
-        losses = np.where(sure, sights.detected - self.expected.probability, 0.0)
+        losses = np.where(sure, observations.detected - self.expected.probability, 0.0)
         means = np.column_stack([u[:, 0], u[:, 1], losses])
         squares = np.where(valid[:, None], np.minimum(u[:, [0, 1, 3]] ** 2, 25.0) - 1.0, 0.0)
         shapes = np.column_stack([u[:, 2], u[:, 3], squares])
@@ -113,7 +113,7 @@ class Statistics:
             self._sum(self._means, means, clustered),
             self._sum(self._shapes, shapes, clustered),
             self._sum(self._posed, posed, clustered),
-            self._others(sights, clustered),
+            self._others(observations, clustered),
         ]
 
     def _sum(self, bins: _Bins, value: FloatArray, clustered: bool) -> FloatArray:
@@ -121,10 +121,10 @@ class Statistics:
         found = (bins.parts if clustered else bins.total) @ value
         return np.asarray(found.reshape(-1, bins.count * value.shape[1]))
 
-    def _others(self, sights: Sights, clustered: bool) -> FloatArray:
+    def _others(self, observations: Observations, clustered: bool) -> FloatArray:
         """Other echoes by kind and range, and by material of their beam's surface."""
-        keep = self._used[sights.extra_beam]
-        beam, range_m, area = sights.extra_beam[keep], sights.extra_m[keep], sights.extra_area[keep]
+        keep = self._used[observations.extra_beam]
+        beam, range_m, area = observations.extra_beam[keep], observations.extra_m[keep], observations.extra_area[keep]
         distance = self.beams.distance_m[beam]
         kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
         cell = np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1
@@ -142,7 +142,7 @@ class Statistics:
         return np.arange(n + 4 * self._of_range) >= n
 
 
-def _clusters(beams: Beams) -> tuple[IndexArray, int]:
+def _clusters(beams: BeamTable) -> tuple[IndexArray, int]:
     """The cluster of each beam, and how many there are: a frame's columns, or some of them side by side."""
     columns, place = np.unique(beams.frame * 1024 + beams.point, return_inverse=True)
     joined = -(-len(columns) // _MOST_CLUSTERS)

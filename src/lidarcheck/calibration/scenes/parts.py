@@ -94,7 +94,7 @@ def parts_of(kind: Kind, units: Units, m: Values, a: Values, ranking: Ranking) -
     means = _Means(kind.index, len(kind.names), m, a)
     order = np.argsort(kind.index, kind="stable")
     borders = np.searchsorted(kind.index[order], np.arange(len(kind.names) + 1))
-    echo, stray = ([means.of(name, values) for values in (m, a)] for name in ("echo", "stray"))
+    echo, false_echo = ([means.of(name, values) for values in (m, a)] for name in ("echo", "stray"))
     bias, log_ratio = means.difference("range_residual"), means.difference("log10_area")
     rows = []
     for i, name in enumerate(kind.names):
@@ -108,7 +108,7 @@ def parts_of(kind: Kind, units: Units, m: Values, a: Values, ranking: Ranking) -
         }
         part = Part(
             name, len(own), float(np.median(units.distance_m[own])), float(echo[0][i]), float(echo[1][i]),
-            float(bias[i]), float(10.0 ** log_ratio[i]), float(stray[0][i]), float(stray[1][i]), distances,
+            float(bias[i]), float(10.0 ** log_ratio[i]), float(false_echo[0][i]), float(false_echo[1][i]), distances,
             float(ranking.strength[kind.name][i]),
         )  # fmt: skip
         rows.append(part)

@@ -142,8 +142,8 @@ def values_of(units: Units, ideal: IdealScan, scan: Scan) -> tuple[Values, Pairi
     of = {"echo": np.where(met, found.astype(np.float64), np.nan)}
     lost = np.flatnonzero(~pairing.of_surface)
     at = units.first_of_beam[pairing.echo_beam[lost]]
-    stray = np.bincount(at, minlength=len(units)).astype(np.float64)
-    of["stray"] = np.where(units.first, stray, np.nan)
+    false_echo = np.bincount(at, minlength=len(units)).astype(np.float64)
+    of["stray"] = np.where(units.first, false_echo, np.nan)
     of["range_residual"] = _taken(pairing.residual_m, echo)
     for feature in FEATURES:
         column = feature_column(scan, feature.column) if feature.column else None

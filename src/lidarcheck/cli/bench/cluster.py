@@ -6,7 +6,7 @@ import os
 from functools import partial
 
 from lidarcheck.cli.bench.kit import Figure, Other, times
-from lidarcheck.workers import Crew, Held, Processes
+from lidarcheck.workers import Processes, Shared, WorkerPool
 from lidarcheck.workers.cluster import Cluster
 
 __all__ = ["cluster_figures", "costs"]
@@ -31,12 +31,12 @@ def cluster_figures(repeats: int, quick: bool) -> list[Figure]:
         return costs(cluster, own, 100 if quick else 500, _HELD_BYTES, repeats)
 
 
-def costs(cluster: Cluster, own: Crew, tasks: int, size: int, repeats: int) -> list[Figure]:
+def costs(cluster: Cluster, own: WorkerPool, tasks: int, size: int, repeats: int) -> list[Figure]:
     """The figures of two crews. `tasks`: so many are timed together; `size`: of what is held [bytes]."""
-    empty = [times(partial(_empty, crew, tasks), repeats) for crew in (cluster, own)]
+    empty = [times(partial(_empty, pool, tasks), repeats) for pool in (cluster, own)]
     cluster.batch_s = 0.0
-    alone = [times(partial(_empty, crew, tasks), repeats) for crew in (cluster, own)]
-    held = [times(partial(_held, crew, size), repeats) for crew in (cluster, own)]
+    alone = [times(partial(_empty, pool, tasks), repeats) for pool in (cluster, own)]
+    held = [times(partial(_held, pool, size), repeats) for pool in (cluster, own)]
     return [
         _beside("cluster_short_task_ms", [[1e3 * s / tasks for s in one] for one in empty]),
         _beside("cluster_task_ms", [[1e3 * s / tasks for s in one] for one in alone]),
@@ -44,13 +44,13 @@ def costs(cluster: Cluster, own: Crew, tasks: int, size: int, repeats: int) -> l
     ]
 
 
-def _empty(crew: Crew, tasks: int) -> None:
-    assert [*crew.map(abs, ((-k,) for k in range(tasks)))] == [*range(tasks)]
+def _empty(pool: WorkerPool, tasks: int) -> None:
+    assert [*pool.map(abs, ((-k,) for k in range(tasks)))] == [*range(tasks)]
 
 
-def _held(crew: Crew, size: int) -> None:
-    held, tasks = Held(os.urandom(size)), 4 * _WORKERS
-    assert [*crew.map(len, ((held,) for _ in range(tasks)))] == [size] * tasks
+def _held(pool: WorkerPool, size: int) -> None:
+    held, tasks = Shared(os.urandom(size)), 4 * _WORKERS
+    assert [*pool.map(len, ((held,) for _ in range(tasks)))] == [size] * tasks
 
 
 def _beside(name: str, found: list[list[float]]) -> Figure:

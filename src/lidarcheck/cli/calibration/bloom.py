@@ -169,14 +169,14 @@ def fit(
     _check_outputs(out, json, [*scans, *(ideal or ()), model, lut], [lut.name, MODEL])
     if smoothness is not None and not 0.0 < smoothness < float("inf"):
         raise UsageError(f"--smoothness {smoothness:g} is out of range", fix="use a number above 0, as 0.3")
-    from lidarcheck.calibration.blooming.pulses import Free
+    from lidarcheck.calibration.blooming.pulses import FreeLight
     from lidarcheck.calibration.blooming.workflow import calibrate, fitted_model, gather
     from lidarcheck.figures.pages.blooming import calibration_document, calibration_page
     from lidarcheck.formats.lut import load_lut, save_lut
     from lidarcheck.model import load_model
     from lidarcheck.model.files.write import write_model
 
-    choice = Free(**dict.fromkeys(free_of(free), True))
+    choice = FreeLight(**dict.fromkeys(free_of(free), True))
     measured = measured_of(scans, ideal)
     check_twice([one.path for one in measured])
     given = load_lut(lut)

@@ -10,7 +10,7 @@ from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells
-    from lidarcheck.calibration.blooming.workflow import Bench, Measured
+    from lidarcheck.calibration.blooming.workflow import Measured, ModelSide
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
 
@@ -88,7 +88,7 @@ def check_same_distance(real: Cells, simulated: Cells) -> None:
 
 def bench_from(
     model: Path, axis: Axis, settings: Path | None, target: int | None, signal: float | None
-) -> Bench:  # fmt: skip
+) -> ModelSide:  # fmt: skip
     """The bench that the options describe."""
     from lidarcheck.calibration.blooming.workflow import bench_of
     from lidarcheck.model import load_model

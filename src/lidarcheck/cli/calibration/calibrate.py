@@ -25,7 +25,7 @@ from lidarcheck.errors import UsageError
 if TYPE_CHECKING:
     from lidarcheck.calibration.parameters.loop import Asked, Calibration, Round
     from lidarcheck.cases.case import Case
-    from lidarcheck.workers import Crew
+    from lidarcheck.workers import WorkerPool
 
 __all__ = ["calibrate"]
 
@@ -86,9 +86,9 @@ def calibrate(
         dict(_value(text, "--fix") if "=" in text else (text, None) for text in _names(fix or ())),
     )
     loaded = _checked(case, asked, out, json)
-    with workers(scheduler, jobs) as crew:
+    with workers(scheduler, jobs) as pool:
         write = functools.partial(_write, loaded=loaded, out=out, json=json, plot=plot)
-        _calibrated(loaded, asked, out, seed, jobs, rounds, write, crew)
+        _calibrated(loaded, asked, out, seed, jobs, rounds, write, pool)
     return 0
 
 
@@ -145,28 +145,28 @@ def _calibrated(
     jobs: int | None,
     rounds: int,
     write: Callable[[Calibration], None],
-    crew: Crew | None,
+    pool: WorkerPool | None,
 ) -> None:
     """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
     from lidarcheck.calibration.parameters.loop import calibrate as run
-    from lidarcheck.workers.checkpoint import Notebook, notebook_key
+    from lidarcheck.workers.checkpoint import Checkpoint, notebook_key
     from lidarcheck.workers.cores import usable_cores
 
     key = notebook_key(loaded.hashes, loaded.model, seed, [repr(asked)])
-    with Notebook(out / KEPT, key) as notebook:
-        if len(notebook):
+    with Checkpoint(out / KEPT, key) as checkpoint:
+        if len(checkpoint):
             note(f"going on with what an interrupted run left in {out / KEPT}")
         with _course(rounds) as (told, watched, seen):
             try:
                 found = run(
-                    loaded, asked, seed=seed, jobs=jobs or usable_cores(), crew=crew, rounds=rounds, told=told,
-                    watched=watched, notebook=notebook,
+                    loaded, asked, seed=seed, jobs=jobs or usable_cores(), pool=pool, rounds=rounds, told=told,
+                    watched=watched, checkpoint=checkpoint,
                 )  # fmt: skip
             except KeyboardInterrupt:
                 _say_best(seen, loaded, asked, out)
                 raise
         write(found)
-        notebook.discard()
+        checkpoint.discard()
 
 
 @contextlib.contextmanager

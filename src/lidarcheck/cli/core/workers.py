@@ -12,7 +12,7 @@ from lidarcheck.cli.core.terminal import stage
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.workers import Crew
+    from lidarcheck.workers import WorkerPool
 
 __all__ = ["Scheduler", "workers"]
 
@@ -33,7 +33,7 @@ Scheduler = Annotated[
 
 
 @contextlib.contextmanager
-def workers(scheduler: str | None, jobs: int | None) -> Iterator[Crew | None]:
+def workers(scheduler: str | None, jobs: int | None) -> Iterator[WorkerPool | None]:
     """The scheduler's workers; None, for this machine's cores, where no scheduler is named."""
     if scheduler is None:
         yield None

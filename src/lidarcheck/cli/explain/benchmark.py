@@ -37,8 +37,10 @@ def benchmark(
 
     try:
         with watched({"benchmark": 1.0}, quiet=quiet) if _moves() else contextlib.nullcontext() as bar:
-            tell = _lines() if bar is None else _on(bar)
-            result = run_benchmark(n, seed=seed, only=only, jobs=jobs, generator=generator, out=out, tell=tell)
+            on_progress = _lines() if bar is None else _on(bar)
+            result = run_benchmark(
+                n, seed=seed, only=only, jobs=jobs, generator=generator, out=out, on_progress=on_progress
+            )
     except KeyboardInterrupt:
         if out is not None:
             note(f"interrupted: the answers so far are kept in {out}; the same command goes on from there")
@@ -57,18 +59,18 @@ def _moves() -> bool:
 def _on(bar: Callable[[str, int, int], object]) -> Callable[[int, int, str], None]:
     bar("benchmark", 0, 0)
 
-    def tell(done: int, of: int, _words: str) -> None:
+    def on_progress(done: int, of: int, _words: str) -> None:
         bar("benchmark", done, of)
 
-    return tell
+    return on_progress
 
 
 def _lines() -> Callable[[int, int, str], None]:
     """A line for each case, with the time left."""
     pace = Pace({"benchmark": 1.0})
 
-    def tell(done: int, of: int, words: str) -> None:
-        pace.tell("benchmark", done, of)
+    def on_progress(done: int, of: int, words: str) -> None:
+        pace.on_progress("benchmark", done, of)
         note(", ".join(part for part in (f"{done} of {of} cases", words, pace.left()) if part))
 
-    return tell
+    return on_progress

@@ -24,7 +24,7 @@ from lidarcheck.workers.cores import usable_cores
 if TYPE_CHECKING:
     from lidarcheck.cases.case import Case
     from lidarcheck.explain.report.explanation import Explanation
-    from lidarcheck.workers import Crew
+    from lidarcheck.workers import WorkerPool
 
 __all__ = ["explain"]
 
@@ -102,9 +102,9 @@ def explain(
         raise UsageError(f"lidarcheck explain needs {missing}", fix="see lidarcheck explain --help")
     names = _effects(exclude or ())
     loaded = _checked(case, out, json, into)
-    with workers(scheduler, jobs) as crew, _interruptible(out):
+    with workers(scheduler, jobs) as pool, _interruptible(out):
         watch = _watched(quiet, progress_as == "json")
-        found = _explained(loaded, out, seed, names, jobs, watch, no_html, crew)
+        found = _explained(loaded, out, seed, names, jobs, watch, no_html, pool)
     _show(found, loaded, json)
     note(f"{out}: {REPORT}, {MODEL}{'' if no_html else f', {PAGE}'}")
     if into is not None:
@@ -176,10 +176,10 @@ def _watched(quiet: bool, as_json: bool) -> Iterator[tuple[Any, Any]]:
 
     if as_json:
         lines = JsonLines(PROGRESS.shares, quiet=quiet)
-        yield lines.tell, lines.hear
+        yield lines.on_progress, lines.on_step
     else:
-        with watched(PROGRESS.shares, quiet=quiet) as tell:
-            yield tell, None
+        with watched(PROGRESS.shares, quiet=quiet) as on_progress:
+            yield on_progress, None
 
 
 def _explained(
@@ -190,24 +190,31 @@ def _explained(
     jobs: int | None,
     watch: Any,
     no_html: bool,
-    crew: Crew | None,
+    pool: WorkerPool | None,
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
     from lidarcheck.explain.workflow import explain as run
-    from lidarcheck.workers.checkpoint import Notebook, notebook_key
+    from lidarcheck.workers.checkpoint import Checkpoint, notebook_key
 
     key = notebook_key(loaded.hashes, loaded.model, seed, exclude)
-    with Notebook(out / KEPT, key) as notebook:
-        if len(notebook):
+    with Checkpoint(out / KEPT, key) as checkpoint:
+        if len(checkpoint):
             note(f"going on with what an interrupted run left in {out / KEPT}")
-        with watch as (tell, hear):
+        with watch as (on_progress, on_step):
             cores = jobs or usable_cores()
             found = run(
-                loaded, seed=seed, exclude=exclude, jobs=cores, crew=crew, tell=tell, hear=hear, notebook=notebook
+                loaded,
+                seed=seed,
+                exclude=exclude,
+                jobs=cores,
+                pool=pool,
+                on_progress=on_progress,
+                on_step=on_step,
+                checkpoint=checkpoint,
             )
         with stage("writing"):
             _write(found, loaded, out, no_html)
-        notebook.discard()
+        checkpoint.discard()
     return found
 
 

@@ -16,7 +16,7 @@ from lidarcheck.cli.core.terminal import complain, note
 from lidarcheck.formats.table import clock_text
 
 if TYPE_CHECKING:
-    from lidarcheck.explain.report.explanation import Step
+    from lidarcheck.explain.report.explanation import SearchStep
 
 __all__ = ["JsonLines", "Pace", "clock_text", "watched"]
 
@@ -38,7 +38,7 @@ class Pace:
         self._restored = 0.0
         self.part = 0.0
 
-    def tell(self, step: str, done: int, of: int) -> None:
+    def on_progress(self, step: str, done: int, of: int) -> None:
         """The step has done so much; steps come in the order of the shares, and none goes back."""
         if step not in self._shares:
             return
@@ -80,10 +80,10 @@ class JsonLines:
         self._last: tuple[str, float] = ("", -math.inf)
         self._say({"steps": list(shares)})
 
-    def tell(self, step: str, done: int, of: int) -> None:
+    def on_progress(self, step: str, done: int, of: int) -> None:
         """How far a step is: its beginning and its end, and in between five times a second at most."""
         with self._guard:
-            self._pace.tell(step, done, of)
+            self._pace.on_progress(step, done, of)
             elapsed = self._pace.elapsed_s
             if done < of and self._last[0] == step and elapsed - self._last[1] < _EVERY_S:
                 return
@@ -92,7 +92,7 @@ class JsonLines:
             at = {"part": round(self._pace.part, 4), "elapsed_s": round(elapsed, 1)}
             self._say({"step": step, "done": done, "of": of, **at, "left_s": None if left is None else round(left, 1)})
 
-    def hear(self, step: Step) -> None:
+    def on_step(self, step: SearchStep) -> None:
         """What a step has found."""
         with self._guard:
             self._say({"step": step.name, "found": step.words})
@@ -119,29 +119,29 @@ def _lines(pace: Pace) -> Callable[[str, int, int], None]:
     said: set[str] = set()
     guard = threading.Lock()
 
-    def tell(step: str, done: int, of: int) -> None:
+    def on_progress(step: str, done: int, of: int) -> None:
         with guard:
-            pace.tell(step, done, of)
+            pace.on_progress(step, done, of)
             if step not in said:
                 said.add(step)
                 left = pace.left()
                 note(f"{step} ({clock_text(pace.elapsed_s)}{', ' if left else ''}{left})")
 
-    return tell
+    return on_progress
 
 
 def _moving(pace: Pace, bars: Any) -> Callable[[str, int, int], None]:
     task = bars.add_task("starting", total=None, left="", count="")
     guard = threading.Lock()
 
-    def tell(step: str, done: int, of: int) -> None:
+    def on_progress(step: str, done: int, of: int) -> None:
         with guard:
-            pace.tell(step, done, of)
+            pace.on_progress(step, done, of)
             total = of if of > 0 else None
             count = f"{done}/{of}" if of > 0 else ""
             bars.update(task, description=step, completed=done, total=total, count=count, left=pace.left())
 
-    return tell
+    return on_progress
 
 
 def _bars() -> Any:

@@ -44,8 +44,8 @@ def check(
     from lidarcheck.harness.reports.junit import junit_text
 
     try:
-        with workers(scheduler, jobs) as crew, progress("checking") as show:
-            report = run(scenario, seed=seed, model=model, jobs=jobs, crew=crew, progress=show)
+        with workers(scheduler, jobs) as pool, progress("checking") as show:
+            report = run(scenario, seed=seed, model=model, jobs=jobs, pool=pool, progress=show)
     except LidarcheckError as error:
         if junit is not None:
             write_result(junit, junit_text(error))

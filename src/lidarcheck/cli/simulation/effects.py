@@ -19,7 +19,7 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.effects import Effect
-    from lidarcheck.model.showcase import Shown
+    from lidarcheck.model.showcase import EffectCurve
 
 __all__ = ["effects"]
 
@@ -97,14 +97,14 @@ def _number(text: str) -> float | str:
     return int(value) if math.isfinite(value) and value == int(value) else value
 
 
-def _show(effect: Effect, variant: str, seed: int) -> Shown:
+def _show(effect: Effect, variant: str, seed: int) -> EffectCurve:
     with stage("showing the effect"):
         from lidarcheck.model.showcase import show
 
         return show(effect, variant=variant, seed=seed)
 
 
-def _picture(effect: Effect, shown: Shown) -> str:
+def _picture(effect: Effect, shown: EffectCurve) -> str:
     """What is shown, in words and as a plot; in words alone where nothing changes."""
     shown_as = {key: list(value) if isinstance(value, tuple) else value for key, value in effect.settings().items()}
     settings = ", ".join(f"{key} = {value}" for key, value in shown_as.items())

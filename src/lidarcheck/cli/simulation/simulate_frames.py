@@ -58,8 +58,8 @@ def simulate_frames(
     own = 1 if external or device != "cpu" else min(jobs or usable_cores(), len(ideals) * (count or 1))
     with workers(scheduler, jobs) as cluster:
         local = Processes(own, _wake)
-        with local if cluster is None else contextlib.nullcontext(cluster) as crew, progress("simulating") as show:
-            done = frames.run(crew, show)
+        with local if cluster is None else contextlib.nullcontext(cluster) as pool, progress("simulating") as show:
+            done = frames.run(pool, show)
     kept = f"; {done.kept} were there already" if done.kept else ""
     note(f"{out}: {counted(done.simulated, 'frame')} with {done.echoes} echoes, seed {seed}{kept}")
     return 0

@@ -42,7 +42,7 @@ CASES = "cases.jsonl"
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 _log = logging.getLogger(__name__)
-Tell = Callable[[int, int, str], object]
+ProgressCallback = Callable[[int, int, str], object]
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,13 @@ def run_benchmark(
     jobs: int = 1,
     generator: Path | None = None,
     out: Path | None = None,
-    tell: Tell | None = None,
+    on_progress: ProgressCallback | None = None,
     explain: str = WORKFLOW,
 ) -> Benchmark:
     """Run the first `n` cases of a seed, each in one process, `jobs` side by side, and judge the answers.
 
     `out`: a directory whose `cases.jsonl` keeps each answer as soon as it is there; what it holds of the same
-    generator, program, seed and kind is not run again. `tell(done, of, words)` after each case. `explain`: what
+    generator, program, seed and kind is not run again. `on_progress(done, of, words)` after each case. `explain`: what
     answers, as "module:function" of the signature of the workflow's. A case that ends in an error counts as answered
     wrongly. `UsageError` for a kind that there is not.
     """
@@ -138,13 +138,15 @@ def run_benchmark(
     with _kept(out, key, done) as keep, _scratch() as scratch:
         rest = [order for order in orders if order.number not in done]
         tasks = [(str(place), dataclasses.asdict(order), explain, scratch) for order in rest]
-        if tell is not None and len(rest) < len(orders):
-            tell(len(orders) - len(rest), len(orders), "kept by an earlier run")
+        if on_progress is not None and len(rest) < len(orders):
+            on_progress(len(orders) - len(rest), len(orders), "kept by an earlier run")
         for answer in _answers(tasks, jobs):
             keep(answer)
             done[answer.number] = answer
-            if tell is not None:
-                tell(sum(order.number in done for order in orders), len(orders), f"case {answer.number}, {answer.kind}")
+            if on_progress is not None:
+                on_progress(
+                    sum(order.number in done for order in orders), len(orders), f"case {answer.number}, {answer.kind}"
+                )
     answers = tuple(done[order.number] for order in orders)
     return Benchmark(seed, only, place, answers, score(answers))
 
@@ -263,13 +265,13 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
 def _told_apart(case: Case | None, found: Any) -> tuple[float, float]:
     """How well a classifier tells measured from simulated echoes on frames that no fit has seen: with the case's model
     and with the explained one; NaN where there is no answer that says which frames these are."""
-    from lidarcheck.inference.c2st import told_apart
+    from lidarcheck.inference.c2st import classifier_auc
 
     if case is None or not isinstance(found, Explanation):
         return math.nan, math.nan
     unseen = found.split["verify"]
-    before = told_apart(case.frames, unseen, case.model)
-    return before, before if found.model is case.model else told_apart(case.frames, unseen, found.model)
+    before = classifier_auc(case.frames, unseen, case.model)
+    return before, before if found.model is case.model else classifier_auc(case.frames, unseen, found.model)
 
 
 def _by_effect(values: Any, effects: Sequence[str]) -> dict[str, Any]:

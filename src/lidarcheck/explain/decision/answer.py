@@ -18,9 +18,9 @@ from lidarcheck.explain.decision.patchy import with_patches
 from lidarcheck.explain.decision.recurring import recurs
 from lidarcheck.explain.decision.splits import only_edges_stay
 from lidarcheck.explain.empirical.description import Description
-from lidarcheck.explain.report.explanation import Explanation, Finding, Gap, Standout, Step
+from lidarcheck.explain.report.explanation import Explanation, Finding, Gap, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on
-from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lidarcheck.cases.case import Case
     from lidarcheck.cases.split import Split
 
-__all__ = ["CALIBRATION", "Answer", "by_names", "by_terms", "closes", "explanation_of", "objection"]
+__all__ = ["CALIBRATION", "Answer", "answer_with_names", "answer_with_terms", "closes", "explanation_of", "objection"]
 
 CALIBRATION = "gain, reflectances and pose"
 """The last stage of an explained model: small errors put right."""
@@ -85,52 +85,52 @@ def objection(answer: Answer, gap: Gap | None = None) -> str:
     return f"{part} on frames that no fit has seen"
 
 
-def by_names(bench: Bench, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
+def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
-    case = bench.lab.model
-    last = with_best_rays(seen, case, last, bench.crew)
-    [(before, noise)] = bench.crew.map(Scale.excess_by_part, [(seen.held, case)])
+    case = bench.simulator.model
+    last = with_best_rays(seen, case, last, bench.pool)
+    [(before, noise)] = bench.pool.map(Scale.excess_by_part, [(seen.held, case)])
     even = findings_of(bench, search, closed, last, float(before.mean()))
-    findings = with_patches(seen, case, even, last.last.nuisance, bench.crew)
+    findings = with_patches(seen, case, even, last.last.nuisance, bench.pool)
     stages, model = [("", case)], case
     for finding in findings:
         for effect in finding.effects:
             model = model.with_(effect)
         stages.append((finding.name, model))
-    there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.crew)
+    there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.pool)
     if there is not model:
         stages.append((CALIBRATION, there))
-    recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.crew))
-    images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.lab, last.last)
+    recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.pool))
+    images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.simulator, last.last)
     edges = only_edges_stay(seen, there, float(before.mean()))
     open_ = Open(before, after, noise, noise_after, images, following, edges)
     inside = shows_inside(seen, there, [finding.name for finding in findings])
     return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
 
 
-def by_terms(bench: Bench, search: Search, left: float, found: Description) -> Answer:
+def answer_with_terms(bench: SearchData, search: Search, left: float, found: Description) -> Answer:
     """What the residual depends on, and the terms that were found; `left`: the part that no name explains."""
-    depends = depends_on(bench.lab.summaries.names, bench.lab.measured - search.first.shown.mean(axis=0))
+    depends = depends_on(bench.simulator.summaries.names, bench.simulator.measured - search.first.shown.mean(axis=0))
     said = f"{depends}; described as {found.words.replace('; ', ', ')}" if found.effects else depends
     finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), said, "", found.effects)
-    described = bench.lab.model
+    described = bench.simulator.model
     for effect in found.effects:
         described = described.with_(effect)
     name = f"empirical: {found.words}" if found.effects else "empirical: no term helps"
-    return Answer("unknown", (finding,), (("", bench.lab.model), (name, described)), depends)
+    return Answer("unknown", (finding,), (("", bench.simulator.model), (name, described)), depends)
 
 
 def explanation_of(
     case: Case,
     split: Split,
-    bench: Bench,
+    bench: SearchData,
     where: tuple[Standout, ...],
     search: Search,
     answer: Answer,
     untestable: Mapping[str, str],
     gap: Gap,
     seed: int,
-    steps: Sequence[Step],
+    steps: Sequence[SearchStep],
 ) -> Explanation:
     """Everything together."""
     return Explanation(
@@ -143,7 +143,7 @@ def explanation_of(
         where=where,
         candidates=candidates_table(bench, search, answer.verdict, answer.findings),
         split=split.numbers(),
-        seeds={"seed": seed, "fit": bench.lab.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
+        seeds={"seed": seed, "fit": bench.simulator.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
         hashes=dict(case.hashes),
         left_out=dict(case.left_out),
     )

@@ -13,7 +13,7 @@ from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDG
 from lidarcheck.explain.decision.images import only_images_stay
 from lidarcheck.explain.search.merit import best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
-from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.inference.edges import AT_EDGES
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.wasserstein import PARTS, Scale, excesses
@@ -27,26 +27,26 @@ _LESS = 0.5
 _MOST = 2
 
 
-def appeal(bench: Bench, seen: Scale, search: Search, closed: Closure, seed: int) -> tuple[Search, Closure]:
+def appeal(bench: SearchData, seen: Scale, search: Search, closed: Closure, seed: int) -> tuple[Search, Closure]:
     """The search and how it closes the gap beam by beam, where it does; else both as they are.
 
     Where no effect was accepted, usual errors alone are asked first, and a candidate must leave less than half of what
     these do. `seen`: the frames of the fit and the selection, beam by beam.
     """
-    [(before, chance)] = excesses(seen, [bench.lab.model])
+    [(before, chance)] = excesses(seen, [bench.simulator.model])
     if before < _SURE * chance:
         return search, closed
-    first = search.own or judged(seen, bench.lab.model, search.fit, seed)
+    first = search.own or judged(seen, bench.simulator.model, search.fit, seed)
     if _is_closed(first, before):
         return replace(search, own=first), Closure(before, first.left, _open(first) * before)
-    if first.left > (left := _but_for_images(seen, bench.lab.model, first)) and left <= _open(first) * before:
+    if first.left > (left := _but_for_images(seen, bench.simulator.model, first)) and left <= _open(first) * before:
         return replace(search, own=first), Closure(before, left, _open(first) * before)
     if search.fit.probes:
         return search, closed
-    tasks = ((seen.held, bench.lab.model, one, seed) for one in _promising(search))
-    for own in sorted(bench.crew.map(judged, tasks), key=lambda one: one.left):
+    tasks = ((seen.held, bench.simulator.model, one, seed) for one in _promising(search))
+    for own in sorted(bench.pool.map(judged, tasks), key=lambda one: one.left):
         if _is_closed(own, before) and own.left < _LESS * first.left:
-            now = fit(bench.lab, own.last.probes, own.last.x, rounds=0, nuisance=own.last.nuisance)
+            now = fit(bench.simulator, own.last.probes, own.last.x, rounds=0, nuisance=own.last.nuisance)
             return replace(search, fit=now, own=own), Closure(before, own.left, _open(own) * before)
     return search, closed
 

@@ -12,15 +12,15 @@ from lidarcheck.effects.base import find
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.report.explanation import Interval
 from lidarcheck.explain.search.located_losses import as_struck, share_spread
-from lidarcheck.explain.search.merit import Trial, accepted
+from lidarcheck.explain.search.merit import FittedCandidate, accepted
 from lidarcheck.explain.search.screening import Screened
-from lidarcheck.explain.search.selection import Bench, start_fit
+from lidarcheck.explain.search.selection import SearchData, start_fit
 from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import own_distance, select_shown
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
 from lidarcheck.inference.nuisances import POSE_ERROR_DEG
-from lidarcheck.inference.simulator import Lab, Metric
+from lidarcheck.inference.simulator import Metric, Simulator
 from lidarcheck.workers.threads import mapped
 
 __all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable", "shows_in_select_alone"]
@@ -80,16 +80,16 @@ class Closure:
         return self.after <= self.allowed
 
 
-def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
+def closure(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate] = ()) -> Closure:
     """How much of the disagreement on the select frames is left, above the floor; on the frames of the fit where the
     select frames hardly show it: they need not have what the others do, a pane, a sign, a moving car."""
     zero = np.zeros((1, len(bench.select.measured)))
     before = bench.select.distance(zero) - bench.select.floor_distance
-    fitted = bench.start - bench.lab.floor_distance
+    fitted = bench.start - bench.simulator.floor_distance
     in_select = before >= _SHOWN_PART * fitted
     if not in_select:
         before = fitted
-    after = _left(bench.select if in_select else bench.lab, now)
+    after = _left(bench.select if in_select else bench.simulator, now)
     if not now.probes:
         after = min(after, before)  # usual errors as the frames of the fit have them need not be those of others
     part = max((_open_part(name) for name in now.names()), default=OPEN_PART)
@@ -104,32 +104,32 @@ def closure(bench: Bench, now: Fit, trials: Sequence[Trial] = ()) -> Closure:
     if found.holds or not all(name in AT_EDGES for name in now.names()):
         return found
     # One edge that lies elsewhere can outweigh all else in a single frame; not where others say that more is missing.
-    if _left(bench.lab, now) > OPEN_CHANCE:
+    if _left(bench.simulator, now) > OPEN_CHANCE:
         return found
     return replace(found, after=min(found.after, _left(bench.select, now, along_edges=True)))
 
 
-def shows_in_select_alone(bench: Bench) -> bool:
+def shows_in_select_alone(bench: SearchData) -> bool:
     """Whether the frames of the fit are nearly at their floor and the select frames far from theirs, by more than where
     edges lie and usual errors make."""
     away = bench.select.distance(np.zeros((1, len(bench.select.measured)))) - bench.select.floor_distance
-    near = bench.start - bench.lab.floor_distance <= OPEN_CHANCE
-    return near and away > _ALONE * OPEN_CHANCE and not closure(bench, start_fit(bench.lab)).holds
+    near = bench.start - bench.simulator.floor_distance <= OPEN_CHANCE
+    return near and away > _ALONE * OPEN_CHANCE and not closure(bench, start_fit(bench.simulator)).holds
 
 
-def _left(lab: Lab, now: Fit, *, along_edges: bool = False) -> float:
+def _left(simulator: Simulator, now: Fit, *, along_edges: bool = False) -> float:
     """The distance above the floor that the fit leaves on the frames, but for where edges of surfaces lie to a part of
     a beam; with `along_edges`, as for footprints, but for all that any one edge shows."""
-    now = as_struck(lab, now)
-    shown = select_shown(lab, now)
-    model = now.model(lab.model)
+    now = as_struck(simulator, now)
+    shown = select_shown(simulator, now)
+    model = now.model(simulator.model)
     if along_edges or any(name in FOOTPRINTS for name in now.names()):
-        metric = lab.along_edges(model, 800, now.nuisance)
+        metric = simulator.along_edges(model, 800, now.nuisance)
     else:
-        shown_there = mapped(lambda k: lab.sights(model, 800 + k, now.nuisance), range(_EDGE_SEEDS))
-        edges = lab.edges_beside(shown_there, deep=True)
-        metric = Metric(lab.metric.diagonal, np.concatenate([lab.metric.factors, edges], axis=1))
-    return lab.distance(shown, metric=metric) - max(lab.floor_distance, own_distance(lab, now))
+        shown_there = mapped(lambda k: simulator.observations(model, 800 + k, now.nuisance), range(_EDGE_SEEDS))
+        edges = simulator.edges_beside(shown_there, deep=True)
+        metric = Metric(simulator.metric.diagonal, np.concatenate([simulator.metric.factors, edges], axis=1))
+    return simulator.distance(shown, metric=metric) - max(simulator.floor_distance, own_distance(simulator, now))
 
 
 def _open_part(name: str) -> float:
@@ -140,10 +140,10 @@ def _open_part(name: str) -> float:
 
 
 def confidence(
-    bench: Bench,
+    bench: SearchData,
     now: Fit,
     name: str,
-    trials: Sequence[Trial],
+    trials: Sequence[FittedCandidate],
     closed: Closure,
     compared: Sequence[str] = (),
     behind: Mapping[str, float] | None = None,
@@ -164,7 +164,7 @@ def confidence(
 def lead(
     name: str,
     now: Fit,
-    trials: Sequence[Trial],
+    trials: Sequence[FittedCandidate],
     compared: Sequence[str] = (),
     behind: Mapping[str, float] | None = None,
 ) -> float:
@@ -182,15 +182,15 @@ def lead(
     return min(max(1.0 - max([*rivals, 0.0]) / max(own.merit, 1e-9), 0.0), 1.0)
 
 
-def intervals(lab: Lab, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
+def intervals(simulator: Simulator, now: Fit, widen: float) -> list[Mapping[str, Interval]]:
     """The fitted parameters of each effect with 90 % intervals, from the curvature of the distance."""
-    jacobian = jacobian_of(lab, now)
-    weighted = lab.metric.times(jacobian)
+    jacobian = jacobian_of(simulator, now)
+    weighted = simulator.metric.times(jacobian)
     curvature = jacobian.T @ weighted + 1e-6 * np.eye(jacobian.shape[1])
     variance = np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
     own = np.concatenate([_form_error(probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
     own *= 1.0 + _OTHERS_FORMS * (len(now.probes) > 1)
-    struck = np.concatenate([_struck(lab, probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
+    struck = np.concatenate([_struck(simulator, probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
     half = 1.645 * np.sqrt(widen**2 * variance + own**2 + struck**2)
     found, start = [], 0
     for probe, x in zip(now.probes, now.x, strict=True):
@@ -209,10 +209,12 @@ def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
     return np.array(found)
 
 
-def _struck(lab: Lab, probe: Probe, x: FloatArray) -> FloatArray:
+def _struck(simulator: Simulator, probe: Probe, x: FloatArray) -> FloatArray:
     """By how much, in steps, each parameter is off since few blocks were lost, shape (n_free,)."""
     settings = probe.effect(x).settings()
-    shares = (share_spread(lab, probe, float(settings["share"])) if one.name == "share" else 0.0 for one in probe.free)
+    shares = (
+        share_spread(simulator, probe, float(settings["share"])) if one.name == "share" else 0.0 for one in probe.free
+    )
     return np.array([share / one.step for share, one in zip(shares, probe.free, strict=True)])
 
 
@@ -228,7 +230,9 @@ def _interval(probe: Probe, x: FloatArray, half: FloatArray) -> Mapping[str, Int
     return found
 
 
-def not_testable(lab: Lab, screened: Sequence[Screened], names: Sequence[str], level: float) -> dict[str, str]:
+def not_testable(
+    simulator: Simulator, screened: Sequence[Screened], names: Sequence[str], level: float
+) -> dict[str, str]:
     """Effects that these scenes cannot show: not even the strongest start would have been told from chance."""
     needed = 2.0 * level
     found = {}
@@ -237,28 +241,28 @@ def not_testable(lab: Lab, screened: Sequence[Screened], names: Sequence[str], l
         if not mine:
             found[name] = "the model cannot carry it"
             continue
-        if any(_shows(lab, one, needed) for one in mine):
+        if any(_shows(simulator, one, needed) for one in mine):
             continue
-        found[name] = _reason(lab, name)
+        found[name] = _reason(simulator, name)
     return found
 
 
-def _shows(lab: Lab, one: Screened, needed: float) -> bool:
+def _shows(simulator: Simulator, one: Screened, needed: float) -> bool:
     """Whether a start changes the summaries by more than chance, judged with two seeds where one says little."""
-    length = lab.metric.square(one.change)
+    length = simulator.metric.square(one.change)
     if length < needed:
         return False
     if length > 4000.0:
         return True
     try:
-        both = lab.shows(lab.model.with_(one.probe.effect()), 2)
+        both = simulator.shows(simulator.model.with_(one.probe.effect()), 2)
     except UsageError:
         return False
-    return float(both[0] @ lab.metric.times(both[1])) > needed
+    return float(both[0] @ simulator.metric.times(both[1])) > needed
 
 
-def _reason(lab: Lab, name: str) -> str:
-    if name in ("blooming_vertical", "blooming_horizontal", "retro_ghost") and not lab.beams.retro.any():
+def _reason(simulator: Simulator, name: str) -> str:
+    if name in ("blooming_vertical", "blooming_horizontal", "retro_ghost") and not simulator.beams.retro.any():
         return "no retro-reflector is in view"
     if name == "mirror_multipath":
         return "no surface mirrors another that the sensor sees"

@@ -11,18 +11,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lidarcheck.explain.search.merit import CHANCE, Trial, accepted, best_of_each_name
+from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, accepted, best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged, polished
 from lidarcheck.explain.search.related import SPECIAL_CASES
-from lidarcheck.explain.search.selection import Bench
+from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import is_usual_error
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 from lidarcheck.workers.threads import done_by
 
 __all__ = ["Polished", "Rival", "contest", "rivals"]
@@ -70,7 +70,7 @@ class Polished:
     another name in an effect's place, of those that are not near."""
 
     fit: Fit
-    lab: Lab
+    simulator: Simulator
     last: Fit
     equals: Mapping[str, tuple[str, ...]]
     compared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Polished:
     behind: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[Rival]:
+def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], told: Told) -> list[Rival]:
     """The effects that explained nearly as much as an accepted one, in its place; the nearest first.
 
     Where more than chance is left, also those that explained more in an earlier round than it did in its own: beside
@@ -87,12 +87,12 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     names = now.names()
     asked = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
     asked += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
-    if now.distance - bench.lab.floor_distance > CHANCE:
+    if now.distance - bench.simulator.floor_distance > CHANCE:
         asked += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
-    tasks = ((bench.lab.held, bench.select.held, now, place, trial) for place, trial in asked)
+    tasks = ((bench.simulator.held, bench.select.held, now, place, trial) for place, trial in asked)
     found = []
-    for (place, trial), (swapped, distance) in zip(asked, done_by(bench.crew, _swapped, tasks), strict=True):
+    for (place, trial), (swapped, distance) in zip(asked, done_by(bench.pool, _swapped, tasks), strict=True):
         farther = distance - best
         near = farther < max(_NEAR, _NEAR_PART * trial.merit)
         usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
@@ -101,7 +101,7 @@ def rivals(bench: Bench, now: Fit, trials: Sequence[Trial], told: Told) -> list[
     return sorted(found, key=lambda one: one.farther)
 
 
-def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+def _near(name: str, names: Sequence[str], trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The trials of the round in which an effect was accepted that came near it, the best of each other name. Merits
     that differ by less than chance leaves of a fit say nothing."""
     last = accepted(name, trials)
@@ -112,7 +112,7 @@ def _near(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Tria
     return best_of_each_name(t for t in others if t.merit > least)[:_MOST]
 
 
-def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
+def _siblings(probe: Probe, trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The best trial of the same effect's other kind, which the summaries hardly tell from it."""
     last = accepted(probe.name, trials)
     if last is None or probe.name not in _TWO_KINDS:
@@ -121,7 +121,7 @@ def _siblings(probe: Probe, trials: Sequence[Trial]) -> list[Trial]:
     return [t for t in best_of_each_name(found) if t.merit > _NEAR_MERIT * last.merit]
 
 
-def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> list[Trial]:
+def _overlooked(name: str, names: Sequence[str], trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The trials of earlier rounds that explained more than an effect did in the round that accepted it, the best of
     each name that none of the later rounds brought near it."""
     last = accepted(name, trials)
@@ -132,12 +132,14 @@ def _overlooked(name: str, names: Sequence[str], trials: Sequence[Trial]) -> lis
     return best_of_each_name(t for t in earlier if t.merit > last.merit)[:_MOST_OVERLOOKED]
 
 
-def _swapped(lab: Lab, select: Lab, now: Fit, place: int, trial: Trial) -> tuple[Fit, float]:
+def _swapped(
+    simulator: Simulator, select: Simulator, now: Fit, place: int, trial: FittedCandidate
+) -> tuple[Fit, float]:
     """The fit with another effect in one's place, all fitted again, and how far it is on all frames."""
     mine = trial.fit.names().index(trial.name)
     probes, x = list(now.probes), list(now.x)
     probes[place], x[place] = trial.fit.probes[mine], trial.fit.x[mine]
-    found = fit_nuisance(lab, fit(lab, probes, x, rounds=1, nuisance=now.nuisance))
+    found = fit_nuisance(simulator, fit(simulator, probes, x, rounds=1, nuisance=now.nuisance))
     return found, found.distance + select_distance(select, found)
 
 
@@ -149,7 +151,7 @@ def contest(
     seed: int,
     *,
     known: Judged | None = None,
-    crew: Crew | None = None,
+    pool: WorkerPool | None = None,
 ) -> Polished:
     """The accepted effects and their rivals, each fitted again around the model that it makes, and the nearest of them.
 
@@ -166,28 +168,28 @@ def contest(
     }
     others = [one for one in others if one.near]
     if not others:
-        lab, last = polished(scale.frames, model, now, seed) if known is None else (known.lab, known.last)
-        return Polished(now, lab, last, {}, behind=behind)
+        simulator, last = polished(scale.frames, model, now, seed) if known is None else (known.simulator, known.last)
+        return Polished(now, simulator, last, {}, behind=behind)
     fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
-    found = [*done_by(crew or Crew(), judged, ((scale.held, model, one, seed) for one in fits))]
+    found = [*done_by(pool or WorkerPool(), judged, ((scale.held, model, one, seed) for one in fits))]
     own = known or found.pop(0)
     both = list(zip(others[:_MOST], found, strict=True))
     now, own = _of_its_kind(now, own, both)
     others = [one for one in others if one.name != names[one.place]]
     rest = [(one, its) for one, its in both if one.name != names[one.place]]
     if not rest:
-        return Polished(now, own.lab, own.last, {}, left=own.left, behind=behind)
+        return Polished(now, own.simulator, own.last, {}, left=own.left, behind=behind)
     gaps = {one.name: its.left for one, its in rest}
     best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
     most = own.left + _MARGIN * own.chance
     equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(names)}
     if not _takes_its_place(best.name, its, names[best.place], own):
         compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(names)}
-        return Polished(now, own.lab, own.last, equals, compared, own.left, behind)
+        return Polished(now, own.simulator, own.last, equals, compared, own.left, behind)
     most = its.left + _MARGIN * own.chance
     near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
     beaten = (names[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
-    return Polished(best.fit, its.lab, its.last, {best.name: near}, {best.name: beaten}, its.left)
+    return Polished(best.fit, its.simulator, its.last, {best.name: near}, {best.name: beaten}, its.left)
 
 
 def _of_its_kind(now: Fit, own: Judged, both: Sequence[tuple[Rival, Judged]]) -> tuple[Fit, Judged]:
@@ -227,7 +229,7 @@ def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> boo
 
 def _beyond_floor(one: Judged) -> float:
     """How far the summaries around a model of its own are, beyond where they are if nothing is missing."""
-    return one.last.distance - one.lab.floor_distance
+    return one.last.distance - one.simulator.floor_distance
 
 
 def _equals(

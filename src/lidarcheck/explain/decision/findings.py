@@ -13,11 +13,11 @@ from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, Closure, confiden
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.wording import standouts
-from lidarcheck.explain.search.merit import Trial
-from lidarcheck.explain.search.selection import Bench, Search
+from lidarcheck.explain.search.merit import FittedCandidate
+from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.inference.edges import AT_EDGES
 from lidarcheck.inference.gauss_newton import Fit, with_effects
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]
 
@@ -29,24 +29,24 @@ _DIGITS = 5
 _LEAST_SURE = 0.65
 
 
-def findings_of(bench: Bench, search: Search, closed: Closure, polish: Polished, before: float) -> list[Finding]:
+def findings_of(bench: SearchData, search: Search, closed: Closure, polish: Polished, before: float) -> list[Finding]:
     """The accepted effects, the most important first, with the parameters of the last fit.
 
     `before`: the gap beam by beam without them. A name need not lead over those that were compared with it beam by
     beam, where it closes that gap: to be nearer than these says little where all are far.
     """
     settled = polish.compared if polish.left <= OPEN_BY_BEAMS * before else polish.equals
-    now, lab = search.fit, bench.lab
-    parameters = intervals(polish.lab, polish.last, WIDEN)
+    now, simulator = search.fit, bench.simulator
+    parameters = intervals(polish.simulator, polish.last, WIDEN)
     effects = rounded_effects(polish.last)
-    changes = [_change(lab, now, i) for i in range(len(now.probes))]
+    changes = [_change(simulator, now, i) for i in range(len(now.probes))]
     found = []
-    for i in np.argsort([-lab.metric.square(change) for change in changes], kind="stable"):
+    for i in np.argsort([-simulator.metric.square(change) for change in changes], kind="stable"):
         name = now.probes[i].name
         equal, compared = polish.equals.get(name, ()), settled.get(name, ())
         behind = polish.behind.get(name, {})
         sure = confidence(bench, now, name, search.trials, closed, compared, behind)
-        shown = standouts(lab.summaries.names, changes[i], 2.0, 3)
+        shown = standouts(simulator.summaries.names, changes[i], 2.0, 3)
         found.append(
             Finding(
                 name=name,
@@ -71,11 +71,11 @@ def _shared(equals: int) -> float:
     return 1.0 + 0.5 * equals
 
 
-def _change(lab: Lab, now: Fit, i: int) -> FloatArray:
+def _change(simulator: Simulator, now: Fit, i: int) -> FloatArray:
     """What one of the effects changes with the others there."""
     rest = [j for j in range(len(now.probes)) if j != i]
-    without = with_effects(lab.model, [now.probes[j] for j in rest], [now.x[j] for j in rest])
-    return np.asarray(now.shown[0] - lab.shows(without, 1, nuisance=now.nuisance)[0])
+    without = with_effects(simulator.model, [now.probes[j] for j in rest], [now.x[j] for j in rest])
+    return np.asarray(now.shown[0] - simulator.shows(without, 1, nuisance=now.nuisance)[0])
 
 
 def rounded_effects(now: Fit) -> list[Effect]:
@@ -118,7 +118,9 @@ def separating(name: str, equal: Sequence[str]) -> str:
     return "; ".join(words)
 
 
-def candidates_table(bench: Bench, search: Search, verdict: str, findings: Sequence[Finding]) -> tuple[Candidate, ...]:
+def candidates_table(
+    bench: SearchData, search: Search, verdict: str, findings: Sequence[Finding]
+) -> tuple[Candidate, ...]:
     """Every fitted candidate with its scores, what became of it, and the names that these data cannot tell it from."""
     kept = search.fit.names() if verdict != "unknown" else ()
     alike = _alike(findings)
@@ -151,7 +153,7 @@ def _alike(findings: Sequence[Finding]) -> Mapping[str, tuple[str, ...]]:
     return found
 
 
-def _start(trial: Trial) -> str:
+def _start(trial: FittedCandidate) -> str:
     """The kind of start, or the material or object that a start is for; empty where an effect has but one."""
     probe = trial.probe
     things = [f"{name.removesuffix('_id')} {number}" for name, number in probe.fixed.items() if name.endswith("_id")]

@@ -13,23 +13,23 @@ from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["with_best_rays"]
 
 _NAME, _MORE, _ROUNDS = "beam_divergence", 5, 2
 
 
-def with_best_rays(seen: Scale, case: Model, polish: Polished, crew: Crew) -> Polished:
+def with_best_rays(seen: Scale, case: Model, polish: Polished, pool: WorkerPool) -> Polished:
     """The last fit, its footprint's widths fitted anew with more rays where that leaves less of the gap."""
     if _NAME not in polish.last.names():
         return polish
     start = _with_rays(polish.last, _MORE)
-    more = fit(polish.lab, start.probes, start.x, rounds=_ROUNDS, nuisance=start.nuisance)
+    more = fit(polish.simulator, start.probes, start.x, rounds=_ROUNDS, nuisance=start.nuisance)
     if not more.possible:
         return polish
     both = [(seen.held, one.model(case), one.nuisance) for one in (polish.last, more)]
-    (few_left, _), (more_left, _) = crew.map(Scale.excess, both)
+    (few_left, _), (more_left, _) = pool.map(Scale.excess, both)
     return replace(polish, last=more) if more_left < few_left else polish
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 
@@ -54,14 +54,14 @@ def only_images_stay(seen: Scale, model: Model, nuisance: Nuisance) -> bool:
     return bool(elsewhere <= by_chance + _BY_CHANCE * np.sqrt(by_chance + 1.0) + _ELSEWHERE * behind)
 
 
-def _unplaced(seen: Scale, sights: Sights, mirrors: Flags, placed: FloatArray) -> tuple[int, int]:
+def _unplaced(seen: Scale, observations: Observations, mirrors: Flags, placed: FloatArray) -> tuple[int, int]:
     """How many echoes of no surface that is near are nowhere in `placed`: behind the mirror, and elsewhere."""
-    unplaced = (sights.extra_side < 0) & ~_near(_places(seen, sights), placed)
-    behind = _behind(seen, sights, mirrors)
+    unplaced = (observations.extra_side < 0) & ~_near(_places(seen, observations), placed)
+    behind = _behind(seen, observations, mirrors)
     return int(np.sum(unplaced & behind)), int(np.sum(unplaced & ~behind))
 
 
-def _mirrors(seen: Scale, with_: Sights, without: Sights) -> Flags:
+def _mirrors(seen: Scale, with_: Observations, without: Observations) -> Flags:
     """The beams that meet a material which mirrors, shape (n_beams,): behind it are most of the model's images."""
     _, material = np.unique(seen.beams.material_id, return_inverse=True)
     more, less = (np.bincount(material[one.extra_beam], minlength=material.max() + 1) for one in (with_, without))
@@ -70,16 +70,18 @@ def _mirrors(seen: Scale, with_: Sights, without: Sights) -> Flags:
     return np.asarray((images > least)[material] & (seen.beams.distance_m > 0.0))
 
 
-def _behind(seen: Scale, sights: Sights, mirrors: Flags) -> Flags:
+def _behind(seen: Scale, observations: Observations, mirrors: Flags) -> Flags:
     """Which of the other echoes lie behind a surface that mirrors, shape (m,)."""
-    return np.asarray(mirrors[sights.extra_beam] & (sights.extra_m > seen.beams.distance_m[sights.extra_beam]))
+    return np.asarray(
+        mirrors[observations.extra_beam] & (observations.extra_m > seen.beams.distance_m[observations.extra_beam])
+    )
 
 
-def _places(seen: Scale, sights: Sights) -> FloatArray:
+def _places(seen: Scale, observations: Observations) -> FloatArray:
     """Where the other echoes lie, apart by more than 1 where they are not the same; shape (m, 4)."""
-    beam = sights.extra_beam
+    beam = observations.extra_beam
     frame, layer, point = seen.beams.frame[beam], seen.beams.layer[beam], seen.beams.point[beam]
-    depth = np.log(np.maximum(sights.extra_m, 0.1)) / _PART_OF_RANGE
+    depth = np.log(np.maximum(observations.extra_m, 0.1)) / _PART_OF_RANGE
     return np.column_stack([2.0 * frame, layer / _BEAMS, point / _BEAMS, depth])
 
 

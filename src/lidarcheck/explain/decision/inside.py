@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lidarcheck.inference.edges import AT_EDGES
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 
@@ -35,8 +35,8 @@ def shows_inside(seen: Scale, model: Model, names: Sequence[str]) -> bool:
     return bool(_inside(seen, seen.measured) > (1.0 + _MORE) * shown + _SURE * np.sqrt(shown + 1.0))
 
 
-def _inside(seen: Scale, sights: Sights) -> int:
+def _inside(seen: Scale, observations: Observations) -> int:
     """How many other echoes, of no neighbour's surface, have beams whose neighbours all meet what they do."""
     own, beside = seen.beams.distance_m[:, None], seen.beams.neighbour_m
     inner = np.all(np.abs(own - beside) <= _APART_M + _APART * np.maximum(own, beside), axis=1)
-    return int(np.count_nonzero(inner[sights.extra_beam] & (sights.extra_side < 0)))
+    return int(np.count_nonzero(inner[observations.extra_beam] & (observations.extra_side < 0)))

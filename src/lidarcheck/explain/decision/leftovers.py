@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["ranges_follow", "ranges_off"]
 
@@ -21,17 +21,17 @@ _MOST = 1.6
 cases left 0.4 to 1.4, one of 0.2 m beside poses that differ from frame to frame 2.2; wrong names of five 2.2 to 9."""
 
 
-def ranges_follow(lab: Lab, now: Fit) -> bool:
+def ranges_follow(simulator: Simulator, now: Fit) -> bool:
     """Whether the ranges that a fit leaves off, in the lab around it, still follow a quantity of the beams; False where
     there is another effect than errors of range."""
     if not now.probes or not _OF_RANGE.issuperset(now.names()):
         return False
-    return ranges_off(lab, now) > _MOST
+    return ranges_off(simulator, now) > _MOST
 
 
-def ranges_off(lab: Lab, now: Fit) -> float:
+def ranges_off(simulator: Simulator, now: Fit) -> float:
     """How far the ranges are off over the bins of those quantities, root mean square, in standard deviations."""
-    names = lab.summaries.names
+    names = simulator.summaries.names
     mine = [i for i, one in enumerate(names) if one.feature == "range" and one.covariate in _COVARIATES]
-    off = (lab.measured - now.shown.mean(axis=0))[mine]
+    off = (simulator.measured - now.shown.mean(axis=0))[mine]
     return float(np.sqrt((off**2).mean())) if mine else 0.0

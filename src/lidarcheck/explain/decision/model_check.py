@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.report.explanation import Gap
-from lidarcheck.explain.search.related import are_kin
+from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["Open", "calibrated", "carries_over", "widening"]
 
@@ -97,7 +97,7 @@ class Open:
         return float(self.before[of].mean()), float(self.after[of].mean()), float(chance)
 
 
-def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Model, FloatArray, FloatArray]:
+def calibrated(seen: Scale, model: Model, off: Nuisance, pool: WorkerPool) -> tuple[Model, FloatArray, FloatArray]:
     """The model with the small errors put right that were fitted beside the effects, of reflectances, or of the pose
     too, whichever comes nearest; what that leaves of each of `PARTS`, shape (n_parts,), and draws of its noise.
 
@@ -107,7 +107,7 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, crew: Crew) -> tuple[Mo
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
     ways = [model, *([tables.calibrated(model)] if tables.words() else [])]
     posed = [] if off.still else [off.calibrated(model, own_surface=own) for own in (False, True)]
-    found = [*crew.map(Scale.excess_by_part, ((seen.held, way) for way in (*ways, *posed)))]
+    found = [*pool.map(Scale.excess_by_part, ((seen.held, way) for way in (*ways, *posed)))]
     chance = float(found[0][1].mean(axis=1).std(ddof=1))
     # Two angles that are fitted come a little nearer whatever the pose is.
     left = [excess.mean() + chance * (i >= len(ways)) for i, (excess, _) in enumerate(found)]
@@ -142,8 +142,8 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     whole, left, chance = open_.mean_of(parts)
     if whole <= _SURE * chance:
         return True
-    kin = any(are_kin(one, other) for one, other in itertools.combinations(names, 2))
-    least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if kin else _LEAST_CLOSED
+    related = any(are_related(one, other) for one, other in itertools.combinations(names, 2))
+    least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if related else _LEAST_CLOSED
     # Chance takes from what closes as often as it adds to it: one standard deviation is forgiven.
     return left <= (1.0 - least) * whole + chance and all(_may_stay(part, open_, names) for part in parts)
 

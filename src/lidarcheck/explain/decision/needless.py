@@ -14,10 +14,10 @@ from dataclasses import replace
 from lidarcheck.explain.decision.closure import closure
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.search.refine import Judged, judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_kin, is_special_case
+from lidarcheck.explain.search.related import AT_RANDOM, are_related, is_special_case
 from lidarcheck.explain.search.search import DOUBTFUL, without
 from lidarcheck.explain.search.second_look import closes_what_others_left, worth_by_beams
-from lidarcheck.explain.search.selection import Bench, Search, start_fit
+from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.taking_over import is_within_another
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.nuisances import Nuisance
@@ -34,10 +34,10 @@ _MANY, _OF_ALL_BESIDE_MANY = 3, 0.08
 forms may: what two forms leave is soon explained by a third effect."""
 
 
-def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
+def without_needless(bench: SearchData, seen: Scale, search: Search, seed: int) -> Search:
     """The search without names that explain less than is worth a name, and close less of the gap on the frames seen
     than the second look asks of one more; not where the others then need nuisances that are no usual errors."""
-    case, found = bench.lab.model, search
+    case, found = bench.simulator.model, search
     if len(found.fit.probes) < 2:
         return found
     [(whole, _)] = excesses(seen, [case])
@@ -50,7 +50,7 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
             for at, now in enumerate(_fewer(bench, found.fit))
         ]
         asked = [one for one in fewer if many or one[1] is not None]
-        judgements = done_by(bench.crew, judged, [(seen.held, case, now, seed) for now, _, _ in asked])
+        judgements = done_by(bench.pool, judged, [(seen.held, case, now, seed) for now, _, _ in asked])
         enough = [
             (now, its)
             for (now, least, within), its in zip(asked, judgements, strict=True)
@@ -68,15 +68,15 @@ def without_needless(bench: Bench, seen: Scale, search: Search, seed: int) -> Se
     return found
 
 
-def without_any(bench: Bench, seen: Scale, search: Search, seed: int) -> Search:
+def without_any(bench: SearchData, seen: Scale, search: Search, seed: int) -> Search:
     """The search without a name where usual errors alone explain the case, come as near beam by beam and leave no part
     of the gap open; asked only where the gap is small enough to be theirs."""
-    if not search.fit.probes or bench.start > DOUBTFUL * bench.lab.floor_distance:
+    if not search.fit.probes or bench.start > DOUBTFUL * bench.simulator.floor_distance:
         return search
-    off, names = start_fit(bench.lab, nuisances=True), search.fit.names()
+    off, names = start_fit(bench.simulator, nuisances=True), search.fit.names()
     if not _may_be(off.nuisance, names) or not closure(bench, off).holds:
         return search
-    case = bench.lab.model
+    case = bench.simulator.model
     own = search.own or judged(seen, case, search.fit, seed)
     alone = judged(seen, case, off, seed)
     if _may_be(alone.last.nuisance, names) and alone.left <= own.left and _closes_all(seen, case, alone):
@@ -94,7 +94,7 @@ def _is_all_of_a_part(seen: Scale, case: Model, own: Judged, fewer: Judged) -> b
 def _may_be(off: Nuisance, names: Sequence[str]) -> bool:
     """Whether errors may be all that is wrong in the place of some names: usual ones, or reflectances that are all off
     to one side where no name says much the same."""
-    alike = any(name == "signal_gain" or are_kin(name, "signal_gain") for name in names)
+    alike = any(name == "signal_gain" or are_related(name, "signal_gain") for name in names)
     return off.usual or (off.conceivable and not alike)
 
 
@@ -106,17 +106,17 @@ def _closes_all(seen: Scale, case: Model, its: Judged) -> bool:
     return carries_over(Open(before, after, noise, noise_after), its.last.names())
 
 
-def _fewer(bench: Bench, now: Fit) -> Iterator[Fit]:
+def _fewer(bench: SearchData, now: Fit) -> Iterator[Fit]:
     """The fits without one of the effects."""
-    return done_by(bench.crew, without, [(bench.lab.held, now, at) for at in range(len(now.probes))])
+    return done_by(bench.pool, without, [(bench.simulator.held, now, at) for at in range(len(now.probes))])
 
 
-def _explains(bench: Bench, now: Fit, fewer: Fit) -> bool:
+def _explains(bench: SearchData, now: Fit, fewer: Fit) -> bool:
     """Whether fewer effects explain the summaries nearly as well."""
     return fewer.distance - now.distance < bench.worth_beside(fewer.distance)
 
 
-def _least(bench: Bench, now: Fit, at: int, fewer: Fit) -> float | None:
+def _least(bench: SearchData, now: Fit, at: int, fewer: Fit) -> float | None:
     """The part of the whole gap that one of the effects must close besides what the second look asks of one more; None
     where the summaries need it."""
     if _follows_another(now, at):

@@ -16,10 +16,10 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.report.explanation import Finding, Interval
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["Patchiness", "patches_in", "patchiness_of", "with_patches"]
 
@@ -49,7 +49,7 @@ class Patchiness:
 
 
 def with_patches(
-    seen: Scale, model: Model, findings: Sequence[Finding], off: Nuisance, crew: Crew
+    seen: Scale, model: Model, findings: Sequence[Finding], off: Nuisance, pool: WorkerPool
 ) -> tuple[Finding, ...]:
     """The findings, fog in patches if it is among them, its density differs by more than chance, and the model comes
     nearer so than with even fog."""
@@ -61,11 +61,11 @@ def with_patches(
         for effect in finding.effects:
             even = even.with_(effect)
     fog = findings[at].effects[0]
-    found = patchiness_of(seen, even, fog, off, crew)
+    found = patchiness_of(seen, even, fog, off, pool)
     if found is None:
         return tuple(findings)
     patchy = _patchy(fog, found)
-    (left, _), (there, _) = crew.map(Scale.excess, ((seen.held, one, off) for one in (even, even.with_(patchy))))
+    (left, _), (there, _) = pool.map(Scale.excess, ((seen.held, one, off) for one in (even, even.with_(patchy))))
     if there >= left:
         return tuple(findings)
     return (*findings[:at], _found(findings[at], patchy, found), *findings[at + 1 :])
@@ -81,14 +81,14 @@ def patches_in(findings: Sequence[Finding]) -> str:
     return ""
 
 
-def patchiness_of(seen: Scale, even: Model, fog: Effect, off: Nuisance, crew: Crew) -> Patchiness | None:
+def patchiness_of(seen: Scale, even: Model, fog: Effect, off: Nuisance, pool: WorkerPool) -> Patchiness | None:
     """How patchy the fog is on these frames, None where it is no more so than even fog by chance.
 
     `even`: the model with even fog, `fog` that effect, `off` the small errors that were fitted besides.
     """
     cells, backscatter = _Cells.of(seen), float(fog.settings()["backscatter"])
     ladder = [{**fog.settings(), "backscatter": min(backscatter * one, _BRIGHTEST)} for one in _DENSITIES]
-    shown = crew.map(_light, ((seen.held, even.with_(make("fog", one)), off, 1) for one in ladder))
+    shown = pool.map(_light, ((seen.held, even.with_(make("fog", one)), off, 1) for one in ladder))
     tables = np.maximum.accumulate(np.array([one[0] for one in shown]), axis=0)
     chance = np.array([_log_density(one, tables) for one in _light(seen, even, off, _SEEDS)])
     # Where fog hardly shows, what is seen is chance and says nothing of its density.
@@ -180,10 +180,10 @@ class _Cells:
         sectors = int(sector.max()) + 1
         return cls(seen.beams.frame * sectors + sector, (len(seen.frames), sectors))
 
-    def light(self, sights: Sights) -> FloatArray:
+    def light(self, observations: Observations) -> FloatArray:
         """The light of the echoes of no surface in each cell, as AREA; shape `shape`."""
-        lone = sights.extra_side < 0
-        cell, area = self.cell[sights.extra_beam[lone]], np.exp(sights.extra_area[lone])
+        lone = observations.extra_side < 0
+        cell, area = self.cell[observations.extra_beam[lone]], np.exp(observations.extra_area[lone])
         return np.bincount(cell, area, self.shape[0] * self.shape[1]).reshape(self.shape).astype(np.float64)
 
     @property

@@ -14,10 +14,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = ["recurs"]
 
@@ -33,12 +33,12 @@ many do."""
 _AT_RANGE_M = 2.5
 
 
-def recurs(seen: Scale, model: Model, name: str, crew: Crew) -> bool:
+def recurs(seen: Scale, model: Model, name: str, pool: WorkerPool) -> bool:
     """Whether the echoes that an effect of the model is to add or lose at random are the same columns' in every frame,
     or those that it is to add gather beside bright targets; False of effects that do not strike at random."""
     if name not in _COUNTED:
         return False
-    with_, without = crew.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
+    with_, without = pool.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
     count = _COUNTED[name]
     usual = sum(count(seen, one) for one in without) / _SEEDS
     measured, *random = (_agreement(count(seen, one) - usual) for one in (seen.measured, *with_))
@@ -52,7 +52,7 @@ def _is_more(measured: float, random: Sequence[float], least: float) -> bool:
     return bool(measured > np.mean(random) + max(least, _SURE * float(np.std(random, ddof=1))))
 
 
-def _gathers(seen: Scale, with_: Sequence[Sights], without: Sequence[Sights]) -> bool:
+def _gathers(seen: Scale, with_: Sequence[Observations], without: Sequence[Observations]) -> bool:
     """Whether a larger part of the measured echoes that are too many lies beside bright targets, at their range, or on
     beams that meet one material: foreign pulses strike whatever a beam meets."""
     usual = np.mean([_gathered(seen, one) for one in without], axis=0)
@@ -64,18 +64,18 @@ def _gathers(seen: Scale, with_: Sequence[Sights], without: Sequence[Sights]) ->
     )
 
 
-def _gathered(seen: Scale, sights: Sights) -> FloatArray:
+def _gathered(seen: Scale, observations: Observations) -> FloatArray:
     """How many echoes of no surface there are, how many of them at the range of a bright target beside them, and how
     many on beams that meet each material, or nothing."""
-    beams, lone = seen.beams, sights.extra_side < 0
-    beam, range_m = sights.extra_beam[lone], sights.extra_m[lone, None]
+    beams, lone = seen.beams, observations.extra_side < 0
+    beam, range_m = observations.extra_beam[lone], observations.extra_m[lone, None]
     near = ((beams.bright[beam] > 0) & (np.abs(range_m - beams.bright_m[beam]) < _AT_RANGE_M)).any(axis=1)
     _, material = np.unique(beams.material_id, return_inverse=True)
     on_each = np.bincount(material[beam], minlength=int(material.max()) + 1)
     return np.array([len(beam), np.count_nonzero(near), *on_each], dtype=np.float64)
 
 
-def _shown(seen: Scale, model: Model) -> list[Sights]:
+def _shown(seen: Scale, model: Model) -> list[Observations]:
     return seen.simulated(model, 9600, _SEEDS)
 
 
@@ -88,14 +88,14 @@ def _agreement(count: FloatArray) -> float:
     return float(both / max(alone, 1e-9))
 
 
-def _others(seen: Scale, sights: Sights) -> FloatArray:
+def _others(seen: Scale, observations: Observations) -> FloatArray:
     """The number of echoes of no surface in each frame's columns, shape (n_frames, n_points)."""
-    return _by_column(seen, sights.extra_beam[sights.extra_side < 0])
+    return _by_column(seen, observations.extra_beam[observations.extra_side < 0])
 
 
-def _lost(seen: Scale, sights: Sights) -> FloatArray:
+def _lost(seen: Scale, observations: Observations) -> FloatArray:
     """The number of surfaces that are not detected in each frame's columns, shape (n_frames, n_points)."""
-    return _by_column(seen, np.flatnonzero((seen.beams.distance_m > 0.0) & ~sights.detected))
+    return _by_column(seen, np.flatnonzero((seen.beams.distance_m > 0.0) & ~observations.detected))
 
 
 def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
@@ -107,7 +107,7 @@ def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
 
 
 _ADDED = ("interference",)
-_COUNTED: dict[str, Callable[[Scale, Sights], FloatArray]] = {
+_COUNTED: dict[str, Callable[[Scale, Observations], FloatArray]] = {
     "interference": _others,
     "dropout": _lost,
     "vibration": _others,

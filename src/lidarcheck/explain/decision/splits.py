@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.inference.edges import FOOTPRINTS, at_borders
-from lidarcheck.inference.pairing import Sights
+from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 
@@ -41,9 +41,9 @@ def only_edges_stay(seen: Scale, model: Model, before: float) -> bool:
     return more > _PART * shown and shown > _PART * more and _off_edges(seen, model) < _OPEN * before
 
 
-def _split(sights: Sights) -> int:
+def _split(observations: Observations) -> int:
     """The number of echoes at a neighbour's range beside those of the beam's own surface."""
-    return int(np.count_nonzero((sights.extra_side >= 0) & sights.detected[sights.extra_beam]))
+    return int(np.count_nonzero((observations.extra_side >= 0) & observations.detected[observations.extra_beam]))
 
 
 def _off_edges(seen: Scale, model: Model) -> float:

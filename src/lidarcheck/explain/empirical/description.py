@@ -15,15 +15,15 @@ import numpy as np
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.empirical.terms import Kind, again, described, terms
-from lidarcheck.explain.search.selection import Bench
+from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.inference.nuisances import beside
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 
 __all__ = ["Description", "describe"]
 
-Told = Callable[[str, int, int], object]
+ProgressCallback = Callable[[str, int, int], object]
 
 _MOST_TERMS = 5
 _LEAST_PART = 0.02
@@ -40,7 +40,7 @@ class Description:
     words: str
 
 
-def describe(bench: Bench, seen: Scale, seed: int, told: Told) -> Description:
+def describe(bench: SearchData, seen: Scale, seed: int, told: ProgressCallback) -> Description:
     """Add the term that helps most while one helps on the select frames, at most five of different kinds.
 
     The chosen kinds are then fitted again on the fit and select frames together, which cover more, and kept as long as
@@ -49,12 +49,12 @@ def describe(bench: Bench, seen: Scale, seed: int, told: Told) -> Description:
     kinds = _chosen(bench, told)
     if not kinds:
         return Description((), "")
-    lab = Lab((*bench.lab.frames, *bench.select.frames), bench.lab.model, seed)
-    model = lab.model
+    simulator = Simulator((*bench.simulator.frames, *bench.select.frames), bench.simulator.model, seed)
+    model = simulator.model
     left = seen.excess(model)[0]
     words: list[str] = []
     for kind in kinds:
-        found = again(lab, model, kind)
+        found = again(simulator, model, kind)
         if found is None:
             continue
         nearer = _with(model, found)
@@ -62,19 +62,19 @@ def describe(bench: Bench, seen: Scale, seed: int, told: Told) -> Description:
         if now < left:
             model, left = nearer, now
             words.append(kind.words(found))
-    new = (effect for effect in model.effects if effect not in lab.model.effects)
+    new = (effect for effect in model.effects if effect not in simulator.model.effects)
     return Description(tuple(new), "; ".join(words))
 
 
-def _chosen(bench: Bench, told: Told) -> list[Kind]:
+def _chosen(bench: SearchData, told: ProgressCallback) -> list[Kind]:
     """The kinds of terms that bring the select frames nearer, fitted on the fit frames."""
-    lab, select = bench.lab, bench.select
-    model, other = lab.model, select.model
+    simulator, select = bench.simulator, bench.select
+    model, other = simulator.model, select.model
     kinds: list[Kind] = []
     taken = described(model)
     best = select.distance(np.zeros((1, len(select.measured))))
     for number in range(_MOST_TERMS):
-        tried = list(terms(lab, model, taken | {kind.part for kind in kinds}))
+        tried = list(terms(simulator, model, taken | {kind.part for kind in kinds}))
         found: list[tuple[float, Kind, Effect]] = []
         for i, (kind, effect) in enumerate(tried):
             with contextlib.suppress(UsageError):  # a term out of its range cannot be carried

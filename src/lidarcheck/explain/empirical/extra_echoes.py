@@ -10,8 +10,8 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
-from lidarcheck.inference.pairing import Sights
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
 __all__ = ["extras"]
@@ -27,17 +27,17 @@ _FEWEST, _MOST = 20.0, 9.0
 """So many more echoes than the model shows are described, and at most so many of a beam."""
 
 
-def extras(lab: Lab, model: Model, covariates: Sequence[str]) -> Iterator[tuple[str, Effect]]:
+def extras(simulator: Simulator, model: Model, covariates: Sequence[str]) -> Iterator[tuple[str, Effect]]:
     """Echoes of no surface: how often, over each of some covariates, where along the beam, and how strong."""
-    measured = lab.measured_sights
-    shown = [lab.sights(model, 300 + k) for k in range(2)]
+    measured = simulator.measured_sights
+    shown = [simulator.observations(model, 300 + k) for k in range(2)]
     lone = measured.extra_side < 0
-    there = np.bincount(measured.extra_beam[lone], minlength=len(lab.beams)).astype(np.float64)
-    ours = sum(np.bincount(s.extra_beam[s.extra_side < 0], minlength=len(lab.beams)) for s in shown) / len(shown)
+    there = np.bincount(measured.extra_beam[lone], minlength=len(simulator.beams)).astype(np.float64)
+    ours = sum(np.bincount(s.extra_beam[s.extra_side < 0], minlength=len(simulator.beams)) for s in shown) / len(shown)
     excess = there - ours
     if excess.sum() < _FEWEST:
         return
-    places, known = _places(lab, measured), [_places(lab, s) for s in shown]
+    places, known = _places(simulator, measured), [_places(simulator, s) for s in shown]
     new = {p: _new(v, [k[p] for k in known]) for p, v in places.items() if np.isfinite(v).mean() > _MEET}
     weights = {p: weight for p, weight in new.items() if weight.any()}
     if not weights:
@@ -56,17 +56,19 @@ def extras(lab: Lab, model: Model, covariates: Sequence[str]) -> Iterator[tuple[
     }
     shape = {"range_from": tightest, "range_knots": knots, "range_density": np.round(density / density.max(), 4)}
     for name in covariates:
-        where, values = curve(covariate(lab, name), np.clip(excess, -_MOST, _MOST), np.ones(len(excess)), name, _KNOTS)
+        where, values = curve(
+            covariate(simulator, name), np.clip(excess, -_MOST, _MOST), np.ones(len(excess)), name, _KNOTS
+        )
         values = np.round(np.clip(values, 0.0, _MOST), 5).astype(np.float64)
         often = {"covariate": name, "knots": np.round(where, 4), "values": values}
         yield name, make("empirical_extra", {**often, **shape, **amplitude})
 
 
-def _places(lab: Lab, sights: Sights) -> dict[str, FloatArray]:
+def _places(simulator: Simulator, observations: Observations) -> dict[str, FloatArray]:
     """Where the echoes of no surface are: from the sensor, behind the beam's surface and in multiples of its range, NaN
     for beams that meet none; each of shape (m,)."""
-    lone = sights.extra_side < 0
-    range_m, own = sights.extra_m[lone], lab.beams.distance_m[sights.extra_beam[lone]]
+    lone = observations.extra_side < 0
+    range_m, own = observations.extra_m[lone], simulator.beams.distance_m[observations.extra_beam[lone]]
     own = np.where(own > 0.0, own, np.nan)
     return {"sensor": range_m, "surface": range_m - own, "ratio": range_m / own}
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.search.located import dimming_of
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
 __all__ = ["PARTS", "Residual", "covariate", "residuals"]
@@ -46,9 +46,9 @@ class Residual:
         return float((self.weight * self.value).sum() ** 2 / max(self.weight.sum(), 1e-9))
 
 
-def covariate(lab: Lab, name: str) -> FloatArray:
+def covariate(simulator: Simulator, name: str) -> FloatArray:
     """A covariate of all beams of a lab, (n_beams,)."""
-    beams = lab.beams
+    beams = simulator.beams
     if name == "signal_log10":
         return np.log10(np.maximum(beams.signal, 1e-9))
     columns = {"range_m": beams.distance_m, "layer": beams.layer, "point": beams.point,
@@ -56,18 +56,18 @@ def covariate(lab: Lab, name: str) -> FloatArray:
     return np.asarray(columns[name], dtype=np.float64)
 
 
-def residuals(lab: Lab, model: Model) -> Iterator[Residual]:
+def residuals(simulator: Simulator, model: Model) -> Iterator[Residual]:
     """What is left over for each part, beam by beam."""
-    shown = [lab.sights(model, 300 + k) for k in range(_SEEDS)]
-    measured, expected = lab.measured_sights, lab.summaries.expected
+    shown = [simulator.observations(model, 300 + k) for k in range(_SEEDS)]
+    measured, expected = simulator.measured_sights, simulator.summaries.expected
     count = sum(s.detected.astype(np.float64) for s in shown)
     mean = sum(s.feature for s in shown) / np.maximum(count, 1.0)[:, None]
     both = measured.detected & (count > 0)
     rows = np.flatnonzero(both)
     off = np.where(both[:, None], measured.feature - mean, 0.0)[rows].astype(np.float64)
     weight = 1.0 / expected.spread[rows] ** 2
-    dimming = dimming_of(lab, mean[:, 1].astype(np.float64), both)
-    yield Residual("signal", dimming.log_gain, dimming.weight, np.arange(len(lab.beams)), 2.0)
+    dimming = dimming_of(simulator, mean[:, 1].astype(np.float64), both)
+    yield Residual("signal", dimming.log_gain, dimming.weight, np.arange(len(simulator.beams)), 2.0)
     yield Residual("range", np.clip(off[:, 0], -2.0, 2.0), weight[:, 0], rows, 2.0)
     yield Residual("amplitude", np.clip(off[:, 1], -2.0, 2.0), weight[:, 1], rows, 2.0)
     seen = np.flatnonzero(measured.detected & (count == len(shown)))

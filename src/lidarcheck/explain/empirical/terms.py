@@ -12,7 +12,7 @@ from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import at, curve, levels, repeating, rhythms, steps_of
 from lidarcheck.explain.empirical.extra_echoes import extras
 from lidarcheck.explain.empirical.residuals import PARTS, Residual, covariate, residuals
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
 __all__ = ["Kind", "again", "described", "terms"]
@@ -74,36 +74,36 @@ def described(model: Model) -> set[str]:
     return {kind.part for kind in kinds if f"knots{kind.suffix}" in have.get(kind.term, {})}
 
 
-def terms(lab: Lab, model: Model, taken: set[str]) -> Iterator[tuple[Kind, Effect]]:
+def terms(simulator: Simulator, model: Model, taken: set[str]) -> Iterator[tuple[Kind, Effect]]:
     """Terms of each part that is not taken, fitted to what the model leaves over."""
-    for residual in residuals(lab, model):
+    for residual in residuals(simulator, model):
         if residual.part not in taken and residual.weight.sum() > 0.0:
-            for kind in _kinds(lab, residual):
-                yield kind, _fitted(lab, residual, kind)
-    if "range" not in taken and (lattice := _fitted_lattice(lab)) is not None:
+            for kind in _kinds(simulator, residual):
+                yield kind, _fitted(simulator, residual, kind)
+    if "range" not in taken and (lattice := _fitted_lattice(simulator)) is not None:
         yield lattice
     if "extra" not in taken:
-        for name, effect in extras(lab, model, _COVARIATES):
+        for name, effect in extras(simulator, model, _COVARIATES):
             yield Kind("extra", (name,)), effect
 
 
-def again(lab: Lab, model: Model, kind: Kind) -> Effect | None:
+def again(simulator: Simulator, model: Model, kind: Kind) -> Effect | None:
     """A kind of term fitted anew, or None where there is nothing left to fit it to."""
     if kind.part == "extra":
-        return next((effect for name, effect in extras(lab, model, kind.covariates)), None)
+        return next((effect for name, effect in extras(simulator, model, kind.covariates)), None)
     if kind.shape == "lattice":
-        found = _fitted_lattice(lab)
+        found = _fitted_lattice(simulator)
         return found and found[1]
-    residual = next(one for one in residuals(lab, model) if one.part == kind.part)
+    residual = next(one for one in residuals(simulator, model) if one.part == kind.part)
     known = residual.weight.sum() > 0.0 and not (kind.shape == "levels" and residual.all_values is None)
-    return _fitted(lab, residual, kind) if known else None
+    return _fitted(simulator, residual, kind) if known else None
 
 
-def _kinds(lab: Lab, residual: Residual) -> Iterator[Kind]:
+def _kinds(simulator: Simulator, residual: Residual) -> Iterator[Kind]:
     """Splines over each of the best covariates, roughly and finely, and over the best two together; what repeats; and
     levels of the feature itself. None where no covariate explains more than chance."""
     part = residual.part
-    ranked = sorted(((_explained(lab, residual, name), name) for name in _COVARIATES), reverse=True)
+    ranked = sorted(((_explained(simulator, residual, name), name) for name in _COVARIATES), reverse=True)
     if part in _OWN and residual.all_values is not None:
         yield Kind(part, (_OWN[part],), shape="levels")
     if residual.is_mean and ranked[0][0] < _LEAST_EXPLAINED:
@@ -119,35 +119,35 @@ def _kinds(lab: Lab, residual: Residual) -> Iterator[Kind]:
         level = residual.explained_by_mean()
         least = level + max(_RHYTHMIC * (ranked[0][0] - level), _LEAST_EXPLAINED)
         for name in _PERIODIC:
-            u = covariate(lab, name)[residual.rows]
+            u = covariate(simulator, name)[residual.rows]
             for period, explained in rhythms(u, residual.value, residual.weight, name):
                 if explained > least:
                     yield Kind(part, (name,), shape="repeats", period=period)
 
 
-def _explained(lab: Lab, residual: Residual, name: str) -> float:
+def _explained(simulator: Simulator, residual: Residual, name: str) -> float:
     """How much of what is left over a rough curve over a covariate explains, in squares of standard deviations."""
-    u, value = covariate(lab, name)[residual.rows], residual.value
+    u, value = covariate(simulator, name)[residual.rows], residual.value
     part = at(*curve(u, value, residual.weight, name, _KNOTS), u, name)
     return float((residual.weight * (value**2 - (value - part) ** 2)).sum())
 
 
-def _fitted(lab: Lab, residual: Residual, kind: Kind) -> Effect:
+def _fitted(simulator: Simulator, residual: Residual, kind: Kind) -> Effect:
     """The term of a kind, fitted to what is left over."""
     if kind.shape == "levels":
         assert residual.all_values is not None
         return _made(kind, residual, [levels(kind.covariates[0], *residual.all_values)])
     if kind.shape == "repeats":
         name = kind.covariates[0]
-        u = covariate(lab, name)[residual.rows]
+        u = covariate(simulator, name)[residual.rows]
         return _made(kind, residual, [repeating(u, residual.value, residual.weight, name, kind.period)])
-    return _made(kind, residual, _backfitted(lab, residual, kind))
+    return _made(kind, residual, _backfitted(simulator, residual, kind))
 
 
-def _backfitted(lab: Lab, residual: Residual, kind: Kind) -> list[tuple[FloatArray, FloatArray]]:
+def _backfitted(simulator: Simulator, residual: Residual, kind: Kind) -> list[tuple[FloatArray, FloatArray]]:
     """The additive curves of one or two covariates."""
     names = kind.covariates
-    columns = [covariate(lab, name)[residual.rows] for name in names]
+    columns = [covariate(simulator, name)[residual.rows] for name in names]
     parts = [np.zeros(len(residual.rows)) for _ in names]
     curves: list[tuple[FloatArray, FloatArray]] = [(np.zeros(1), np.zeros(1)) for _ in names]
     for _ in range(3 if len(names) > 1 else 1):
@@ -174,9 +174,9 @@ def _made(kind: Kind, residual: Residual, curves: list[tuple[FloatArray, FloatAr
     return make(kind.term, settings)
 
 
-def _fitted_lattice(lab: Lab) -> tuple[Kind, Effect] | None:
+def _fitted_lattice(simulator: Simulator) -> tuple[Kind, Effect] | None:
     """Ranges on the steps of a coarse scale: the nearest of these, wherever the measured ones stand on some."""
-    found = steps_of(np.concatenate([frame.measured.range_m for frame in lab.frames]))
+    found = steps_of(np.concatenate([frame.measured.range_m for frame in simulator.frames]))
     if found is None:
         return None
     first_m, step_m = found

@@ -15,12 +15,12 @@ __all__ = [
     "Explanation",
     "Finding",
     "Gap",
-    "Hearer",
     "Interval",
     "Progress",
+    "ProgressCallback",
+    "SearchStep",
     "Standout",
-    "Step",
-    "Teller",
+    "StepCallback",
 ]
 
 VERDICTS = ("no_gap", "explained", "unknown")
@@ -125,16 +125,16 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SearchStep:
     """What one step of the workflow did, in words."""
 
     name: str
     words: str
 
 
-Teller = Callable[[str, int, int], object]
+ProgressCallback = Callable[[str, int, int], object]
 """Told (step, done, of) while the workflow runs; called often."""
-Hearer = Callable[[Step], object]
+StepCallback = Callable[[SearchStep], object]
 """Hears what was found while the workflow runs, in words."""
 
 
@@ -158,7 +158,7 @@ class Explanation:
     not_testable: Mapping[str, str]
     gap: Gap
     model: Model
-    steps: tuple[Step, ...]
+    steps: tuple[SearchStep, ...]
     where: tuple[Standout, ...]
     candidates: tuple[Candidate, ...]
     split: Mapping[str, tuple[int, ...]]

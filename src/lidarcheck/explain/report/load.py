@@ -11,7 +11,7 @@ from typing import Any
 
 from lidarcheck.effects.base import find
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, Standout, Step
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, SearchStep, Standout
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
 
@@ -57,7 +57,7 @@ def _explanation(document: Mapping[str, Any], before: Model, after: Model) -> Ex
         not_testable=dict(document["why_not_testable"]),
         gap=_gap(document["gap"]),
         model=after,
-        steps=tuple(Step(one["step"], one["found"]) for one in document["steps"]),
+        steps=tuple(SearchStep(one["step"], one["found"]) for one in document["steps"]),
         where=tuple(Standout(**one) for one in document["where"]),
         candidates=tuple(_candidate(one) for one in document["candidates"]),
         split={name: tuple(frames) for name, frames in document["split"].items()},

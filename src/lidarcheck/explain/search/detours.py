@@ -10,12 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lidarcheck.explain.decision.closure import closure
-from lidarcheck.explain.progress import silent
-from lidarcheck.explain.search.merit import CHANCE, Trial, best_of_each_name
-from lidarcheck.explain.search.related import are_kin
+from lidarcheck.explain.progress import ignore_progress
+from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
+from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.search import backward, without
-from lidarcheck.explain.search.selection import Bench, Search, Told, accept, onward
+from lidarcheck.explain.search.selection import Search, SearchData, Told, accept, onward
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.gauss_newton import Fit
 
@@ -31,7 +31,7 @@ _NEARER, _SIMPLER = 0.6, 0.9
 effects, that part."""
 
 
-def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+def detours(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Search:
     """The search that begins with another effect than the best of the first round, where that leads much nearer."""
     left = _left(bench, found.fit)
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
@@ -48,7 +48,7 @@ def detours(bench: Bench, found: Search, screened: Sequence[Screened], told: Tol
     return nearest
 
 
-def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Iterator[Search]:
+def other_ways(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Iterator[Search]:
     """The searches that begin with another effect than the best of the first round, and go on without that one."""
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
     if first is None:
@@ -60,28 +60,28 @@ def other_ways(bench: Bench, found: Search, screened: Sequence[Screened], told: 
         told("detour", i, len(ways))
         way = next((known for begun, known in bench.ways if begun is trial), None)
         if way is None:
-            way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, silent)
-            way.fit = backward(bench, way.fit, silent)
+            way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, ignore_progress)
+            way.fit = backward(bench, way.fit, ignore_progress)
             bench.ways.append((trial, way))
         yield replace(way)
 
 
-def _others(found: Search, first: Trial) -> list[Trial]:
+def _others(found: Search, first: FittedCandidate) -> list[FittedCandidate]:
     """The best trial of each other name of the first round, the best names first."""
     least = _PROMISING * first.merit
     others = (t for t in found.trials if t.round == 1 and t.passes and t.name != first.name and t.merit > least)
     return best_of_each_name(others)[:_MOST]
 
 
-def _left(bench: Bench, now: Fit) -> float:
+def _left(bench: SearchData, now: Fit) -> float:
     """What a fit leaves open on the frames of the fit and of the selection."""
     there = select_distance(bench.select, now) - bench.select.floor_distance
-    return now.distance - bench.lab.floor_distance + there
+    return now.distance - bench.simulator.floor_distance + there
 
 
-def with_fewer_kin(bench: Bench, found: Search) -> Iterator[Search]:
+def with_fewer_kin(bench: SearchData, found: Search) -> Iterator[Search]:
     """The search without the later one of two effects that change the same features in the same way."""
     names = found.fit.names()
     for later, name in enumerate(names):
-        if any(are_kin(name, earlier) for earlier in names[:later]):
-            yield Search(found.first, without(bench.lab, found.fit, later), found.trials)
+        if any(are_related(name, earlier) for earlier in names[:later]):
+            yield Search(found.first, without(bench.simulator, found.fit, later), found.trials)

@@ -13,10 +13,10 @@ from lidarcheck.explain.search.located_losses import loss_probes
 from lidarcheck.explain.search.located_patch import to_lines
 from lidarcheck.explain.search.located_ranges import range_probes
 from lidarcheck.explain.search.located_rhythms import rhythm_probes
-from lidarcheck.explain.search.starts import Free, Probe, free_of
+from lidarcheck.explain.search.starts import FreeParameter, Probe, free_of
 from lidarcheck.inference.dimming import Dimming
 from lidarcheck.inference.nuisances import beside
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["Dimming", "dimming_of", "gains_of_layers", "located_probes"]
 
@@ -29,41 +29,41 @@ _BLOCKS = 16
 _PERIODS = (2, 3, 4, 5, 6, 8)
 
 
-def located_probes(lab: Lab, names: Iterable[str]) -> list[Probe]:
+def located_probes(simulator: Simulator, names: Iterable[str]) -> list[Probe]:
     """The starts for effects that have a place: layers, a patch, a material, a rhythm."""
     wanted = set(names)
-    expected = lab.summaries.expected
-    dimming = dimming_of(lab, expected.mean[:, 1], expected.known)
+    expected = simulator.summaries.expected
+    dimming = dimming_of(simulator, expected.mean[:, 1], expected.known)
     found: list[Probe] = []
     if "material_reflectance" in wanted:
-        found += _materials(lab, dimming)
+        found += _materials(simulator, dimming)
     if "layer_gain" in wanted:
-        found += _layers(lab, dimming)
+        found += _layers(simulator, dimming)
     if "blockage" in wanted:
-        found += _patches(lab, dimming)
+        found += _patches(simulator, dimming)
     if "vibration" in wanted:
-        found += rhythm_probes(lab)
+        found += rhythm_probes(simulator)
     if "dropout" in wanted:
-        found += loss_probes(lab)
-    found += range_probes(lab, wanted)
+        found += loss_probes(simulator)
+    found += range_probes(simulator, wanted)
     if "motion" in wanted:
-        found += _movers(lab)
+        found += _movers(simulator)
     if "mirror_multipath" in wanted:
-        found += _mirrors(lab)
+        found += _mirrors(simulator)
     return found
 
 
-def dimming_of(lab: Lab, log_area: FloatArray, known: npt.NDArray[np.bool_]) -> Dimming:
+def dimming_of(simulator: Simulator, log_area: FloatArray, known: npt.NDArray[np.bool_]) -> Dimming:
     """The gain that each beam asks for, against a model's mean ln AREA where that is known, shapes (n,).
 
     From ln AREA, by its slope over ln S at that amplitude, as the case's model itself shows with more light.
     """
-    expected = lab.summaries.expected
-    brighter = lab.sights(beside(lab.model, make("signal_gain", {"gain": 1.25})), 0)
+    expected = simulator.summaries.expected
+    brighter = simulator.observations(beside(simulator.model, make("signal_gain", {"gain": 1.25})), 0)
     seen = expected.known & brighter.detected
     change = np.where(seen, brighter.feature[:, 1] - expected.mean[:, 1], 0.0) / np.log(1.25)
-    slope = _by_amplitude(lab, change, seen)
-    measured = lab.measured_sights
+    slope = _by_amplitude(simulator, change, seen)
+    measured = simulator.measured_sights
     valid = measured.detected & known & expected.known & (slope > 0.1)
     spread = np.maximum(expected.spread[:, 1], 1e-3)
     gain = np.where(valid, (measured.feature[:, 1] - log_area) / np.maximum(slope, 0.1), 0.0)
@@ -75,9 +75,9 @@ def dimming_of(lab: Lab, log_area: FloatArray, known: npt.NDArray[np.bool_]) -> 
     )
 
 
-def _by_amplitude(lab: Lab, value: FloatArray, seen: npt.NDArray[np.bool_]) -> FloatArray:
+def _by_amplitude(simulator: Simulator, value: FloatArray, seen: npt.NDArray[np.bool_]) -> FloatArray:
     """The mean of beams alike in amplitude, for every beam."""
-    amplitude = lab.summaries.expected.mean[:, 1]
+    amplitude = simulator.summaries.expected.mean[:, 1]
     edges = np.quantile(amplitude[seen], np.linspace(0.0, 1.0, 25)[1:-1]) if seen.any() else np.zeros(0)
     place = np.searchsorted(edges, amplitude)
     count = np.bincount(place[seen], minlength=len(edges) + 1)
@@ -85,9 +85,9 @@ def _by_amplitude(lab: Lab, value: FloatArray, seen: npt.NDArray[np.bool_]) -> F
     return (total / np.maximum(count, 1))[place]
 
 
-def _materials(lab: Lab, dimming: Dimming) -> list[Probe]:
-    ids, place = np.unique(lab.beams.material_id, return_inverse=True)
-    gain, _ = dimming.mean(np.where(lab.beams.material_id >= 0, place, -1), len(ids))
+def _materials(simulator: Simulator, dimming: Dimming) -> list[Probe]:
+    ids, place = np.unique(simulator.beams.material_id, return_inverse=True)
+    gain, _ = dimming.mean(np.where(simulator.beams.material_id >= 0, place, -1), len(ids))
     free = free_of("material_reflectance")
     found = []
     for material, g in zip(ids, gain, strict=True):
@@ -98,9 +98,9 @@ def _materials(lab: Lab, dimming: Dimming) -> list[Probe]:
     return found
 
 
-def _layers(lab: Lab, dimming: Dimming) -> list[Probe]:
+def _layers(simulator: Simulator, dimming: Dimming) -> list[Probe]:
     """A band, every k-th layer of the whole view or of a band, by the largest contrast with the other layers."""
-    layers, place = np.unique(lab.beams.layer, return_inverse=True)
+    layers, place = np.unique(simulator.beams.layer, return_inverse=True)
     if len(layers) < 4:
         return []
     gain, weight = dimming.mean(place, len(layers))
@@ -169,27 +169,27 @@ def _comb(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
     return Probe("layer_gain", {"gain": level}, free_of("layer_gain"), settings)
 
 
-def _patches(lab: Lab, dimming: Dimming) -> list[Probe]:
+def _patches(simulator: Simulator, dimming: Dimming) -> list[Probe]:
     """The rectangle of the field of view that is dimmed most against the rest, sharp and soft."""
-    rows, row = _blocks(lab.beams.layer)
-    columns, column = _blocks(lab.beams.point)
+    rows, row = _blocks(simulator.beams.layer)
+    columns, column = _blocks(simulator.beams.point)
     gain, weight = dimming.mean(row * (len(columns) - 1) + column, (len(rows) - 1) * (len(columns) - 1))
     shape = (len(rows) - 1, len(columns) - 1)
     dim = -np.clip(gain - np.average(gain, weights=weight + 1e-9), -2.0, 2.0)
     top, bottom, left, right = _best_rectangle((dim * weight).reshape(shape), weight.reshape(shape))
-    box = to_lines(lab, dimming, (int(rows[top]), int(rows[bottom]), int(columns[left]), int(columns[right])))
+    box = to_lines(simulator, dimming, (int(rows[top]), int(rows[bottom]), int(columns[left]), int(columns[right])))
     place = {
         "first_layer": box[0], "last_layer": box[1] - 1,
         "first_point": box[2], "last_point": box[3] - 1,
     }  # fmt: skip
-    beams = lab.beams
+    beams = simulator.beams
     inside = (beams.layer >= box[0]) & (beams.layer < box[1]) & (beams.point >= box[2]) & (beams.point < box[3])
     means, weights = dimming.mean(inside.astype(np.int64), 2)
     level = float(means[1] - (means[0] if weights[0] > 0.0 else 0.0))
     transmission = float(np.clip(np.exp(level), 0.02, 0.95))
     free = (
         *free_of("blockage"),
-        *(Free(name, step, whole=True) for name, step in zip(place, (4.0, 4.0, 4.0, 4.0), strict=True)),
+        *(FreeParameter(name, step, whole=True) for name, step in zip(place, (4.0, 4.0, 4.0, 4.0), strict=True)),
     )
     # Echoes that are lost say only that little comes through: half of it is a start, too.
     starts = [(t, place, 0.05, 0.0) for t in (transmission, 0.5 * transmission)]
@@ -231,22 +231,22 @@ def _best_rectangle(total: FloatArray, weight: FloatArray) -> tuple[int, int, in
     return where
 
 
-def _movers(lab: Lab) -> list[Probe]:
+def _movers(simulator: Simulator) -> list[Probe]:
     """Objects that have a number may move on their own."""
-    ids, counts = np.unique(lab.beams.object_id[lab.beams.object_id >= 0], return_counts=True)
+    ids, counts = np.unique(simulator.beams.object_id[simulator.beams.object_id >= 0], return_counts=True)
     found = []
     for number in ids[np.argsort(-counts)][:6]:
         for sign in (1.0, -1.0):
             settings = {"forward_m_s": 8.0 * sign, "left_m_s": 0.0}
-            free = (Free("forward_m_s", 1.0), Free("left_m_s", 1.0))
+            free = (FreeParameter("forward_m_s", 1.0), FreeParameter("left_m_s", 1.0))
             found.append(Probe("motion", settings, free, {"object_id": int(number)}))
     return found
 
 
-def _mirrors(lab: Lab) -> list[Probe]:
+def _mirrors(simulator: Simulator) -> list[Probe]:
     """Each material as the mirror."""
-    ids = np.unique(lab.beams.material_id[(lab.beams.material_id >= 0) & ~lab.beams.retro])
-    free = (Free("reflectivity", 0.2, log=True), Free("grazing", 0.1))
+    ids = np.unique(simulator.beams.material_id[(simulator.beams.material_id >= 0) & ~simulator.beams.retro])
+    free = (FreeParameter("reflectivity", 0.2, log=True), FreeParameter("grazing", 0.1))
     return [
         Probe("mirror_multipath", {"reflectivity": value}, free, {"material_id": int(i)})
         for i in ids

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.explain.search.starts import Probe, free_of
 from lidarcheck.inference.beam_table import key_of
 from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["as_struck", "loss_probes", "share_spread"]
 
@@ -33,9 +33,9 @@ _CHANCE = 3.0
 """Shares of two sets of frames that differ by less than so many standard deviations may be one."""
 
 
-def loss_probes(lab: Lab) -> list[Probe]:
+def loss_probes(simulator: Simulator) -> list[Probe]:
     """Dropout in blocks, where beams of a block are lost together more often than others."""
-    losses = _Losses.of(lab)
+    losses = _Losses.of(simulator)
     found = None if losses.lost.sum() < _FEWEST else _blocks(losses)
     if found is None:
         return []
@@ -44,29 +44,29 @@ def loss_probes(lab: Lab) -> list[Probe]:
     return [Probe("dropout", {"share": share}, free_of("dropout"), fixed, "blocks")]
 
 
-def as_struck(lab: Lab, now: Fit) -> Fit:
+def as_struck(simulator: Simulator, now: Fit) -> Fit:
     """The fit with as large a share of blocks lost as a lab's own frames show, where chance may make the difference: of
     a hundred blocks of which each is lost with 5 %, a frame loses two, or nine."""
     for place, (probe, effect) in enumerate(zip(now.probes, now.effects(), strict=True)):
         size = _size(probe)
-        if size == (1, 1) or not len((losses := _Losses.of(lab)).lost):
+        if size == (1, 1) or not len((losses := _Losses.of(simulator)).lost):
             continue
         share = float(effect.settings()["share"])
         there = _fitted(losses, losses.block(*size), share, _rates(losses, np.where(losses.lost, 0.5, 0.0))).share
-        if 0.0 < abs(there - share) < _CHANCE * share * share_spread(lab, probe, share):
+        if 0.0 < abs(there - share) < _CHANCE * share * share_spread(simulator, probe, share):
             x = list(now.x)
             x[place] = replace(probe, settings={**probe.settings, "share": there}).start()
             now = replace(now, x=tuple(x))
     return now
 
 
-def share_spread(lab: Lab, probe: Probe, share: float) -> float:
+def share_spread(simulator: Simulator, probe: Probe, share: float) -> float:
     """By what part of itself a share of blocks that was fitted is off by chance: the frames have lost so many blocks,
     and so have the simulations, whose blocks are others. 0 for single beams and other effects."""
     layers, points = _size(probe)
     if (layers, points) == (1, 1):
         return 0.0
-    beams, met = lab.beams, lab.beams.distance_m > 0.0
+    beams, met = simulator.beams, simulator.beams.distance_m > 0.0
     blocks = np.unique(key_of(beams.frame[met], beams.layer[met] // layers, beams.point[met] // points))
     return float(np.sqrt(2.0 / max(share * len(blocks), 1.0)))
 
@@ -88,13 +88,13 @@ class _Losses:
     surface: IndexArray
 
     @classmethod
-    def of(cls, lab: Lab) -> _Losses:
+    def of(cls, simulator: Simulator) -> _Losses:
         """Of a lab's frames."""
-        beams, expected = lab.beams, lab.summaries.expected
+        beams, expected = simulator.beams, simulator.summaries.expected
         sure = expected.known & (expected.probability > _SURE) & ~expected.at_edge
         place = np.stack([beams.frame[sure], beams.material_id[sure]])
         surface = np.unique(place, axis=1, return_inverse=True)[1].ravel().astype(np.int64)
-        lost = ~lab.measured_sights.detected[sure]
+        lost = ~simulator.measured_sights.detected[sure]
         return cls(beams.frame[sure], beams.layer[sure], beams.point[sure], lost, surface)
 
     def block(self, layers: int, points: int) -> IndexArray:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect
 from lidarcheck.inference.dimming import Dimming
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["from_side_to_side", "to_lines"]
 
@@ -25,24 +25,24 @@ _WHOLE = 0.9
 """A patch over this part of the points, and more, lies over the layers and not on the window."""
 
 
-def from_side_to_side(lab: Lab, effect: Effect) -> bool:
+def from_side_to_side(simulator: Simulator, effect: Effect) -> bool:
     """Whether a blockage is a band over all points that were fired: dirt is local, layers go from side to side."""
     if effect.name != "blockage":
         return False
-    values, points = effect.settings(), np.unique(lab.beams.point)
+    values, points = effect.settings(), np.unique(simulator.beams.point)
     inside = (points >= int(values["first_point"])) & (points <= int(values["last_point"]))
     return bool(inside.mean() >= _WHOLE)
 
 
-def to_lines(lab: Lab, dimming: Dimming, start: Box) -> Box:
+def to_lines(simulator: Simulator, dimming: Dimming, start: Box) -> Box:
     """The rectangle near `start` that is dimmed most against the rest, its borders moved one after another."""
-    layers, row = np.unique(lab.beams.layer, return_inverse=True)
-    points, column = np.unique(lab.beams.point, return_inverse=True)
+    layers, row = np.unique(simulator.beams.layer, return_inverse=True)
+    points, column = np.unique(simulator.beams.point, return_inverse=True)
     group = row * len(points) + column
     mean, weight = dimming.mean(group, len(layers) * len(points))
     shape = len(layers), len(points)
     # Against the rest, and not against the mean of all, of which the patch is a part.
-    rest = _outside(lab, start)
+    rest = _outside(simulator, start)
     base, _ = dimming.mean(np.where(rest, 0, -1), 1)
     total = _summed((np.clip(base[0] - mean, -2.0, 2.0) * weight).reshape(shape))
     weights = _summed(weight.reshape(shape))
@@ -59,8 +59,8 @@ def to_lines(lab: Lab, dimming: Dimming, start: Box) -> Box:
     return int(ends[0][found[0]]), int(ends[0][found[1]]), int(ends[1][found[2]]), int(ends[1][found[3]])
 
 
-def _outside(lab: Lab, box: Box) -> npt.NDArray[np.bool_]:
-    layer, point = lab.beams.layer, lab.beams.point
+def _outside(simulator: Simulator, box: Box) -> npt.NDArray[np.bool_]:
+    layer, point = simulator.beams.layer, simulator.beams.point
     return np.asarray((layer < box[0]) | (layer >= box[1]) | (point < box[2]) | (point >= box[3]))
 
 

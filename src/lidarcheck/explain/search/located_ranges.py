@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from lidarcheck.effects.geometry.aiming import rays_of
 from lidarcheck.effects.walk_error import LARGEST_REFERENCE
-from lidarcheck.explain.search.starts import Free, Probe, free_of
+from lidarcheck.explain.search.starts import FreeParameter, Probe, free_of
 from lidarcheck.inference.beam_table import key_of
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.rays import sweep_time_s
 
 __all__ = ["driving_instead", "range_probes"]
@@ -31,15 +31,15 @@ _FEWEST_OF_ONE, _SURE = 20, 4.0
 _MOST_OF_ONE, _MOST_OF_ALL = 0.4, 0.5
 """What more of all beams see is no car, but the ground or a wall; and if more than half of all that is seen seems to
 move, the sensor does."""
-_REFERENCE = Free("reference_area", 0.5, log=True)
+_REFERENCE = FreeParameter("reference_area", 0.5, log=True)
 
 
-def range_probes(lab: Lab, names: Collection[str]) -> list[Probe]:
+def range_probes(simulator: Simulator, names: Collection[str]) -> list[Probe]:
     """A walk as a curve in log AREA and as a power of it, a scale, an offset, an aim, a speed: each at its best."""
-    used, residual = _range_residuals(lab)
+    used, residual = _range_residuals(simulator)
     if len(residual) < _FEWEST:
         return []
-    area, range_m = np.exp(lab.measured_sights.feature[used, 1]), lab.beams.distance_m[used]
+    area, range_m = np.exp(simulator.measured_sights.feature[used, 1]), simulator.beams.distance_m[used]
     found: list[Probe] = []
     if "range_offset" in names:
         found += _of_echoes_and_light("range_offset", {"offset_m": float(np.median(residual))})
@@ -48,9 +48,9 @@ def range_probes(lab: Lab, names: Collection[str]) -> list[Probe]:
         fraction = float(np.clip(np.sum(x * y) / np.sum(x * x), -0.05, 0.05))
         found += _of_echoes_and_light("range_scale", {"fraction": fraction})
     if "boresight" in names:
-        found += _aimed(lab)
+        found += _aimed(simulator)
     if "motion" in names:
-        found += _driving(lab) + _traffic(lab)
+        found += _driving(simulator) + _traffic(simulator)
     if "walk_error" in names:
         found += _walks(*_medians(np.log10(area), residual)[::-1])
     return found
@@ -62,10 +62,10 @@ def _of_echoes_and_light(name: str, settings: dict[str, float]) -> list[Probe]:
     return [Probe(name, settings, free), Probe(name, settings, free, {"moves": "light"}, "light")]
 
 
-def _driving(lab: Lab) -> list[Probe]:
+def _driving(simulator: Simulator) -> list[Probe]:
     """A sensor that drives ahead, and one that moves and turns, as ranges have changed when each column is fired."""
-    used, residual = _range_residuals(lab)
-    per_speed = _per_speed(lab)[used]
+    used, residual = _range_residuals(simulator)
+    per_speed = _per_speed(simulator)[used]
     forward = _ahead(per_speed, residual)
     if forward is None:
         return []
@@ -73,10 +73,10 @@ def _driving(lab: Lab) -> list[Probe]:
     return [Probe("motion", settings, free_of("motion")) for settings in found]
 
 
-def driving_instead(lab: Lab, offset_m: float) -> Probe | None:
+def driving_instead(simulator: Simulator, offset_m: float) -> Probe | None:
     """A sensor that drives ahead so fast that ranges are longer by an offset in the middle of the frame; None where no
     beam looks ahead."""
-    per_speed = _per_speed(lab)
+    per_speed = _per_speed(simulator)
     forward = _ahead(per_speed, np.full(len(per_speed), offset_m))
     return None if forward is None else Probe("motion", _motion(forward), free_of("motion"))
 
@@ -95,10 +95,10 @@ def _motion(speeds: FloatArray) -> dict[str, float]:
     return dict(zip(names, limited.tolist(), strict=True))
 
 
-def _traffic(lab: Lab) -> list[Probe]:
+def _traffic(simulator: Simulator) -> list[Probe]:
     """Objects that move each on its own, as the ranges of each have changed when its columns are fired."""
-    used, residual = _range_residuals(lab)
-    per_speed, object_id = -_per_speed(lab)[used, :1], lab.beams.object_id[used]
+    used, residual = _range_residuals(simulator)
+    per_speed, object_id = -_per_speed(simulator)[used, :1], simulator.beams.object_id[used]
     speeds: dict[int, float] = {}
     moving = 0
     for number in np.unique(object_id[object_id >= 0]):
@@ -114,19 +114,19 @@ def _traffic(lab: Lab) -> list[Probe]:
     if len(speeds) < 2 or moving > _MOST_OF_ALL * len(residual):
         return []
     settings = {"forward_m_s": 0.0, "objects": 1.0, "movers": (*speeds,), "movers_forward_m_s": (*speeds.values(),)}
-    return [Probe("motion", settings, (Free("objects", 0.1),), {}, "several objects")]
+    return [Probe("motion", settings, (FreeParameter("objects", 0.1),), {}, "several objects")]
 
 
-def _per_speed(lab: Lab) -> FloatArray:
+def _per_speed(simulator: Simulator) -> FloatArray:
     """How each beam's range changes per 1 m/s ahead, to the left and up and per 1 deg/s to the left, from the ideal
     scan's time to the beam's; (n, 4)."""
-    found = np.zeros((len(lab.beams), 4))
-    for number, frame in enumerate(lab.frames):
+    found = np.zeros((len(simulator.beams), 4))
+    for number, frame in enumerate(simulator.frames):
         ideal = frame.ideal
         passed_s = sweep_time_s(ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
-        place = np.searchsorted(lab.beams.key, key_of(number, ideal.layer, ideal.point))
+        place = np.searchsorted(simulator.beams.key, key_of(number, ideal.layer, ideal.point))
         found[place, :3] = -passed_s[:, None] * rays_of(ideal).direction
-        found[place, 3] = passed_s * lab.beams.slope_m_per_deg[place, 1]
+        found[place, 3] = passed_s * simulator.beams.slope_m_per_deg[place, 1]
     return found
 
 
@@ -146,16 +146,16 @@ def _best(per_unit: FloatArray, residual: FloatArray, usual: Sequence[float]) ->
     return factors
 
 
-def _aimed(lab: Lab) -> list[Probe]:
+def _aimed(simulator: Simulator) -> list[Probe]:
     """A sensor that looks elsewhere, as ranges have changed along the slopes of surfaces."""
-    used, residual = _range_residuals(lab)
-    pitch, yaw = np.clip(_best(lab.beams.slope_m_per_deg[used], residual, _USUAL_ANGLES), -2.0, 2.0).tolist()
+    used, residual = _range_residuals(simulator)
+    pitch, yaw = np.clip(_best(simulator.beams.slope_m_per_deg[used], residual, _USUAL_ANGLES), -2.0, 2.0).tolist()
     return [Probe("boresight", {"yaw_deg": yaw, "pitch_deg": pitch}, free_of("boresight"))] if pitch or yaw else []
 
 
-def _range_residuals(lab: Lab) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+def _range_residuals(simulator: Simulator) -> tuple[npt.NDArray[np.bool_], FloatArray]:
     """The beams whose range the model knows well, (n_beams,), and their range residuals [m]."""
-    expected, measured = lab.summaries.expected, lab.measured_sights
+    expected, measured = simulator.summaries.expected, simulator.measured_sights
     used = measured.detected & expected.known & ~expected.at_edge & (expected.spread[:, 0] < 0.5)
     return used, measured.feature[used, 0] - expected.mean[used, 0]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.search.starts import Free, Probe, free_of
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.explain.search.starts import FreeParameter, Probe, free_of
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["rhythm_probes"]
 
@@ -34,15 +34,15 @@ _KNOWN = 30.0
 of its own must explain besides."""
 
 
-def rhythm_probes(lab: Lab) -> list[Probe]:
+def rhythm_probes(simulator: Simulator) -> list[Probe]:
     """The strongest swing of pitch and yaw, of the same phase in every frame, and of another in each."""
     from lidarcheck.rays import sweep_time_s
 
-    points, column = np.unique(lab.beams.point, return_inverse=True)
+    points, column = np.unique(simulator.beams.point, return_inverse=True)
     if len(points) < _LEAST_COLUMNS:
         return []
     time = sweep_time_s(points.astype(np.int32))
-    curvature, slope = _by_column(lab, column, len(points))
+    curvature, slope = _by_column(simulator, column, len(points))
     found = []
     same = _strongest(time, curvature.sum(axis=0)[None], slope.sum(axis=0)[None])
     anew = _strongest(time, curvature, slope)
@@ -54,9 +54,9 @@ def rhythm_probes(lab: Lab) -> list[Probe]:
             continue
         # A step that shifts the swing by a twentieth of a cycle at the sweep's end.
         step = float(np.clip(0.05 / (swing.frequency_hz * length), 1e-4, 0.05))
-        free = [*free_of("vibration"), Free("frequency_hz", step, log=True)]
+        free = [*free_of("vibration"), FreeParameter("frequency_hz", step, log=True)]
         if not place:
-            free.append(Free("phase_deg", 15.0))
+            free.append(FreeParameter("phase_deg", 15.0))
         found.append(Probe("vibration", swing.settings(), tuple(free), place, variant))
     return found
 
@@ -94,9 +94,9 @@ class _Swing:
         }  # fmt: skip
 
 
-def _by_column(lab: Lab, column: npt.NDArray[np.intp], columns: int) -> tuple[FloatArray, FloatArray]:
+def _by_column(simulator: Simulator, column: npt.NDArray[np.intp], columns: int) -> tuple[FloatArray, FloatArray]:
     """The normal equations of the two angles of each column of each frame: (n_frames, columns, 2, 2) and (..., 2)."""
-    expected, measured, beams = lab.summaries.expected, lab.measured_sights, lab.beams
+    expected, measured, beams = simulator.summaries.expected, simulator.measured_sights, simulator.beams
     used = measured.detected & expected.known & ~beams.crease
     off = np.clip(measured.feature[:, 0] - expected.mean[:, 0], -_MOST_M, _MOST_M)[used]
     along = beams.slope_m_per_deg[used]

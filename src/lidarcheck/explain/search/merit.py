@@ -10,7 +10,7 @@ from lidarcheck.inference.edges import AT_EDGES
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.nuisances import is_usual_error
 
-__all__ = ["CHANCE", "PRICE", "Trial", "accepted", "best_of_each_name"]
+__all__ = ["CHANCE", "PRICE", "FittedCandidate", "accepted", "best_of_each_name"]
 
 PRICE, _PRICE_PART = 6.0, 0.003
 """What a free number costs of a merit: so much, and this part of it."""
@@ -34,7 +34,7 @@ CHANCE = 250.0
 
 
 @dataclass(frozen=True)
-class Trial:
+class FittedCandidate:
     """A candidate that was fitted in a round: the fit with it, what it gained there and on the select frames.
 
     `select_change`: how far it moves what is shown of the select frames, as a distance. `along_edges`: by how much it
@@ -98,15 +98,17 @@ class Trial:
         return better > 0.05 * self.gain or better > _TO_THE_BETTER * change or unseen
 
 
-def accepted(name: str, trials: Sequence[Trial]) -> Trial | None:
+def accepted(name: str, trials: Sequence[FittedCandidate]) -> FittedCandidate | None:
     """The trial with which an effect was accepted: its last one that passes, or else that explains enough."""
     own = [t for t in trials if t.name == name and t.gain > t.needed]
     return max(own, key=lambda t: (t.passes, t.round, t.merit), default=None)
 
 
-def best_of_each_name(trials: Iterable[Trial], by: Callable[[Trial], float] = lambda t: t.merit) -> list[Trial]:
+def best_of_each_name(
+    trials: Iterable[FittedCandidate], by: Callable[[FittedCandidate], float] = lambda t: t.merit
+) -> list[FittedCandidate]:
     """The best trial of each name, by its merit or what else is said, the best first."""
-    best: dict[str, Trial] = {}
+    best: dict[str, FittedCandidate] = {}
     for trial in sorted(trials, key=by, reverse=True):
         best.setdefault(trial.name, trial)
     return [*best.values()]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.whole_bins import at_whole_steps
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
-from lidarcheck.inference.simulator import Frame, Lab
+from lidarcheck.inference.simulator import Frame, Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 
@@ -24,7 +24,7 @@ class Judged:
     """A fit around its own model, with the lab around that, and the gap that it leaves beam by beam, beyond its own
     noise; that noise's standard deviation is `chance`."""
 
-    lab: Lab
+    simulator: Simulator
     last: Fit
     left: float
     chance: float
@@ -32,19 +32,19 @@ class Judged:
 
 def judged(scale: Scale, model: Model, now: Fit, seed: int) -> Judged:
     """The fit polished on the scale's frames, and judged there."""
-    lab, last = polished(scale.frames, model, now, seed)
-    return Judged(lab, last, *scale.excess(last.model(model), last.nuisance))
+    simulator, last = polished(scale.frames, model, now, seed)
+    return Judged(simulator, last, *scale.excess(last.model(model), last.nuisance))
 
 
-def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tuple[Lab, Fit]:
+def polished(frames: Sequence[Frame], model: Model, now: Fit, seed: int) -> tuple[Simulator, Fit]:
     """A lab around the explained model, and the same effects and nuisances fitted again there.
 
     Of the new fit and the old one the nearer is taken: far from the sensor's form there may be no better point.
     """
-    lab = Lab(frames, now.model(model), seed)
-    there = fit(lab, now.probes, now.x, rounds=0, nuisance=now.nuisance)
-    best = fit(lab, now.probes, now.x, rounds=3, nuisance=now.nuisance)
-    best = fit_nuisance(lab, best, rounds=2)
-    best = read_again(lab, best)
-    again = fit(lab, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
-    return lab, at_whole_steps(lab, min((there, best, again), key=lambda one: one.distance))
+    simulator = Simulator(frames, now.model(model), seed)
+    there = fit(simulator, now.probes, now.x, rounds=0, nuisance=now.nuisance)
+    best = fit(simulator, now.probes, now.x, rounds=3, nuisance=now.nuisance)
+    best = fit_nuisance(simulator, best, rounds=2)
+    best = read_again(simulator, best)
+    again = fit(simulator, best.probes, best.x, rounds=1, nuisance=best.nuisance, slopes=best.jacobian)
+    return simulator, at_whole_steps(simulator, min((there, best, again), key=lambda one: one.distance))

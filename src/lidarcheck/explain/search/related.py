@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["AT_RANDOM", "KIN", "SPECIAL_CASES", "are_kin", "enough_for", "is_special_case"]
+__all__ = ["AT_RANDOM", "RELATED", "SPECIAL_CASES", "are_related", "enough_for", "is_special_case"]
 
-KIN = (
+RELATED = (
     {"range_offset", "range_scale", "walk_error", "motion"},
     {"signal_gain", "material_reflectance", "incidence_falloff", "layer_gain", "blockage"},
     {"ambient_light", "dark_counts", "threshold", "afterpulsing"},
@@ -27,9 +27,9 @@ what another missing effect does: beside a tail of the pulse, a true motion expl
 truly at random, a motion explained 0.09 and 0.42."""
 
 
-def are_kin(one: str, other: str) -> bool:
+def are_related(one: str, other: str) -> bool:
     """Whether two effects change the same features in the same way."""
-    return one != other and any(one in kin and other in kin for kin in KIN)
+    return one != other and any(one in related and other in related for related in RELATED)
 
 
 def is_special_case(name: str, other: str, variant: str) -> bool:

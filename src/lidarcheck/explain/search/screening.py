@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search.starts import Probe
-from lidarcheck.inference.simulator import Lab
-from lidarcheck.workers import Crew
+from lidarcheck.inference.simulator import Simulator
+from lidarcheck.workers import WorkerPool
 
 if TYPE_CHECKING:
-    from lidarcheck.workers.checkpoint import Notebook
+    from lidarcheck.workers.checkpoint import Checkpoint
 
 __all__ = ["Screened", "chance_level", "screen", "weaker_starts"]
 
@@ -35,10 +35,10 @@ class Screened:
     change: FloatArray
     chance: float
 
-    def gain(self, lab: Lab, residual: FloatArray) -> tuple[float, float]:
+    def gain(self, simulator: Simulator, residual: FloatArray) -> tuple[float, float]:
         """By how much the distance of a residual shrinks when the change is scaled by a factor from 0 to 1.5, and
         that factor."""
-        weighted = lab.metric.times(self.change)
+        weighted = simulator.metric.times(self.change)
         length = float(self.change @ weighted)
         if length <= 0.0:
             return 0.0, 0.0
@@ -47,42 +47,42 @@ class Screened:
 
 
 def screen(
-    lab: Lab,
+    simulator: Simulator,
     probes: Sequence[Probe],
     told: Callable[[int, int], object] | None = None,
-    crew: Crew | None = None,
-    notebook: Notebook | None = None,
+    pool: WorkerPool | None = None,
+    checkpoint: Checkpoint | None = None,
     pages: str = "change",
 ) -> list[Screened]:
     """What every candidate would change, each with the same random numbers as the model itself.
 
-    `notebook` has what an interrupted run found, and gets what this one finds, on `pages` of that name.
+    `checkpoint` has what an interrupted run found, and gets what this one finds, on `pages` of that name.
     """
-    crew = crew or Crew()
-    start = [notebook.get(f"{pages} {i}") if notebook else None for i in range(len(probes))]
+    pool = pool or WorkerPool()
+    start = [checkpoint.get(f"{pages} {i}") if checkpoint else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
-    for i, change in zip(open_, crew.map(_change, ((lab.held, probes[i]) for i in open_)), strict=True):
+    for i, change in zip(open_, pool.map(_change, ((simulator.held, probes[i]) for i in open_)), strict=True):
         changes[i] = change
-        if notebook is not None:
-            notebook.put(f"{pages} {i}", [] if change is None else change)
+        if checkpoint is not None:
+            checkpoint.put(f"{pages} {i}", [] if change is None else change)
         if told is not None:
             told(i + 1, len(probes))
     return [
-        Screened(probe, change, _chance(lab, change))
+        Screened(probe, change, _chance(simulator, change))
         for probe, change in zip(probes, changes, strict=True)
         if change is not None and len(change)
     ]
 
 
-def weaker_starts(lab: Lab, screened: Sequence[Screened]) -> list[Probe]:
+def weaker_starts(simulator: Simulator, screened: Sequence[Screened]) -> list[Probe]:
     """The best start of each kind of the promising effects, as much weaker as fits the measurement, where that is much.
 
     Summaries are compressed: what a start changes, scaled down, is not what a weaker one changes, and explains less.
     """
     best: dict[tuple[str, str], tuple[float, float, Probe]] = {}
     for one in screened:
-        gain, scale = one.gain(lab, lab.measured)
+        gain, scale = one.gain(simulator, simulator.measured)
         kind = one.probe.name, one.probe.variant
         if gain > best.get(kind, (0.0,))[0]:
             best[kind] = gain, scale, one.probe
@@ -92,21 +92,21 @@ def weaker_starts(lab: Lab, screened: Sequence[Screened]) -> list[Probe]:
     return [probe for probe in weaker if probe not in known]
 
 
-def _change(lab: Lab, probe: Probe) -> FloatArray | None:
+def _change(simulator: Simulator, probe: Probe) -> FloatArray | None:
     try:
-        return np.asarray(lab.shows(lab.model.with_(probe.effect()), 1)[0])
+        return np.asarray(simulator.shows(simulator.model.with_(probe.effect()), 1)[0])
     except UsageError:
         return None  # such an effect cannot be on top of this model
 
 
-def _chance(lab: Lab, change: FloatArray) -> float:
+def _chance(simulator: Simulator, change: FloatArray) -> float:
     """Mean of what this change explains, in either direction, of draws in which nothing is missing; at least 1."""
-    weighted = lab.metric.times(change)
+    weighted = simulator.metric.times(change)
     length = float(change @ weighted)
-    return max(1.0, float(np.mean((lab.check @ weighted) ** 2) / length)) if length > 0.0 else 1.0
+    return max(1.0, float(np.mean((simulator.check @ weighted) ** 2) / length)) if length > 0.0 else 1.0
 
 
-def chance_level(lab: Lab, screened: Sequence[Screened], share: float = 0.99) -> float:
+def chance_level(simulator: Simulator, screened: Sequence[Screened], share: float = 0.99) -> float:
     """The quantile, over draws in which nothing is missing, of the largest gain that any candidate has by chance.
 
     In units of each candidate's own mean gain by chance.
@@ -114,9 +114,9 @@ def chance_level(lab: Lab, screened: Sequence[Screened], share: float = 0.99) ->
     if not screened:
         return 0.0
     changes = np.array([one.change for one in screened]).T
-    weighted = lab.metric.times(changes)
+    weighted = simulator.metric.times(changes)
     length = np.maximum((changes * weighted).sum(axis=0), 1e-9)
-    slope = np.maximum(lab.check @ weighted, 0.0)
+    slope = np.maximum(simulator.check @ weighted, 0.0)
     largest = (slope**2 / length / np.array([one.chance for one in screened])).max(axis=1)
     # Sixty draws do not hold their own 99 % quantile: their mean and spread give it (Gumbel's distribution).
     scale = float(np.std(largest)) * np.sqrt(6.0) / np.pi

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from lidarcheck.explain.search.located_ranges import driving_instead
-from lidarcheck.explain.search.merit import CHANCE, PRICE, Trial
-from lidarcheck.explain.search.related import are_kin
+from lidarcheck.explain.search.merit import CHANCE, PRICE, FittedCandidate
+from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
-from lidarcheck.explain.search.selection import KIN_PART, SMALL, Bench, Search, Told, forward, start_fit
+from lidarcheck.explain.search.selection import KIN_PART, SMALL, Search, SearchData, Told, forward, start_fit
 from lidarcheck.explain.search.taking_over import others_of
 from lidarcheck.explain.search.trial import TO_THE_END, finished, select_distance
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import done_by
 
 __all__ = ["DOUBTFUL", "backward", "find_effects", "without"]
@@ -30,109 +30,111 @@ _BESIDE_USUAL = 0.4
 beside such, the least explained 0.9 of it; one column of a scan without any effect, as a blockage, 0.2."""
 
 
-def find_effects(bench: Bench, screened: Sequence[Screened], told: Told) -> Search:
+def find_effects(bench: SearchData, screened: Sequence[Screened], told: Told) -> Search:
     """The whole search: none where nuisances explain all; else forward and backward, and where nothing stays once more
     with the nuisances first: a name that these explain as well may have hidden another."""
-    if bench.start < DOUBTFUL * bench.lab.floor_distance:
-        off = start_fit(bench.lab, nuisances=True)
+    if bench.start < DOUBTFUL * bench.simulator.floor_distance:
+        off = start_fit(bench.simulator, nuisances=True)
         if _all_nuisance(bench, off, screened):
             return Search(off, off)
-    first = start_fit(bench.lab)
+    first = start_fit(bench.simulator)
     found = _search_from(_beside_usual(bench, first), first, screened, told)
     if not found.fit.probes and found.first.nuisance.penalty == 0.0:
-        trials, off = found.trials, start_fit(bench.lab, nuisances=True)
+        trials, off = found.trials, start_fit(bench.simulator, nuisances=True)
         found = _search_from(_beyond(bench, off), off, screened, told)
         found.trials = trials + found.trials
     return found
 
 
-def _beside_usual(bench: Bench, first: Fit) -> Bench:
+def _beside_usual(bench: SearchData, first: Fit) -> SearchData:
     """The bench where usual errors that explain a part were fitted first: a name must explain more than fits of these
     differ by."""
     if first.nuisance.penalty == 0.0 or not first.nuisance.usual:
         return bench
-    gap = max(bench.start - bench.lab.floor_distance, 1.0)
+    gap = max(bench.start - bench.simulator.floor_distance, 1.0)
     return replace(bench, least_part=max(bench.least_part, _BESIDE_USUAL * CHANCE / gap))
 
 
-def _beyond(bench: Bench, off: Fit) -> Bench:
+def _beyond(bench: SearchData, off: Fit) -> SearchData:
     """The bench of what the nuisances leave, of which a name must explain as large a part, and half of what chance may
     leave."""
-    left = max(off.distance - bench.lab.floor_distance, 1.0)
+    left = max(off.distance - bench.simulator.floor_distance, 1.0)
     return replace(bench, start=off.distance, least_part=max(bench.least_part, 0.5 * CHANCE / left))
 
 
-def _search_from(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
+def _search_from(bench: SearchData, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Forward from there, and backward."""
     found = forward(bench, first, screened, told)
     found.fit = _driving_or_offset(bench, backward(bench, found.fit, told), found.trials)
     return found
 
 
-def _driving_or_offset(bench: Bench, now: Fit, trials: Sequence[Trial]) -> Fit:
+def _driving_or_offset(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate]) -> Fit:
     """A sensor that drives in the place of an offset, where much is left and it comes nearer by more than chance.
 
     In a narrow view both lengthen all ranges nearly alike, and which one is nearer is not to be told before all other
     effects are found: summaries are blunt far from the case's own model.
     """
-    lab, names = bench.lab, now.names()
-    if "range_offset" not in names or "motion" in names or now.distance - lab.floor_distance < CHANCE:
+    simulator, names = bench.simulator, now.names()
+    if "range_offset" not in names or "motion" in names or now.distance - simulator.floor_distance < CHANCE:
         return now
     if not any(trial.name == "motion" and trial.passes for trial in trials):
         return now
     place = names.index("range_offset")
-    driving = driving_instead(lab, float(now.effects()[place].settings()["offset_m"]))
+    driving = driving_instead(simulator, float(now.effects()[place].settings()["offset_m"]))
     if driving is None:
         return now
     probes, x = list(now.probes), list(now.x)
     probes[place], x[place] = driving, driving.start()
-    other = fit_nuisance(lab, fit(lab, probes, x, rounds=TO_THE_END, nuisance=now.nuisance))
+    other = fit_nuisance(simulator, fit(simulator, probes, x, rounds=TO_THE_END, nuisance=now.nuisance))
     if not other.possible:
         return now
     there, here = (one.distance + select_distance(bench.select, one) for one in (other, now))
     return other if there < here - CHANCE else now
 
 
-def _all_nuisance(bench: Bench, off: Fit, screened: Sequence[Screened]) -> bool:
+def _all_nuisance(bench: SearchData, off: Fit, screened: Sequence[Screened]) -> bool:
     """Whether the fitted nuisances leave no more than chance does, on all frames, none of them is extreme, and no
     effect would explain much of so little: one summary that stands out is lost among a thousand."""
-    left = off.distance - bench.lab.floor_distance
+    left = off.distance - bench.simulator.floor_distance
     there = select_distance(bench.select, off) - bench.select.floor_distance
-    residual = bench.lab.measured - off.shown.mean(axis=0)
-    most = max((one.gain(bench.lab, residual)[0] / one.chance for one in screened), default=0.0)
+    residual = bench.simulator.measured - off.shown.mean(axis=0)
+    most = max((one.gain(bench.simulator, residual)[0] / one.chance for one in screened), default=0.0)
     return left < CHANCE and there < 1.4 * CHANCE and off.nuisance.usual and most < _STANDS_OUT * bench.level
 
 
-def backward(bench: Bench, now: Fit, told: Told) -> Fit:
+def backward(bench: SearchData, now: Fit, told: Told) -> Fit:
     """Leave out again what the others and the nuisances explain as well; fit the rest together. Nuisances that are no
     usual errors any more explain nothing."""
-    lab = bench.lab
+    simulator = bench.simulator
     if not now.probes:
         return now
-    now = fit_nuisance(lab, finished(lab, now))
+    now = fit_nuisance(simulator, finished(simulator, now))
     while now.probes:
         fewer: list[Fit] = []
-        for one in done_by(bench.crew, without, [(lab.held, now, j) for j in range(len(now.probes))]):
+        for one in done_by(bench.pool, without, [(simulator.held, now, j) for j in range(len(now.probes))]):
             fewer.append(one)
             told("leave out again", len(fewer), len(now.probes))
         losses = [one.distance - now.distance for one in fewer]
         unusual = [now.nuisance.usual and not one.nuisance.usual for one in fewer]
         least = int(np.argmin(np.where(unusual, np.inf, losses)))
         price = PRICE * len(now.probes[least].free)
-        kin = [
-            loss for probe, loss in zip(now.probes, losses, strict=True) if are_kin(probe.name, now.probes[least].name)
+        related = [
+            loss
+            for probe, loss in zip(now.probes, losses, strict=True)
+            if are_related(probe.name, now.probes[least].name)
         ]
         worth = bench.worth_beside(fewer[least].distance) if len(fewer) > 1 else bench.worth
-        enough = max(1.3 * bench.level, worth, KIN_PART * max(kin, default=0.0)) + price
+        enough = max(1.3 * bench.level, worth, KIN_PART * max(related, default=0.0)) + price
         if unusual[least] or losses[least] > enough:
             break
         now = fewer[least]
     return now
 
 
-def without(lab: Lab, now: Fit, left_out: int) -> Fit:
+def without(simulator: Simulator, now: Fit, left_out: int) -> Fit:
     """The others fitted again: what is left out may have made up for what their fits had left open."""
     probes, x = others_of(now, left_out)
-    fewer = fit(lab, probes, x, rounds=TO_THE_END, nuisance=now.nuisance)
-    small = fewer.distance < SMALL * lab.floor_distance
-    return fit_nuisance(lab, fewer, rounds=4 if small else 1)
+    fewer = fit(simulator, probes, x, rounds=TO_THE_END, nuisance=now.nuisance)
+    small = fewer.distance < SMALL * simulator.floor_distance
+    return fit_nuisance(simulator, fewer, rounds=4 if small else 1)

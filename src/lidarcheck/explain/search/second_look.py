@@ -14,19 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.decision.closure import closure
-from lidarcheck.explain.progress import silent
+from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.search.located import located_probes
-from lidarcheck.explain.search.merit import CHANCE, Trial, best_of_each_name
+from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_kin
+from lidarcheck.explain.search.related import AT_RANDOM, are_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen
-from lidarcheck.explain.search.selection import MOST_EFFECTS, Bench, Search, beside_kin, run_round
+from lidarcheck.explain.search.selection import MOST_EFFECTS, Search, SearchData, beside_related, run_round
 from lidarcheck.explain.search.starts import Probe, fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
-from lidarcheck.workers import Crew
+from lidarcheck.workers import WorkerPool
 
 __all__ = [
     "Look",
@@ -68,7 +68,7 @@ strengths. Such a name fits what the other one's form leaves over, too: it must 
 
 
 def second_look(
-    bench: Bench,
+    bench: SearchData,
     seen: Scale,
     search: Search,
     screened: Sequence[Screened],
@@ -82,13 +82,13 @@ def second_look(
     """
     left = 0.0
     while 0 < len(search.fit.probes) < MOST_EFFECTS:
-        own = search.own or judged(seen, bench.lab.model, search.fit, seed)
-        search, before, left = replace(search, own=own), left, own.last.distance - own.lab.floor_distance
+        own = search.own or judged(seen, bench.simulator.model, search.fit, seed)
+        search, before, left = replace(search, own=own), left, own.last.distance - own.simulator.floor_distance
         if left < _LEFT or (left < _STILL * before and closure(bench, search.fit, search.trials).holds):
             return search
-        look = look_around(own, _starts(bench, own.lab, search, screened), bench.crew, told)
+        look = look_around(own, _starts(bench, own.simulator, search, screened), bench.pool, told)
         number = 1 + max(trial.round for trial in search.trials)
-        trials = _trials(own, look, number, search) + joint_trials(own, search, number, bench.crew)
+        trials = _trials(own, look, number, search) + joint_trials(own, search, number, bench.pool)
         if not own.last.nuisance.usual:
             trials += unstrained_trials(own, look, number)
         found = _best(bench, seen, search, trials)
@@ -102,76 +102,78 @@ def second_look(
 class Look:
     """The bench around what was found, and the candidates on top of it."""
 
-    bench: Bench
+    bench: SearchData
     screened: Sequence[Screened]
 
 
-def look_around(own: Judged, starts: Sequence[Probe], crew: Crew, told: Callable[[int, int], object]) -> Look:
+def look_around(own: Judged, starts: Sequence[Probe], pool: WorkerPool, told: Callable[[int, int], object]) -> Look:
     """What each start would change around what was found, on all frames seen: of these all must agree on what is left,
     and it is the gap beam by beam that decides."""
-    lab = own.lab
-    screened = screen(lab, starts, told, crew)
-    bench = Bench(lab, lab, chance_level(lab, screened), own.last.distance, crew, _LEAST_PART)
+    simulator = own.simulator
+    screened = screen(simulator, starts, told, pool)
+    bench = SearchData(simulator, simulator, chance_level(simulator, screened), own.last.distance, pool, _LEAST_PART)
     return Look(bench, screened)
 
 
-def _trials(own: Judged, look: Look, number: int, search: Search) -> list[Trial]:
+def _trials(own: Judged, look: Look, number: int, search: Search) -> list[FittedCandidate]:
     """Candidates fitted on top of what was found, as in a round of the first search.
 
     A view that turns at random explains a part of what an error of aim leaves at edges, here as there.
     """
-    trials = run_round(look.bench, Search(own.last, own.last), _likely(own.lab, own.last, look), number, silent)
+    trials = run_round(
+        look.bench, Search(own.last, own.last), _likely(own.simulator, own.last, look), number, ignore_progress
+    )
     return [
-        replace(t, needed=max(t.needed, beside_kin(t.fit.probes[-1], search)))
+        replace(t, needed=max(t.needed, beside_related(t.fit.probes[-1], search)))
         if t.fit.probes[-1].variant in AT_RANDOM
         else t
         for t in trials
     ]
 
 
-def unstrained_trials(own: Judged, look: Look, number: int) -> list[Trial]:
+def unstrained_trials(own: Judged, look: Look, number: int) -> list[FittedCandidate]:
     """Candidates on top of what was found without nuisances, which follow: such as make do with usual ones.
 
     Nuisances at their limits are hardly that: they have made up for an effect, of which they leave little to begin
     with.
     """
-    lab, before = own.lab, own.last.distance
-    plain = fit(lab, own.last.probes, own.last.x, rounds=3)
+    simulator, before = own.simulator, own.last.distance
+    plain = fit(simulator, own.last.probes, own.last.x, rounds=3)
     if not plain.possible:
         return []
     bench = replace(look.bench, start=plain.distance)
-    trials = run_round(bench, Search(plain, plain), _likely(lab, plain, look), number, silent)
+    trials = run_round(bench, Search(plain, plain), _likely(simulator, plain, look), number, ignore_progress)
     best = {t.name: t for t in sorted(trials, key=lambda t: t.gain) if t.passes}
-    needed = _LEAST_PART * (before - lab.floor_distance)
+    needed = _LEAST_PART * (before - simulator.floor_distance)
     found = []
     for t in [*best.values()][-_MOST:]:
-        end = fit_nuisance(lab, t.fit)
+        end = fit_nuisance(simulator, t.fit)
         if end.nuisance.usual:
-            found.append(Trial(t.name, number, end, before - end.distance, needed, before, end.distance))
+            found.append(FittedCandidate(t.name, number, end, before - end.distance, needed, before, end.distance))
     return found
 
 
-def _likely(lab: Lab, now: Fit, look: Look) -> list[Screened]:
+def _likely(simulator: Simulator, now: Fit, look: Look) -> list[Screened]:
     """Those of the effects that explain a part of what is left before any fit, worth the fits' time."""
-    left, residual = now.distance - lab.floor_distance, lab.measured - now.shown.mean(axis=0)
-    names = {one.probe.name for one in look.screened if one.gain(lab, residual)[0] > _LIKELY * left}
+    left, residual = now.distance - simulator.floor_distance, simulator.measured - now.shown.mean(axis=0)
+    names = {one.probe.name for one in look.screened if one.gain(simulator, residual)[0] > _LIKELY * left}
     return [one for one in look.screened if one.probe.name in names]
 
 
-def joint_trials(own: Judged, search: Search, number: int, crew: Crew) -> list[Trial]:
+def joint_trials(own: Judged, search: Search, number: int, pool: WorkerPool) -> list[FittedCandidate]:
     """Names that explained much of the same, fitted together with the accepted ones from where both are weaker.
 
     Of two effects that do much the same the one that is accepted first takes what both do, and then leaves nothing that
     the other one could begin with: dark counts that crosstalk multiplies are so many more dark counts.
     """
     now, before = own.last, own.last.distance
-    needed = _LEAST_JOINT * (before - own.lab.floor_distance)
-    tasks = ((own.lab.held, now, needed, *alike) for alike in _alike(search))
+    needed = _LEAST_JOINT * (before - own.simulator.floor_distance)
+    tasks = ((own.simulator.held, now, needed, *alike) for alike in _alike(search))
     found = []
-    for joint in crew.map(_joined, tasks):
+    for joint in pool.map(_joined, tasks):
         if joint.possible:
             gain = before - joint.distance
-            found.append(Trial(joint.names()[-1], number, joint, gain, needed, before, joint.distance))
+            found.append(FittedCandidate(joint.names()[-1], number, joint, gain, needed, before, joint.distance))
     return found
 
 
@@ -188,38 +190,38 @@ def _alike(search: Search) -> list[tuple[Probe, FloatArray]]:
     return [(t.fit.probes[-1], t.fit.x[-1]) for t in best]
 
 
-def _joined(lab: Lab, now: Fit, needed: float, probe: Probe, x: FloatArray) -> Fit:
+def _joined(simulator: Simulator, now: Fit, needed: float, probe: Probe, x: FloatArray) -> Fit:
     """Effects and one more fitted together, all from a part of their strengths; with the nuisances where these may make
     up what a gain of `needed` lacks."""
     probes = [at.weaker(x, _WEAKER) for at, x in zip((*now.probes, probe), (*now.x, x), strict=True)]
-    joint = fit(lab, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance)
-    return fit_nuisance(lab, joint) if now.distance - joint.distance > 0.25 * needed else joint
+    joint = fit(simulator, probes, [one.start() for one in probes], rounds=4, nuisance=now.nuisance)
+    return fit_nuisance(simulator, joint) if now.distance - joint.distance > 0.25 * needed else joint
 
 
-def _starts(bench: Bench, lab: Lab, search: Search, screened: Sequence[Screened]) -> list[Probe]:
+def _starts(bench: SearchData, simulator: Simulator, search: Search, screened: Sequence[Screened]) -> list[Probe]:
     """Of each kind of each other effect the start that explained most of what was left, and those that need a look at
     the data, at what is left now."""
     names = {one.probe.name for one in screened} - set(search.fit.names())
     fixed = fixed_probes(sorted(names))
-    residual = bench.lab.measured - search.fit.shown.mean(axis=0)
+    residual = bench.simulator.measured - search.fit.shown.mean(axis=0)
     best: dict[tuple[str, str], tuple[float, Probe]] = {}
     for one in screened:
-        kind, gain = (one.probe.name, one.probe.variant), one.gain(bench.lab, residual)[0]
+        kind, gain = (one.probe.name, one.probe.variant), one.gain(bench.simulator, residual)[0]
         if one.probe in fixed and gain > best.get(kind, (-1.0,))[0]:
             best[kind] = gain, one.probe
-    return [probe for _, probe in best.values()] + located_probes(lab, names)
+    return [probe for _, probe in best.values()] + located_probes(simulator, names)
 
 
-def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) -> Search | None:
+def _best(bench: SearchData, seen: Scale, search: Search, trials: Sequence[FittedCandidate]) -> Search | None:
     """The search with the candidate that closes most of what is left beam by beam; None where none closes enough."""
     tried = best_of_each_name(t for t in trials if t.passes)[:_MOST]
     own = search.own
     if not tried or own is None:
         return None
-    case = bench.lab.model
+    case = bench.simulator.model
     fits = [own.last, *(one.fit for one in tried)]
     models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in fits)]
-    whole, before, *after = bench.crew.map(Scale.excess_by_part, models)
+    whole, before, *after = bench.pool.map(Scale.excess_by_part, models)
     closing = [
         (float(there[0].mean()), one)
         for there, one in zip(after, tried, strict=True)
@@ -230,11 +232,11 @@ def _best(bench: Bench, seen: Scale, search: Search, trials: Sequence[Trial]) ->
         return None
     found = min(closing, key=lambda both: both[0])[1].fit
     # Told as one of the first bench, whose frames and summaries all that follows is in.
-    now = fit(bench.lab, found.probes, found.x, rounds=0, nuisance=found.nuisance)
+    now = fit(bench.simulator, found.probes, found.x, rounds=0, nuisance=found.nuisance)
     return Search(search.first, now, [*search.trials, *trials], beside=own)
 
 
-def _closes(own: Judged, one: Trial, left: float, whole: float) -> bool:
+def _closes(own: Judged, one: FittedCandidate, left: float, whole: float) -> bool:
     """Whether a fit with one more effect closes enough of the gap beam by beam, of which it leaves `left`; or as much
     as before with nuisances that are usual, where those before were at their limits."""
     if one.fit.nuisance.usual and not own.last.nuisance.usual:
@@ -251,11 +253,11 @@ def _beams_cannot_tell(own: Judged) -> bool:
     return own.left < _SURE * own.chance
 
 
-def _explains_most(own: Judged, one: Trial) -> bool:
+def _explains_most(own: Judged, one: FittedCandidate) -> bool:
     """Whether an effect explains most of what the summaries have left, and no other is its kin, whose form might leave
     as much."""
-    left = own.last.distance - own.lab.floor_distance
-    return one.gain > _MOST_EXPLAINED * left and not any(are_kin(one.name, name) for name in own.last.names())
+    left = own.last.distance - own.simulator.floor_distance
+    return one.gain > _MOST_EXPLAINED * left and not any(are_related(one.name, name) for name in own.last.names())
 
 
 def worth_by_beams(left: float, whole: float, chance: float) -> float:

@@ -9,23 +9,23 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.search.located_patch import from_side_to_side
-from lidarcheck.explain.search.merit import CHANCE, Trial, best_of_each_name
+from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
 from lidarcheck.explain.search.refine import Judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_kin, enough_for, is_special_case
+from lidarcheck.explain.search.related import AT_RANDOM, are_related, enough_for, is_special_case
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import finished, select_shown, to_the_end, tried
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance
-from lidarcheck.inference.simulator import Lab
-from lidarcheck.workers import Crew
+from lidarcheck.inference.simulator import Simulator
+from lidarcheck.workers import WorkerPool
 
 __all__ = [
-    "Bench",
     "Search",
+    "SearchData",
     "Told",
     "accept",
-    "beside_kin",
+    "beside_related",
     "best_of",
     "forward",
     "onward",
@@ -64,18 +64,18 @@ SMALL = 4.0
 
 
 @dataclass(frozen=True)
-class Bench:
+class SearchData:
     """The frames to fit on and the frames to select on, how large a gain by chance can be, and how far the fit's frames
     are at the start; `least_part` of that above the floor is worth a name. `ways`: what detours have
     led to, with the trial that each began with."""
 
-    lab: Lab
-    select: Lab
+    simulator: Simulator
+    select: Simulator
     level: float
     start: float
-    crew: Crew = field(default_factory=Crew)
+    pool: WorkerPool = field(default_factory=WorkerPool)
     least_part: float = LEAST_PART
-    ways: list[tuple[Trial, Search]] = field(default_factory=list)
+    ways: list[tuple[FittedCandidate, Search]] = field(default_factory=list)
 
     @property
     def worth(self) -> float:
@@ -90,12 +90,12 @@ class Bench:
 
     def worth_beside(self, distance: float) -> float:
         """The same beside other effects that leave a distance: most of what these leave is enough."""
-        return min(self.worth, MOST_OF_LEFT * max(distance - self.lab.floor_distance, 0.0))
+        return min(self.worth, MOST_OF_LEFT * max(distance - self.simulator.floor_distance, 0.0))
 
     @property
     def _gap(self) -> float:
         """How far the start is beyond the floor."""
-        return max(self.start - self.lab.floor_distance, 0.0)
+        return max(self.start - self.simulator.floor_distance, 0.0)
 
 
 @dataclass
@@ -109,29 +109,29 @@ class Search:
 
     first: Fit
     fit: Fit
-    trials: list[Trial] = field(default_factory=list)
+    trials: list[FittedCandidate] = field(default_factory=list)
     own: Judged | None = None
     beside: Judged | None = None
 
 
-def start_fit(lab: Lab, *, nuisances: bool | None = None) -> Fit:
+def start_fit(simulator: Simulator, *, nuisances: bool | None = None) -> Fit:
     """The model as it is; with the nuisances fitted, where they may be all that is wrong (or where that is asked)."""
-    shown = np.zeros((1, len(lab.measured)))
-    plain = Fit((), (), lab.distance(shown), shown)
-    small = plain.distance < SMALL * lab.floor_distance
-    return fit_nuisance(lab, plain, rounds=4) if (small if nuisances is None else nuisances) else plain
+    shown = np.zeros((1, len(simulator.measured)))
+    plain = Fit((), (), simulator.distance(shown), shown)
+    small = plain.distance < SMALL * simulator.floor_distance
+    return fit_nuisance(simulator, plain, rounds=4) if (small if nuisances is None else nuisances) else plain
 
 
-def forward(bench: Bench, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
+def forward(bench: SearchData, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
     return onward(bench, Search(first, first), screened, told)
 
 
-def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+def onward(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Search:
     """The same from what is accepted already."""
     little = max(0.5 * CHANCE, 0.5 * bench.worth)
     while len(found.fit.probes) < MOST_EFFECTS:
-        if found.fit.probes and found.fit.distance - bench.lab.floor_distance < little:
+        if found.fit.probes and found.fit.distance - bench.simulator.floor_distance < little:
             break
         trials = run_round(bench, found, screened, len(found.fit.probes) + 1, told)
         trials = neck_and_neck(bench, found, trials)
@@ -143,7 +143,7 @@ def onward(bench: Bench, found: Search, screened: Sequence[Screened], told: Told
     return found
 
 
-def best_of(passing: Sequence[Trial]) -> Trial:
+def best_of(passing: Sequence[FittedCandidate]) -> FittedCandidate:
     """The trial of the largest merit, or one of its special case that explains nearly as much."""
     best = max(passing, key=lambda t: t.merit)
     kind = best.name, best.probe.variant
@@ -151,7 +151,7 @@ def best_of(passing: Sequence[Trial]) -> Trial:
     return max(special, key=lambda t: t.merit, default=best)
 
 
-def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[Trial]:
+def neck_and_neck(bench: SearchData, found: Search, trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The trials of a round; those of names that come near the best are fitted to the end, nuisances and all, and stand
     there as they are then if one of them overtakes it.
 
@@ -161,9 +161,9 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
     if len(close) < 2:
         return [*trials]
     shown = select_shown(bench.select, found.fit)
-    tasks = ((bench.lab.held, bench.select.held, shown, t.fit) for t in close)
+    tasks = ((bench.simulator.held, bench.select.held, shown, t.fit) for t in close)
     ended = []
-    for t, (end, after, change, edges, own) in zip(close, bench.crew.map(to_the_end, tasks), strict=True):
+    for t, (end, after, change, edges, own) in zip(close, bench.pool.map(to_the_end, tasks), strict=True):
         gain = found.fit.distance - end.distance
         there = replace(t, fit=end, end=end, gain=gain, select_after=after, select_change=change)
         ended.append(replace(there, along_edges=edges, own=own))
@@ -174,7 +174,7 @@ def neck_and_neck(bench: Bench, found: Search, trials: Sequence[Trial]) -> list[
     return [by_trial.get(id(t), t) for t in trials]
 
 
-def _close(passing: Sequence[Trial]) -> list[Trial]:
+def _close(passing: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The best trial of each name that comes near the best of all, and of a plainer one of its kin, the best first.
 
     Numbers that turn a view or bend a walk make up at once for what the pose's error has made; an offset cannot.
@@ -188,12 +188,12 @@ def _close(passing: Sequence[Trial]) -> list[Trial]:
     return close + plain[:_PLAIN]
 
 
-def _plainer(one: Trial, other: Trial) -> bool:
+def _plainer(one: FittedCandidate, other: FittedCandidate) -> bool:
     """Whether a trial is of an effect of the same kin with fewer free numbers."""
-    return are_kin(one.name, other.name) and len(one.probe.free) < len(other.probe.free)
+    return are_related(one.name, other.name) and len(one.probe.free) < len(other.probe.free)
 
 
-def _is_near(one: Trial, first: Trial) -> bool:
+def _is_near(one: FittedCandidate, first: FittedCandidate) -> bool:
     """Whether a plainer name comes near enough to the first one to be fitted to the end."""
     special = is_special_case(one.name, first.name, first.probe.variant)
     if special and first.probe.variant in AT_RANDOM:
@@ -201,19 +201,21 @@ def _is_near(one: Trial, first: Trial) -> bool:
     return one.merit > _PLAIN_NEAR * first.merit and _plainer(one, first)
 
 
-def _enough(one: Trial, first: Trial) -> float:
+def _enough(one: FittedCandidate, first: FittedCandidate) -> float:
     """What part of the first one's merit another one that is fitted to the end must have to count as it is then."""
     return min(1.0 if _plainer(one, first) else _OVERTAKES, enough_for(one.name, first.name, first.probe.variant))
 
 
-def accept(bench: Bench, found: Search, trial: Trial) -> Search:
+def accept(bench: SearchData, found: Search, trial: FittedCandidate) -> Search:
     """The search with a trial's effects, fitted to the end: what an unfinished fit leaves open would be taken for
     another effect."""
-    end = trial.end or fit_nuisance(bench.lab, finished(bench.lab, trial.fit))
-    return replace(found, fit=read_again(bench.lab, end))
+    end = trial.end or fit_nuisance(bench.simulator, finished(bench.simulator, trial.fit))
+    return replace(found, fit=read_again(bench.simulator, end))
 
 
-def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number: int, told: Told) -> list[Trial]:
+def run_round(
+    bench: SearchData, found: Search, screened: Sequence[Screened], number: int, told: Told
+) -> list[FittedCandidate]:
     """Fit the most promising candidates on top of what was accepted: one kind of each name, then the other kinds of
     those that may still be the nearest."""
     order = _promising(bench, found.fit, screened)
@@ -222,68 +224,79 @@ def run_round(bench: Bench, found: Search, screened: Sequence[Screened], number:
     for start in order:
         first.setdefault(start[1].probe.name, start)
 
-    def fitted(some: Sequence[_Start], done: int) -> list[Trial]:
+    def fitted(some: Sequence[_Start], done: int) -> list[FittedCandidate]:
         return _fitted(bench, found, shown, some, number, lambda i: told(f"round {number}", done + i, len(order)))
 
     trials = fitted([*first.values()], 0)
     others = [start for start in order if start is not first[start[1].probe.name]]
-    others = [start for start in others if not _outrun(bench.lab, start[1].probe.name, trials)]
+    others = [start for start in others if not _outrun(bench.simulator, start[1].probe.name, trials)]
     return trials + fitted(others, len(first))
 
 
-def _outrun(lab: Lab, name: str, trials: Sequence[Trial]) -> bool:
+def _outrun(simulator: Simulator, name: str, trials: Sequence[FittedCandidate]) -> bool:
     """Whether one kind of a name left much of what another name has explained to the floor."""
     own = [t.fit.distance for t in trials if t.name == name]
     nearest = min((t.fit.distance for t in trials if t.name != name), default=np.inf)
-    return bool(own) and nearest < lab.floor_distance and min(own) > lab.floor_distance + _FAR_BEHIND * CHANCE
+    return (
+        bool(own) and nearest < simulator.floor_distance and min(own) > simulator.floor_distance + _FAR_BEHIND * CHANCE
+    )
 
 
 def _fitted(
-    bench: Bench, found: Search, shown: FloatArray, starts: Sequence[_Start], number: int, told: Callable[[int], object]
-) -> list[Trial]:
+    bench: SearchData,
+    found: Search,
+    shown: FloatArray,
+    starts: Sequence[_Start],
+    number: int,
+    told: Callable[[int], object],
+) -> list[FittedCandidate]:
     """The trials of starts, `shown` what the accepted show of the select frames; not those that no sensor can have."""
-    lab, now, floor = bench.lab, found.fit, bench.select.floor_distance
+    simulator, now, floor = bench.simulator, found.fit, bench.select.floor_distance
     before = bench.select.distance(shown)
     least = max(1.3 * bench.level, bench.worth)
     probes = (one.probe.scaled(scale) for scale, one in starts)
-    fits = bench.crew.map(tried, ((lab.held, bench.select.held, now, shown, least, probe) for probe in probes))
+    fits = bench.pool.map(tried, ((simulator.held, bench.select.held, now, shown, least, probe) for probe in probes))
     trials = []
     for i, ((_, one), (alone, after, change, edges, own)) in enumerate(zip(starts, fits, strict=True), 1):
-        if not alone.possible or from_side_to_side(lab, alone.effects()[-1]):
+        if not alone.possible or from_side_to_side(simulator, alone.effects()[-1]):
             continue
         gain, needed = now.distance - alone.distance, _needed(bench, found, one)
-        trials.append(Trial(one.probe.name, number, alone, gain, needed, before, after, change, edges, own, floor))
+        trials.append(
+            FittedCandidate(one.probe.name, number, alone, gain, needed, before, after, change, edges, own, floor)
+        )
         told(i)
     return trials
 
 
-def _needed(bench: Bench, found: Search, one: Screened) -> float:
+def _needed(bench: SearchData, found: Search, one: Screened) -> float:
     """What a start must gain on top of what was accepted."""
     worth = bench.worth_of(one.probe.variant)
     if found.fit.probes and one.probe.variant not in AT_RANDOM:
         worth = bench.worth_beside(found.fit.distance)
-    return max(1.3 * bench.level * one.chance, worth, beside_kin(one.probe, found))
+    return max(1.3 * bench.level * one.chance, worth, beside_related(one.probe, found))
 
 
-def beside_kin(probe: Probe, found: Search) -> float:
+def beside_related(probe: Probe, found: Search) -> float:
     """What an effect must explain beside its kin among those that were accepted."""
-    gains = [t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_kin(probe.name, t.name)]
+    gains = [
+        t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_related(probe.name, t.name)
+    ]
     return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)
 
 
-def _promising(bench: Bench, now: Fit, screened: Sequence[Screened]) -> list[_Start]:
+def _promising(bench: SearchData, now: Fit, screened: Sequence[Screened]) -> list[_Start]:
     """The best start of each kind of each of the best effects, with the factor on its strength.
 
     Every kind of an effect that is fitted at all: what one that strikes at random changes with one seed says little of
     what it explains.
     """
-    residual = bench.lab.measured - now.shown.mean(axis=0)
+    residual = bench.simulator.measured - now.shown.mean(axis=0)
     best: dict[tuple[str, str], tuple[float, float, Screened]] = {}
     worth: dict[str, float] = {}
     for one in screened:
         if one.probe.name in now.names():
             continue
-        gain, scale = one.gain(bench.lab, residual)
+        gain, scale = one.gain(bench.simulator, residual)
         key = (one.probe.name, one.probe.variant)
         if gain > best.get(key, (-1.0,))[0]:
             best[key] = (gain, scale, one)

@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, find, make
 
-__all__ = ["Free", "Probe", "fixed_probes", "free_of"]
+__all__ = ["FreeParameter", "Probe", "fixed_probes", "free_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Free:
+class FreeParameter:
     """A parameter that a fit may move: on a logarithmic scale, or in steps of `step` in its own unit.
 
     `least`: below it the effect would be no more what its name says.
@@ -50,7 +50,7 @@ class Probe:
 
     name: str
     settings: Mapping[str, Any]
-    free: tuple[Free, ...]
+    free: tuple[FreeParameter, ...]
     fixed: Mapping[str, Any] = field(default_factory=dict)
     variant: str = ""
     ways: tuple[Mapping[str, Any], ...] = ()
@@ -125,73 +125,81 @@ _LOG = 0.2
 _RISING: dict[str, tuple[tuple[str, str], ...]] = {"fog": (("overlap_start_m", "overlap_full_m"),)}
 """Parameters of which the first must not pass the second."""
 
-_FREE: dict[str, tuple[Free, ...]] = {
-    "signal_gain": (Free("gain", 0.05, log=True),),
-    "ambient_light": (Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True)),
-    "dark_counts": (Free("rate_per_ns", _LOG, log=True),),
-    "crosstalk": (Free("sides", 0.4, log=True), Free("corners", 0.7, log=True)),
-    "afterpulsing": (Free("probability", 0.4, log=True), Free("delay_ns", 0.5, log=True)),
-    "dead_time": (Free("shift_ns", 1.0), Free("spread_ns", 0.5)),
+_FREE: dict[str, tuple[FreeParameter, ...]] = {
+    "signal_gain": (FreeParameter("gain", 0.05, log=True),),
+    "ambient_light": (FreeParameter("rate_per_ns", _LOG, log=True), FreeParameter("sky", 0.4, log=True)),
+    "dark_counts": (FreeParameter("rate_per_ns", _LOG, log=True),),
+    "crosstalk": (FreeParameter("sides", 0.4, log=True), FreeParameter("corners", 0.7, log=True)),
+    "afterpulsing": (FreeParameter("probability", 0.4, log=True), FreeParameter("delay_ns", 0.5, log=True)),
+    "dead_time": (FreeParameter("shift_ns", 1.0), FreeParameter("spread_ns", 0.5)),
     "pulse_shape": (
-        Free("stretch", 0.05, log=True),
-        Free("tail_share", 0.3, log=True),
-        Free("tail_ns", 0.25, log=True),
+        FreeParameter("stretch", 0.05, log=True),
+        FreeParameter("tail_share", 0.3, log=True),
+        FreeParameter("tail_ns", 0.25, log=True),
     ),
-    "timing_jitter": (Free("sigma_ns", _LOG, log=True), Free("amplitude_power", 0.1)),
-    "range_offset": (Free("offset_m", 0.005),),
-    "range_scale": (Free("fraction", 0.0001),),
-    "walk_error": (Free("per_decade_m", 0.01), Free("bend_m", 0.01)),
-    "threshold": (Free("shift", 1.0),),
-    "boresight": (Free("yaw_deg", 0.03), Free("pitch_deg", 0.015)),
-    "beam_divergence": (Free("vertical_deg", _LOG, log=True), Free("horizontal_deg", _LOG, log=True)),
-    "incidence_falloff": (Free("exponent", 0.1),),
-    "material_reflectance": (Free("factor", 0.05, log=True),),
-    "layer_gain": (Free("gain", 0.05, log=True),),
+    "timing_jitter": (FreeParameter("sigma_ns", _LOG, log=True), FreeParameter("amplitude_power", 0.1)),
+    "range_offset": (FreeParameter("offset_m", 0.005),),
+    "range_scale": (FreeParameter("fraction", 0.0001),),
+    "walk_error": (FreeParameter("per_decade_m", 0.01), FreeParameter("bend_m", 0.01)),
+    "threshold": (FreeParameter("shift", 1.0),),
+    "boresight": (FreeParameter("yaw_deg", 0.03), FreeParameter("pitch_deg", 0.015)),
+    "beam_divergence": (FreeParameter("vertical_deg", _LOG, log=True), FreeParameter("horizontal_deg", _LOG, log=True)),
+    "incidence_falloff": (FreeParameter("exponent", 0.1),),
+    "material_reflectance": (FreeParameter("factor", 0.05, log=True),),
+    "layer_gain": (FreeParameter("gain", 0.05, log=True),),
     "blooming_vertical": (
-        Free("core_up", 0.4, log=True),
-        Free("core_down", 0.4, log=True),
-        Free("core_rows", _LOG, log=True),
-        Free("skirt_up", 0.4, log=True),
-        Free("skirt_down", 0.4, log=True),
-        Free("skirt_up_rows", _LOG, log=True),
-        Free("skirt_down_rows", _LOG, log=True),
+        FreeParameter("core_up", 0.4, log=True),
+        FreeParameter("core_down", 0.4, log=True),
+        FreeParameter("core_rows", _LOG, log=True),
+        FreeParameter("skirt_up", 0.4, log=True),
+        FreeParameter("skirt_down", 0.4, log=True),
+        FreeParameter("skirt_up_rows", _LOG, log=True),
+        FreeParameter("skirt_down_rows", _LOG, log=True),
     ),
     "blooming_horizontal": (
-        Free("core_left", 0.4, log=True),
-        Free("core_right", 0.4, log=True),
-        Free("core_columns", _LOG, log=True),
-        Free("skirt_left", 0.4, log=True),
-        Free("skirt_right", 0.4, log=True),
-        Free("skirt_left_columns", _LOG, log=True),
-        Free("skirt_right_columns", _LOG, log=True),
+        FreeParameter("core_left", 0.4, log=True),
+        FreeParameter("core_right", 0.4, log=True),
+        FreeParameter("core_columns", _LOG, log=True),
+        FreeParameter("skirt_left", 0.4, log=True),
+        FreeParameter("skirt_right", 0.4, log=True),
+        FreeParameter("skirt_left_columns", _LOG, log=True),
+        FreeParameter("skirt_right_columns", _LOG, log=True),
     ),
-    "retro_ghost": (Free("strength", _LOG, log=True), Free("extra_m", 0.1), Free("exponent", 0.3)),
-    "mirror_multipath": (Free("reflectivity", _LOG, log=True), Free("grazing", 0.1)),
+    "retro_ghost": (
+        FreeParameter("strength", _LOG, log=True),
+        FreeParameter("extra_m", 0.1),
+        FreeParameter("exponent", 0.3),
+    ),
+    "mirror_multipath": (FreeParameter("reflectivity", _LOG, log=True), FreeParameter("grazing", 0.1)),
     "fog": (
-        Free("mor_m", _LOG, log=True),
-        Free("backscatter", 0.3, log=True),
-        Free("overlap_start_m", 0.3),
-        Free("overlap_full_m", 0.3, log=True),
+        FreeParameter("mor_m", _LOG, log=True),
+        FreeParameter("backscatter", 0.3, log=True),
+        FreeParameter("overlap_start_m", 0.3),
+        FreeParameter("overlap_full_m", 0.3, log=True),
     ),
     "rain": (
-        Free("rate_mm_h", _LOG, log=True),
-        Free("drop_echo", 0.4, log=True),
-        Free("drop_density", 0.4, log=True, least=0.002),
+        FreeParameter("rate_mm_h", _LOG, log=True),
+        FreeParameter("drop_echo", 0.4, log=True),
+        FreeParameter("drop_density", 0.4, log=True, least=0.002),
     ),
     "motion": (
-        Free("forward_m_s", 1.0),
-        Free("left_m_s", 1.0),
-        Free("up_m_s", 0.5),
-        Free("yaw_deg_s", 2.0),
+        FreeParameter("forward_m_s", 1.0),
+        FreeParameter("left_m_s", 1.0),
+        FreeParameter("up_m_s", 0.5),
+        FreeParameter("yaw_deg_s", 2.0),
     ),
-    "vibration": (Free("pitch_deg", 0.3, log=True), Free("yaw_deg", 0.3, log=True)),
-    "blockage": (Free("transmission", 0.05), Free("soft_edge_deg", 0.3, log=True), Free("roundness", 0.3)),
+    "vibration": (FreeParameter("pitch_deg", 0.3, log=True), FreeParameter("yaw_deg", 0.3, log=True)),
+    "blockage": (
+        FreeParameter("transmission", 0.05),
+        FreeParameter("soft_edge_deg", 0.3, log=True),
+        FreeParameter("roundness", 0.3),
+    ),
     "interference": (
-        Free("share", _LOG, log=True),
-        Free("signal", 0.3, log=True),
-        Free("farthest_m", _LOG, log=True),
+        FreeParameter("share", _LOG, log=True),
+        FreeParameter("signal", 0.3, log=True),
+        FreeParameter("farthest_m", _LOG, log=True),
     ),
-    "dropout": (Free("share", _LOG, log=True),),
+    "dropout": (FreeParameter("share", _LOG, log=True),),
 }
 
 _STARTS: dict[str, list[dict[str, float]]] = {
@@ -273,34 +281,40 @@ _STARTS: dict[str, list[dict[str, float]]] = {
 }
 
 _STRIPES = (
-    Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("farthest_m", _LOG, log=True),
-    Free("columns", 0.4, log=True),
-)  # fmt: skip
+    FreeParameter("share", _LOG, log=True),
+    FreeParameter("signal", 0.3, log=True),
+    FreeParameter("farthest_m", _LOG, log=True),
+    FreeParameter("columns", 0.4, log=True),
+)
 _LINES = (
-    Free("share", _LOG, log=True), Free("signal", 0.3, log=True), Free("columns", 0.4, log=True),
-    Free("column_span_m", 0.4, log=True),
-)  # fmt: skip
-_RECOVERY = (Free("shift_ns", 1.0), Free("recovery_ns", 0.3, log=True))
-_TREMBLE = (Free("random_deg", _LOG, log=True),)
-_WANDER = (Free("random_deg", _LOG, log=True), Free("memory_columns", 0.4, log=True))
+    FreeParameter("share", _LOG, log=True),
+    FreeParameter("signal", 0.3, log=True),
+    FreeParameter("columns", 0.4, log=True),
+    FreeParameter("column_span_m", 0.4, log=True),
+)
+_RECOVERY = (FreeParameter("shift_ns", 1.0), FreeParameter("recovery_ns", 0.3, log=True))
+_TREMBLE = (FreeParameter("random_deg", _LOG, log=True),)
+_WANDER = (FreeParameter("random_deg", _LOG, log=True), FreeParameter("memory_columns", 0.4, log=True))
 _SUN = (
-    Free("rate_per_ns", _LOG, log=True), Free("sky", 0.4, log=True), Free("direct", 0.1),
-    Free("sun_azimuth_deg", 15.0), Free("sun_elevation_deg", 10.0),
+    FreeParameter("rate_per_ns", _LOG, log=True), FreeParameter("sky", 0.4, log=True), FreeParameter("direct", 0.1),
+    FreeParameter("sun_azimuth_deg", 15.0), FreeParameter("sun_elevation_deg", 10.0),
 )  # fmt: skip
 _SECOND = (
-    Free("stretch", 0.05, log=True), Free("tail_share", 0.3, log=True), Free("tail_delay_ns", 1.0),
-)  # fmt: skip
+    FreeParameter("stretch", 0.05, log=True),
+    FreeParameter("tail_share", 0.3, log=True),
+    FreeParameter("tail_delay_ns", 1.0),
+)
 _TWICE = {"stretch": 1.0, "tail_ns": 0.5, "tail_delay_ns": 9.0}
-_FALL = (*_SECOND, Free("tail_ns", 0.25, log=True))
+_FALL = (*_SECOND, FreeParameter("tail_ns", 0.25, log=True))
 _SLOW = {"stretch": 1.0, "tail_ns": 1.0}
 _LARGE = {"beam_diameter_m": 0.001, "divergence_mrad": 2.0, "drop_shape": 2.0, "drop_echo": 5.0, "drop_density": 0.1}
 _FAR = {"overlap_start_m": 5.0, "overlap_full_m": 15.0}
 _SMOOTH = {"backscatter": 0.046, "overlap_power": 2.0}
 _THIN = {"thinning_per_m": 0.2}
-_STRATA = (*_FREE["fog"], Free("thinning_per_m", 0.1))
-_LEVEL = (*_FREE["incidence_falloff"], Free("level_from_deg", 4.0))
-_DROPS = (*_FREE["rain"], Free("drop_shape", 0.5))
-_VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[Free, ...]], ...] = (
+_STRATA = (*_FREE["fog"], FreeParameter("thinning_per_m", 0.1))
+_LEVEL = (*_FREE["incidence_falloff"], FreeParameter("level_from_deg", 4.0))
+_DROPS = (*_FREE["rain"], FreeParameter("drop_shape", 0.5))
+_VARIANTS: tuple[tuple[str, str, dict[str, float], tuple[FreeParameter, ...]], ...] = (
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.03}, _TREMBLE),
     ("vibration", "random", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.12}, _TREMBLE),
     ("vibration", "wander", {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.05, "memory_columns": 5.0}, _WANDER),
@@ -343,7 +357,7 @@ _FIXED: dict[str, dict[str, float]] = {"beam_divergence": {"rays": 3}}
 """Few rays are fast; `footprint_rays` tries more at the end."""
 
 
-def free_of(name: str) -> tuple[Free, ...]:
+def free_of(name: str) -> tuple[FreeParameter, ...]:
     """The parameters of an effect that fits move."""
     return _FREE[name]
 

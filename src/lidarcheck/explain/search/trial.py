@@ -13,7 +13,7 @@ from lidarcheck.explain.search.whole_bins import at_whole_steps
 from lidarcheck.inference.edges import FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance, with_effects
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped
 
 __all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
@@ -39,36 +39,38 @@ _LOST_AT_RANDOM = ("dropout",)
 """Effects that take echoes from beams that nobody can foretell."""
 
 
-def tried(lab: Lab, select: Lab, now: Fit, before: FloatArray, least: float, probe: Probe) -> Tried:
+def tried(simulator: Simulator, select: Simulator, now: Fit, before: FloatArray, least: float, probe: Probe) -> Tried:
     """The fit with one more effect, and what it does to the select frames."""
-    found = fit_next(lab, now, probe, least)
+    found = fit_next(simulator, now, probe, least)
     for _ in range(_WEAKER):
         if not found.possible:
             probe = probe.scaled(0.5)
-            found = fit_next(lab, now, probe, least)
+            found = fit_next(simulator, now, probe, least)
     if found.possible and not now.probes and now.nuisance.penalty > 0.0:
         # What was fitted first may have made up for the effect: once also the other way round.
-        first = fit_next(lab, replace(now, nuisance=Nuisance()), probe, least)
+        first = fit_next(simulator, replace(now, nuisance=Nuisance()), probe, least)
         if first.possible:
-            found = min((found, fit_nuisance(lab, first)), key=lambda one: one.distance)
-    if found.possible and not _is_what_it_says(lab, now, found):
+            found = min((found, fit_nuisance(simulator, first)), key=lambda one: one.distance)
+    if found.possible and not _is_what_it_says(simulator, now, found):
         found = replace(found, distance=np.inf)
     return _there(select, before, found)
 
 
-def _is_what_it_says(lab: Lab, now: Fit, found: Fit) -> bool:
+def _is_what_it_says(simulator: Simulator, now: Fit, found: Fit) -> bool:
     """Whether the last effect of a fit explains something by what its name says: no rain without drops."""
     effect = found.effects()[-1]
     nothing = _NAMED_BY.get(effect.name)
     if nothing is None:
         return True
-    others = with_effects(lab.model, found.probes[:-1], found.x[:-1])
-    without = lab.shows(others.with_(make(effect.name, {**effect.settings(), **nothing})), nuisance=found.nuisance)
+    others = with_effects(simulator.model, found.probes[:-1], found.x[:-1])
+    without = simulator.shows(
+        others.with_(make(effect.name, {**effect.settings(), **nothing})), nuisance=found.nuisance
+    )
     gain = max(now.distance - found.distance, 0.0)
-    return lab.distance(without) - found.distance > _NAMED_PART * gain
+    return simulator.distance(without) - found.distance > _NAMED_PART * gain
 
 
-def _there(select: Lab, before: FloatArray, found: Fit) -> Tried:
+def _there(select: Simulator, before: FloatArray, found: Fit) -> Tried:
     """The fit, how far it is on the select frames, how far it moves them, by how much it brings them nearer and moves
     them wherever edges are, for a footprint, and how far they would be from themselves, for losses."""
     if not found.possible:
@@ -85,70 +87,70 @@ def _there(select: Lab, before: FloatArray, found: Fit) -> Tried:
     return found, select.distance(shown), select.metric.square(moved), edges, own
 
 
-def to_the_end(lab: Lab, select: Lab, before: FloatArray, now: Fit) -> Tried:
+def to_the_end(simulator: Simulator, select: Simulator, before: FloatArray, now: Fit) -> Tried:
     """What `tried` tells of a fit, when it leads no further: its numbers, then the nuisances, and so again while that
     comes nearer by much, since an offset that was fitted beside a pose that is off has made up for that."""
-    end = fit_nuisance(lab, finished(lab, now))
+    end = fit_nuisance(simulator, finished(simulator, now))
     for _ in range(_AGAIN):
-        again = fit_nuisance(lab, finished(lab, end))
+        again = fit_nuisance(simulator, finished(simulator, end))
         if not again.distance < end.distance - _MUCH:
             break
         end = again
     return _there(select, before, end)
 
 
-def select_distance(select: Lab, at: Fit) -> float:
+def select_distance(select: Simulator, at: Fit) -> float:
     """Distance on the select frames of the same effects and nuisances."""
     return select.distance(select_shown(select, at))
 
 
-def select_shown(select: Lab, at: Fit) -> FloatArray:
+def select_shown(select: Simulator, at: Fit) -> FloatArray:
     """What the same effects and nuisances show of the select frames, (seeds, n_summaries)."""
     if not at.probes and at.nuisance.penalty == 0.0:
         return np.zeros((1, len(select.measured)))
     return select.shows(at.model(select.model), nuisance=at.nuisance)
 
 
-def own_distance(select: Lab, now: Fit) -> float:
+def own_distance(select: Simulator, now: Fit) -> float:
     """How far one more measurement would be if the fit were the truth: an effect that strikes at random strikes
     elsewhere each time."""
     if not now.probes:
         return 0.0
     model = now.model(select.model)
     shown = select.shows(model, nuisance=now.nuisance)
-    others = mapped(lambda k: select.summaries.of(select.sights(model, 700 + k, now.nuisance)), range(3))
+    others = mapped(lambda k: select.summaries.of(select.observations(model, 700 + k, now.nuisance)), range(3))
     return float(np.mean([select.distance(shown, other) for other in others]))
 
 
-def fit_next(lab: Lab, now: Fit, probe: Probe, least: float) -> Fit:
+def fit_next(simulator: Simulator, now: Fit, probe: Probe, least: float) -> Fit:
     """The probe's own parameters first, then all together where it may gain `least`."""
     if probe.ways:
-        probe = _best_way(lab, now, probe)
+        probe = _best_way(simulator, now, probe)
     x = probe.start()
     if not now.probes:
-        return fit(lab, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
-    alone = fit(lab, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(lab.model), leaps=True)
+        return fit(simulator, [probe], [x], rounds=3, nuisance=now.nuisance, leaps=True)
+    alone = fit(simulator, [probe], [x], rounds=2, nuisance=now.nuisance, model=now.model(simulator.model), leaps=True)
     probes, start = (*now.probes, probe), (*now.x, alone.x[0])
     if not alone.possible or now.distance - alone.distance < _HOPELESS * least:
         return replace(alone, probes=probes, x=start, jacobian=None)
     slopes = None
     if now.jacobian is not None and alone.jacobian is not None:
         slopes = np.column_stack([now.jacobian, alone.jacobian])
-    return fit(lab, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
+    return fit(simulator, probes, start, rounds=1, nuisance=now.nuisance, slopes=slopes)
 
 
-def _best_way(lab: Lab, now: Fit, probe: Probe) -> Probe:
+def _best_way(simulator: Simulator, now: Fit, probe: Probe) -> Probe:
     """The probe from the best of its ways on, or from where it stands if no sensor can have any of them."""
-    plain, model = probe.plain(), now.model(lab.model)
-    there = fit(lab, [plain], [plain.start()], rounds=_PLAIN_ROUNDS, nuisance=now.nuisance, model=model)
+    plain, model = probe.plain(), now.model(simulator.model)
+    there = fit(simulator, [plain], [plain.start()], rounds=_PLAIN_ROUNDS, nuisance=now.nuisance, model=model)
     if not there.possible:
         return probe
     settings = plain.weaker(there.x[0], _PART_OF_WAYS).settings
     ways = [replace(probe, settings={**settings, **way}) for way in probe.ways]
-    fits = [fit(lab, [way], [way.start()], rounds=0, nuisance=now.nuisance, model=model) for way in ways]
+    fits = [fit(simulator, [way], [way.start()], rounds=0, nuisance=now.nuisance, model=model) for way in ways]
     return min(zip(fits, ways, strict=True), key=lambda both: both[0].distance)[1]
 
 
-def finished(lab: Lab, now: Fit) -> Fit:
+def finished(simulator: Simulator, now: Fit) -> Fit:
     """A fit that leads no further, with slopes of its own: those that led there were taken far away."""
-    return at_whole_steps(lab, fit(lab, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance))
+    return at_whole_steps(simulator, fit(simulator, now.probes, now.x, rounds=TO_THE_END, nuisance=now.nuisance))

@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.explain.search.starts import Probe
 from lidarcheck.inference.gauss_newton import Fit, fit
-from lidarcheck.inference.simulator import Lab
+from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["at_whole_steps"]
 
@@ -21,41 +21,43 @@ _ROUNDS, _MOST = 3, 4
 """Steps of each fit of the others, and how far a number is followed to one side."""
 
 
-def at_whole_steps(lab: Lab, now: Fit) -> Fit:
+def at_whole_steps(simulator: Simulator, now: Fit) -> Fit:
     """The fit with each such number where it comes nearest, or as it is where it has none or nothing is nearer."""
     for k, probe in enumerate(now.probes):
         for j, free in enumerate(probe.free):
-            width = _width(lab, probe.name, free.name)
+            width = _width(simulator, probe.name, free.name)
             if width > 0.0:
-                now = _followed(lab, now, k, j, width)
+                now = _followed(simulator, now, k, j, width)
     return now
 
 
-def _width(lab: Lab, effect: str, number: str) -> float:
+def _width(simulator: Simulator, effect: str, number: str) -> float:
     """How wide the steps of a number are, 0 where it has none."""
-    return {("dead_time", "shift_ns"): lab.model.sensor.bin_ns, ("threshold", "shift"): 1.0}.get((effect, number), 0.0)
+    return {("dead_time", "shift_ns"): simulator.model.sensor.bin_ns, ("threshold", "shift"): 1.0}.get(
+        (effect, number), 0.0
+    )
 
 
-def _followed(lab: Lab, now: Fit, k: int, j: int, width: float) -> Fit:
+def _followed(simulator: Simulator, now: Fit, k: int, j: int, width: float) -> Fit:
     """The fit with the j-th number of the k-th effect followed to the side on which it comes nearer."""
     probe = now.probes[k]
     middle = np.floor(now.x[k][j] * probe.free[j].step / width + 0.5) * width
-    best = min(now, _at(lab, now, k, j, middle), key=lambda one: one.distance)
+    best = min(now, _at(simulator, now, k, j, middle), key=lambda one: one.distance)
     for way in (width, -width):
         for steps in range(1, _MOST + 1):
-            found = _at(lab, best, k, j, middle + way * steps)
+            found = _at(simulator, best, k, j, middle + way * steps)
             if not found.distance < best.distance:
                 break
             best = found
     return best
 
 
-def _at(lab: Lab, now: Fit, k: int, j: int, value: float) -> Fit:
+def _at(simulator: Simulator, now: Fit, k: int, j: int, value: float) -> Fit:
     """The others fitted with the number at a value."""
     held = _held(now.probes[k], j, value)
     probes, x = [*now.probes], [*now.x]
     probes[k], x[k] = held, np.delete(now.x[k], j)
-    found = fit(lab, probes, x, rounds=_ROUNDS, nuisance=now.nuisance)
+    found = fit(simulator, probes, x, rounds=_ROUNDS, nuisance=now.nuisance)
     ends = [*found.x]
     ends[k] = np.insert(found.x[k], j, value / now.probes[k].free[j].step)
     return replace(found, probes=now.probes, x=tuple(ends), jacobian=None)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lidarcheck.figures.data import Grid
 from lidarcheck.figures.drawing.map_cells import cell_edges, reach_of
-from lidarcheck.figures.drawing.panel import Panel, depth, squeezed
+from lidarcheck.figures.drawing.panel import Subplot, depth, squeezed
 from lidarcheck.figures.drawing.scales import equal_spans, limits, one_a_cell, round_ticks
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ _STYLE: Any = {
 }
 
 
-def write_png(panels: Sequence[Panel], path: Path, columns: int = 1) -> None:
+def write_png(panels: Sequence[Subplot], path: Path, columns: int = 1) -> None:
     """Write the panels to a file, one below the other, or in rows of so many columns."""
     import matplotlib
     from matplotlib.figure import Figure
@@ -113,7 +113,7 @@ def _make_room(axes: Axes, *, rows: int = 0, letters: int = 0) -> None:
     axes.set_position((place.x0 + left, place.y0, place.width - left, place.height - top))
 
 
-def _draw(axes: Axes, panel: Panel) -> None:
+def _draw(axes: Axes, panel: Subplot) -> None:
     _title(axes, panel, rows=0)
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
@@ -130,12 +130,12 @@ def _draw(axes: Axes, panel: Panel) -> None:
         _make_room(axes, rows=_draw_series(axes, panel, spans), letters=letters)
 
 
-def _title(axes: Axes, panel: Panel, rows: int) -> None:
+def _title(axes: Axes, panel: Subplot, rows: int) -> None:
     """Above the axes and so many rows of a legend. Its height is given: matplotlib would measure all ticks for it."""
     axes.set_title(squeezed(panel.title, 90), loc="left", y=1.0, pad=(8.0 if rows else 6.0) + _LEGEND_ROW_PT * rows)
 
 
-def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
+def _span(axes: Axes, panel: Subplot, points: Any) -> tuple[Span, Span]:
     """What the axes span, after setting their limits, the same as in text and SVG."""
     x, y = limits(points[:, 0], 0.02), limits(points[:, 1], 0.04)
     if panel.equal:
@@ -147,7 +147,7 @@ def _span(axes: Axes, panel: Panel, points: Any) -> tuple[Span, Span]:
     return x, y
 
 
-def _draw_ticks(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> int:
+def _draw_ticks(axes: Axes, panel: Subplot, spans: tuple[Span, Span]) -> int:
     """Ticks, their words and a grid, the same as in text and SVG; how many letters the longest word at the left has.
 
     All ticks of an axis are one object: as matplotlib's own, five objects a tick, they take a third of a picture's
@@ -182,7 +182,7 @@ def _true_minus(words: str) -> str:
     return words.replace("-", "−")
 
 
-def _draw_series(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> int:
+def _draw_series(axes: Axes, panel: Subplot, spans: tuple[Span, Span]) -> int:
     """Draw them; the rows of the legend."""
     for band in panel.bands:
         good = np.isfinite(band.low) & np.isfinite(band.high)
@@ -218,7 +218,7 @@ def _draw_series(axes: Axes, panel: Panel, spans: tuple[Span, Span]) -> int:
     return 0
 
 
-def _legend(axes: Axes, panel: Panel) -> int:
+def _legend(axes: Axes, panel: Subplot) -> int:
     """Above the axes; a curve and its dots are one entry. How many rows it has."""
     handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
     names = [name for name in panel.names if name in handles]

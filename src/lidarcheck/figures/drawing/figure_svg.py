@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.figures.drawing.map_svg import map_svg
-from lidarcheck.figures.drawing.panel import Band, Dots, Line, Panel, depth, packed, squeezed
+from lidarcheck.figures.drawing.panel import Band, Dots, Line, Subplot, depth, packed, squeezed
 from lidarcheck.figures.drawing.scales import equal_spans, limits, one_a_cell
-from lidarcheck.figures.drawing.svg import LETTER, Frame, nodes, short, svg, text
+from lidarcheck.figures.drawing.svg import LETTER, PlotArea, nodes, short, svg, text
 
 __all__ = ["HEIGHT", "WIDTH", "panel_svg", "stacked"]
 
@@ -38,7 +38,7 @@ _SHAPES = (
 )
 
 
-def panel_svg(panel: Panel, *, width: float = WIDTH, height: float = HEIGHT) -> str:
+def panel_svg(panel: Subplot, *, width: float = WIDTH, height: float = HEIGHT) -> str:
     """One pair of axes as an SVG element; says so where there is nothing to draw."""
     if panel.grid is not None:
         return map_svg(panel, panel.grid, width, height)
@@ -58,18 +58,18 @@ def panel_svg(panel: Panel, *, width: float = WIDTH, height: float = HEIGHT) -> 
     return svg(words, "".join(parts), name="chart", width=width, height=height)
 
 
-def _frame(panel: Panel, points: FloatArray, width: float, height: float, top: float) -> tuple[Frame, bool]:
+def _frame(panel: Subplot, points: FloatArray, width: float, height: float, top: float) -> tuple[PlotArea, bool]:
     """The axes, and whether lengths on them had to be stretched."""
     x, y = limits(points[:, 0], 0.02), limits(points[:, 1], 0.04)
     letters = max((len(squeezed(name, _LONGEST)) for name in panel.y_names), default=0)
-    frame = Frame(x, y, panel.log_x, panel.log_y, width, height, max(_LEFT, LETTER * letters + 10.0), top)
+    frame = PlotArea(x, y, panel.log_x, panel.log_y, width, height, max(_LEFT, LETTER * letters + 10.0), top)
     if not panel.equal:
         return frame, False
     x, y, equal = equal_spans(x, y, frame.right - frame.left, frame.bottom - frame.top)
     return dataclasses.replace(frame, x=x, y=y), not equal
 
 
-def _legend(panel: Panel, width: float) -> tuple[str, float]:
+def _legend(panel: Subplot, width: float) -> tuple[str, float]:
     """(the y label to the left; to the right the series with a piece of their line or a dot, where the axes begin)."""
     names: list[tuple[int | None, str]] = []
     if not panel.y_names:
@@ -98,7 +98,7 @@ def _legend(panel: Panel, width: float) -> tuple[str, float]:
     return "".join(parts), max(y, 24.0) if names else 24.0
 
 
-def _line(frame: Frame, line: Line) -> str:
+def _line(frame: PlotArea, line: Line) -> str:
     name = f"line s{line.series}" if line.series is not None else "bar" if line.heavy else "reference"
     places = _fewer([_place(frame, x, y) for x, y in zip(line.x.tolist(), line.y.tolist(), strict=True)])
     path = _path(places)
@@ -123,7 +123,7 @@ def _path(places: Sequence[tuple[float, float]]) -> str:
     return "".join(path)
 
 
-def _place(frame: Frame, x: float, y: float) -> tuple[float, float]:
+def _place(frame: PlotArea, x: float, y: float) -> tuple[float, float]:
     if not (math.isfinite(x) and math.isfinite(y)):
         return math.nan, math.nan
     return round(frame.across(x), 1), round(frame.up(y), 1)
@@ -141,7 +141,7 @@ def _fewer(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return kept if step <= 1 else [*kept[:-1:step], kept[-1]]
 
 
-def _band(frame: Frame, band: Band) -> str:
+def _band(frame: PlotArea, band: Band) -> str:
     good = np.isfinite(band.x) & np.isfinite(band.low) & np.isfinite(band.high)
     parts = []
     for piece in np.split(np.arange(len(good)), np.flatnonzero(np.diff(good.astype(np.int8))) + 1):
@@ -153,7 +153,7 @@ def _band(frame: Frame, band: Band) -> str:
     return f'<path class="{name} s{band.series}" d="{"".join(parts)}"/>' if parts else ""
 
 
-def _dots(frame: Frame, dots: Dots) -> str:
+def _dots(frame: PlotArea, dots: Dots) -> str:
     if dots.series is None:
         return "".join(
             f'<circle class="ring" cx="{frame.across(a):.1f}" cy="{frame.up(b):.1f}" r="3.2"/>'
@@ -171,7 +171,7 @@ def _dots(frame: Frame, dots: Dots) -> str:
     return f'<path class="dots s{dots.series}" d="{path}"/>' if path else ""
 
 
-def stacked(panels: Sequence[Panel], title: str, style: str) -> str:
+def stacked(panels: Sequence[Subplot], title: str, style: str) -> str:
     """An SVG file of its own: the title, and the panels below each other; `style`: the CSS that a page would have."""
     parts = [f'<rect class="paper" width="{WIDTH:g}" height="{_TITLE + HEIGHT * len(panels):g}"/>']
     parts.append(text(4.0, 13.0, short(title, 80)))

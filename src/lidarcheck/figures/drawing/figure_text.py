@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.figures.data import Cloud, Figure, Grid
-from lidarcheck.figures.drawing.panel import Band, Panel, depth, packed, squeezed
+from lidarcheck.figures.drawing.panel import Band, Subplot, depth, packed, squeezed
 from lidarcheck.figures.drawing.panels import KINDS, VIEWS, panels_of
 from lidarcheck.figures.drawing.scales import equal_spans, limits, one_a_cell, round_ticks
 from lidarcheck.figures.drawing.terminal import (
@@ -64,7 +64,7 @@ def figure_text(
     return ascii_only(text) if plain else text
 
 
-def _panel_lines(panel: Panel, width: int, height: int, colour: bool, plain: bool) -> list[str]:
+def _panel_lines(panel: Subplot, width: int, height: int, colour: bool, plain: bool) -> list[str]:
     marks = PLAIN_MARKS if plain else MARKS
     head = _head(panel, marks, width, height)
     rows = height - len(head) - 1
@@ -87,7 +87,7 @@ def _panel_lines(panel: Panel, width: int, height: int, colour: bool, plain: boo
     return [*head, *body, fit(label, width).center(width).rstrip()]
 
 
-def _head(panel: Panel, marks: Sequence[str], width: int, height: int) -> list[str]:
+def _head(panel: Subplot, marks: Sequence[str], width: int, height: int) -> list[str]:
     """The y label and the legend, in one line where they fit; else in as many as leave room for the picture."""
     legend = _legend(panel, marks, _NAMES[0])
     if len(panel.y_label) + sum(len(words) + 3 for words in legend) <= width:
@@ -101,7 +101,7 @@ def _head(panel: Panel, marks: Sequence[str], width: int, height: int) -> list[s
     return [*([fit(panel.y_label, width)] if panel.y_label else []), *(line.rjust(width) for line in names)]
 
 
-def _legend(panel: Panel, marks: Sequence[str], letters: int) -> list[str]:
+def _legend(panel: Subplot, marks: Sequence[str], letters: int) -> list[str]:
     """The marks with the names, of so many letters, of what they stand for; violins have theirs beside them."""
     drawn = panel.drawn()
     known = [] if panel.y_names else [f"{marks[i]} {squeezed(panel.names[i], letters, '..')}" for i in sorted(drawn)]
@@ -112,7 +112,7 @@ def _legend(panel: Panel, marks: Sequence[str], letters: int) -> list[str]:
     return known
 
 
-def _strokes(panel: Panel, marks: Sequence[str], spans: tuple[Span, Span], room: tuple[int, int]) -> list[Stroke]:
+def _strokes(panel: Subplot, marks: Sequence[str], spans: tuple[Span, Span], room: tuple[int, int]) -> list[Stroke]:
     """Bands first, then references, lines and dots, so that what matters most is on top."""
     strokes = []
     for band in panel.bands:

@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from lidarcheck.figures.data import Grid
 from lidarcheck.figures.drawing.map_cells import cell_edges, reach_of, resampled
-from lidarcheck.figures.drawing.panel import Panel
-from lidarcheck.figures.drawing.svg import LETTER, Frame, amount, svg, text
+from lidarcheck.figures.drawing.panel import Subplot
+from lidarcheck.figures.drawing.svg import LETTER, PlotArea, amount, svg, text
 
 __all__ = ["map_svg"]
 
@@ -16,14 +16,14 @@ _LEVELS = 5
 _MAP_ROWS, _MAP_COLUMNS = 64, 120
 
 
-def map_svg(panel: Panel, grid: Grid, width: float, height: float) -> str:
+def map_svg(panel: Subplot, grid: Grid, width: float, height: float) -> str:
     """The map in five or eleven shades, with the scale above it; says so where there is nothing to draw."""
     values = np.asarray(grid.values, dtype=np.float64)
     words = f"{panel.title}: {grid.value_label or 'value'} over {panel.x_label} and {panel.y_label}"
     if not np.isfinite(values).any():
         nothing = text(width / 2.0, height / 2.0, "nothing to draw", "middle", "label")
         return svg(f"{words}: nothing to draw", nothing, name="chart", width=width, height=height)
-    frame = Frame(cell_edges(grid.x), cell_edges(grid.y), width=width, height=height, left=44.0, top=24.0)
+    frame = PlotArea(cell_edges(grid.x), cell_edges(grid.y), width=width, height=height, left=44.0, top=24.0)
     low, high = reach_of(grid)
     cells = resampled(grid, _number(grid.y, _MAP_ROWS), _number(grid.x, _MAP_COLUMNS))
     seen = np.isfinite(cells)
@@ -55,7 +55,7 @@ def _shade(level: int) -> str:
     return f"z{level}" if level >= 0 else f"n{-level}"
 
 
-def _boxes(chosen: npt.NDArray[np.bool_], frame: Frame) -> str:
+def _boxes(chosen: npt.NDArray[np.bool_], frame: PlotArea) -> str:
     """Cells beside each other in a row are one box."""
     rows, columns = chosen.shape
     wide, high = (frame.right - frame.left) / columns, (frame.bottom - frame.top) / rows
@@ -68,7 +68,7 @@ def _boxes(chosen: npt.NDArray[np.bool_], frame: Frame) -> str:
     )
 
 
-def _signs(level: npt.NDArray[np.int64], frame: Frame) -> str:
+def _signs(level: npt.NDArray[np.int64], frame: PlotArea) -> str:
     """A minus or plus on shades from the second on, every so many cells, for those who do not see the colours."""
     rows, columns = level.shape
     wide, high = (frame.right - frame.left) / columns, (frame.bottom - frame.top) / rows
@@ -83,7 +83,7 @@ def _signs(level: npt.NDArray[np.int64], frame: Frame) -> str:
     return f'<path class="sign" d="{"".join(path)}"/>' if path else ""
 
 
-def _scale(panel: Panel, grid: Grid, low: float, high: float, width: float) -> str:
+def _scale(panel: Subplot, grid: Grid, low: float, high: float, width: float) -> str:
     """The y label, and the shades with the numbers at their ends."""
     levels = range(-_LEVELS if grid.diverging else 0, _LEVELS + 1)
     last = f"{amount(high)} {grid.value_label}".strip()

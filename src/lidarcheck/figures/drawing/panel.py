@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lidarcheck.figures.data import Grid
 
-__all__ = ["Band", "Dots", "Line", "Panel", "depth", "packed", "squeezed"]
+__all__ = ["Band", "Dots", "Line", "Subplot", "depth", "packed", "squeezed"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Panel:
+class Subplot:
     """One pair of axes with what is on it; `names`: of the series, in order.
 
     `y_names`: texts at 0, 1, 2 ... in the place of numbers. `equal`: both axes are lengths, to be drawn to one scale.

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.figures.data import Cloud, Course, Distribution, Figure, Grid
-from lidarcheck.figures.drawing.panel import Band, Dots, Line, Panel
+from lidarcheck.figures.drawing.panel import Band, Dots, Line, Subplot
 from lidarcheck.figures.drawing.scales import log10
 from lidarcheck.kpi import shapes
 
@@ -36,7 +36,7 @@ def kinds_of(figure: Figure) -> tuple[str, ...]:
     return tuple(VIEWS) if isinstance(figure, Cloud) else ()
 
 
-def panels_of(figure: Figure, kind: str) -> tuple[Panel, ...]:
+def panels_of(figure: Figure, kind: str) -> tuple[Subplot, ...]:
     """The axes of a figure, most often one; `kind`: one of KINDS or VIEWS.
 
     A kind that is none of the figure's own shows a distribution's histogram and all views of a cloud. `ValueError`: a
@@ -45,7 +45,7 @@ def panels_of(figure: Figure, kind: str) -> tuple[Panel, ...]:
     if kind not in (*KINDS, *VIEWS):
         raise ValueError(f"no picture of kind {kind}; there are {', '.join((*KINDS, *VIEWS))}")
     few, more = _first(figure)
-    panels: tuple[Panel, ...]
+    panels: tuple[Subplot, ...]
     if isinstance(few, Distribution):
         panels = (_DISTRIBUTIONS.get(kind, _histogram)(few),)
     elif isinstance(few, Cloud):
@@ -66,7 +66,7 @@ def _absent(figure: Figure) -> tuple[str, ...]:
     return ()
 
 
-def _printable(panel: Panel) -> Panel:
+def _printable(panel: Subplot) -> Subplot:
     """The panel with words that can drive no terminal: names may come from files."""
 
     def clean(words: str) -> str:
@@ -116,7 +116,7 @@ def _smooth(figure: Distribution) -> list[FloatArray]:
     return [shapes.finite(log10(shapes.spread_out(sample))) for sample in figure.samples.values()]
 
 
-def _histogram(figure: Distribution) -> Panel:
+def _histogram(figure: Distribution) -> Subplot:
     samples = [shapes.finite(sample) for sample in figure.samples.values()]
     edges = (shapes.log_edges if figure.log_x else shapes.bin_edges)(samples, _BINS)
     lines = []
@@ -129,7 +129,7 @@ def _histogram(figure: Distribution) -> Panel:
         x = np.repeat(log10(edges) if figure.log_x else edges, 2)
         y = np.concatenate([[floor], np.repeat(heights, 2), [floor]])
         lines += [Line(number, x, y, filled=number == 0)] if counted.any() else []
-    return Panel(
+    return Subplot(
         figure.title,
         _label(figure.quantity, figure.unit),
         "count",
@@ -140,7 +140,7 @@ def _histogram(figure: Distribution) -> Panel:
     )
 
 
-def _qq(figure: Distribution) -> Panel:
+def _qq(figure: Distribution) -> Subplot:
     samples, names = _drawn(figure), tuple(figure.samples)
     words = _label(figure.quantity, figure.unit)
     first = names[0] if names else ""
@@ -150,7 +150,7 @@ def _qq(figure: Distribution) -> Panel:
         dots += [Dots(number, x, y)] if x.size else []
     ends = np.concatenate([np.empty(0), *(values for one in dots for values in (one.x, one.y))])
     same = np.array([ends.min(), ends.max()]) if ends.size else np.empty(0)
-    return Panel(
+    return Subplot(
         figure.title,
         f"quantiles of {first or 'nothing'}: {words}",
         f"quantiles of {names[1] if len(names) == 2 else 'the others'}",
@@ -162,11 +162,11 @@ def _qq(figure: Distribution) -> Panel:
     )
 
 
-def _kde(figure: Distribution) -> Panel:
+def _kde(figure: Distribution) -> Subplot:
     found = shapes.densities(_smooth(figure))
     unit = f"per decade of {figure.quantity}" if figure.log_x else f"per {figure.unit or 'unit'}"
     lines = [Line(n, one.x, one.density, filled=n == 0) for n, one in enumerate(found) if one.x.size]
-    return Panel(
+    return Subplot(
         figure.title,
         _label(figure.quantity, figure.unit),
         f"density [{unit}]",
@@ -176,7 +176,7 @@ def _kde(figure: Distribution) -> Panel:
     )
 
 
-def _cdf(figure: Distribution) -> Panel:
+def _cdf(figure: Distribution) -> Subplot:
     samples = _drawn(figure)
     everything = np.concatenate([*samples, np.empty(0)])
     lines = []
@@ -186,7 +186,7 @@ def _cdf(figure: Distribution) -> Panel:
             # From 0 at the least of all values to 100 % at the greatest.
             across = np.concatenate([[everything.min()], np.repeat(x, 2), [everything.max()]])
             lines.append(Line(number, across, 100.0 * np.concatenate([[0.0, 0.0], np.repeat(share, 2)])))
-    return Panel(
+    return Subplot(
         figure.title,
         _label(figure.quantity, figure.unit),
         "share below [%]",
@@ -196,7 +196,7 @@ def _cdf(figure: Distribution) -> Panel:
     )
 
 
-def _violin(figure: Distribution) -> Panel:
+def _violin(figure: Distribution) -> Subplot:
     """Bodies beside each other over one axis of the quantity, all of one width; a bar from quartile to quartile."""
     samples, names = _smooth(figure), tuple(figure.samples)
     bands, lines, dots = [], [], []
@@ -210,7 +210,7 @@ def _violin(figure: Distribution) -> Panel:
         low, middle, high = shapes.quartiles(sample)
         lines.append(Line(None, np.array([low, high]), np.array([at, at]), heavy=True))
         dots.append(Dots(None, np.array([middle]), np.array([at])))
-    return Panel(
+    return Subplot(
         figure.title,
         _label(figure.quantity, figure.unit),
         "",
@@ -226,7 +226,7 @@ def _violin(figure: Distribution) -> Panel:
 _DISTRIBUTIONS = {"histogram": _histogram, "qq": _qq, "kde": _kde, "cdf": _cdf, "violin": _violin}
 
 
-def _view(figure: Cloud, view: str) -> Panel:
+def _view(figure: Cloud, view: str) -> Subplot:
     """Forward is to the right from above and from the side; from the front left is left, as the sensor sees it."""
     across, up = {"top": ("x [m], forward", "y [m], left"), "side": ("x [m], forward", "z [m], up")}.get(
         view, ("−y [m], to the right", "z [m], up")
@@ -239,10 +239,10 @@ def _view(figure: Cloud, view: str) -> Panel:
         seen = {"top": (x, y), "side": (x, z)}.get(view, (-y, z))
         dots += [Dots(number, *seen)] if len(xyz) else []
     title = f"{figure.title}: {VIEWS[view]}"
-    return Panel(title, across, up, tuple(figure.groups), dots=tuple(dots), equal=True)
+    return Subplot(title, across, up, tuple(figure.groups), dots=tuple(dots), equal=True)
 
 
-def _course(figure: Course) -> Panel:
+def _course(figure: Course) -> Subplot:
     bands, lines, dots = [], [], []
 
     def across(values: npt.ArrayLike) -> FloatArray:
@@ -257,7 +257,7 @@ def _course(figure: Course) -> Panel:
         dots += [Dots(number, x, up(curve.y))] if len(x) <= _FEW else []
         if curve.low is not None and curve.high is not None:
             bands.append(Band(number, x, up(curve.low), up(curve.high)))
-    return Panel(
+    return Subplot(
         figure.title,
         figure.x_label,
         figure.y_label,
@@ -270,5 +270,5 @@ def _course(figure: Course) -> Panel:
     )
 
 
-def _map(figure: Grid) -> Panel:
-    return Panel(figure.title, figure.x_label, figure.y_label, grid=figure)
+def _map(figure: Grid) -> Subplot:
+    return Subplot(figure.title, figure.x_label, figure.y_label, grid=figure)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from lidarcheck.figures.drawing.scales import round_ticks
 
-__all__ = ["HEIGHT", "LETTER", "WIDTH", "Frame", "amount", "nodes", "short", "svg", "text"]
+__all__ = ["HEIGHT", "LETTER", "WIDTH", "PlotArea", "amount", "nodes", "short", "svg", "text"]
 
 WIDTH, HEIGHT = 260.0, 158.0
 _BESIDE, _BELOW = 6.0, 36.0
@@ -22,7 +22,7 @@ LETTER = 4.7
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PlotArea:
     """What a plot spans, in the plot's own numbers; with `log` in their decimal logarithms.
 
     `width`, `height`: of the whole picture; its axes begin at `left` and `top`.

@@ -12,16 +12,25 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.figures.explain.tables import FEWEST, SEEDS, Z_90, Curve, Detected, FieldMap, Histogram, Pictures
-from lidarcheck.inference.beam_table import Beams, beams_of
-from lidarcheck.inference.pairing import FEATURES, Sights, sights_of
+from lidarcheck.figures.explain.tables import (
+    FEWEST,
+    SEEDS,
+    Z_90,
+    Detected,
+    FieldMap,
+    Histogram,
+    Pictures,
+    ResidualCurve,
+)
+from lidarcheck.inference.beam_table import BeamTable, beams_of
+from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
 from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 
-__all__ = ["COVARIATES", "Curve", "Detected", "FieldMap", "Histogram", "Pictures", "pictures_of"]
+__all__ = ["COVARIATES", "Detected", "FieldMap", "Histogram", "Pictures", "ResidualCurve", "pictures_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -70,7 +79,7 @@ def pictures_of(frames: Sequence[Frame], before: Model, after: Model, *, seed: i
     if not any(np.any(frame.ideal.distance_m > 0.0) for frame in frames):
         return Pictures(numbers, seeds, (), (), (), ())
     beams = beams_of([frame.ideal for frame in frames], before)
-    measured = sights_of(beams, [frame.measured for frame in frames])
+    measured = observations_of(beams, [frame.measured for frame in frames])
     runs = _Runs(
         beams,
         measured,
@@ -96,10 +105,10 @@ def pictures_of(frames: Sequence[Frame], before: Model, after: Model, *, seed: i
 class _Runs:
     """The measurement and the simulations of both models, a seed each, beam by beam."""
 
-    beams: Beams
-    measured: Sights
-    before: tuple[Sights, ...]
-    after: tuple[Sights, ...]
+    beams: BeamTable
+    measured: Observations
+    before: tuple[Observations, ...]
+    after: tuple[Observations, ...]
 
 
 def _some(frames: Sequence[Frame]) -> Sequence[Frame]:
@@ -112,28 +121,31 @@ def _seed(seed: int, number: int) -> int:
     return ((seed << 16) + number) % 2**64
 
 
-def _simulated(beams: Beams, frames: Sequence[Frame], model: Model, seed: int) -> Sights:
+def _simulated(beams: BeamTable, frames: Sequence[Frame], model: Model, seed: int) -> Observations:
     scans = [simulate(frame.ideal, model, seed=seed, frame=frame.number, threads=1) for frame in frames]
-    return sights_of(beams, scans)
+    return observations_of(beams, scans)
 
 
-def _mean_log_area(runs: Sequence[Sights]) -> FloatArray:
+def _mean_log_area(runs: Sequence[Observations]) -> FloatArray:
     """Mean ln AREA of each beam's surface echo, NaN where there never is one; shape (n,)."""
     seen = np.sum([run.detected for run in runs], axis=0)
     total = np.sum([run.feature[:, FEATURES.index("area")] for run in runs], axis=0)
     return np.where(seen > 0, total / np.maximum(seen, 1), np.nan)
 
 
-def _values(sights: Sights, feature: str) -> FloatArray:
+def _values(observations: Observations, feature: str) -> FloatArray:
     """The feature of every echo that has it, AREA and PEAK in counts."""
     if feature == "others":
-        return sights.extra_m
-    column = sights.feature[sights.detected, FEATURES.index(feature)]
+        return observations.extra_m
+    column = observations.feature[observations.detected, FEATURES.index(feature)]
     return np.asarray(np.exp(column)) if feature in ("area", "peak") else column
 
 
 def _histogram(runs: _Runs, feature: str, frames: int) -> Histogram:
-    sides = [[_values(sights, feature) for sights in side] for side in ((runs.measured,), runs.before, runs.after)]
+    sides = [
+        [_values(observations, feature) for observations in side]
+        for side in ((runs.measured,), runs.before, runs.after)
+    ]
     edges = _edges(np.concatenate([values for side in sides for values in side]), feature)
     last = np.nextafter(edges[-1], edges[0])
     measured, before, after = (
@@ -160,23 +172,25 @@ def _edges(values: FloatArray, feature: str) -> FloatArray:
     return np.asarray((begin + width * np.arange(bins + 1)) * step)
 
 
-def _curve(runs: _Runs, feature: str, division: Division) -> Curve:
+def _curve(runs: _Runs, feature: str, division: Division) -> ResidualCurve:
     k = len(division.names)
     sides = []
     for side in (runs.before, runs.after):
-        pairs = [_residuals(runs.measured, sights, feature, division.bin) for sights in side]
+        pairs = [_residuals(runs.measured, observations, feature, division.bin) for observations in side]
         sides.append((np.concatenate([place for place, _ in pairs]), np.concatenate([value for _, value in pairs])))
     count = np.bincount(sides[0][0], minlength=k).astype(np.int64)
     before, after = (_quantiles(place, value, k) for place, value in sides)
     words, unit = _RESIDUALS[feature]
-    return Curve(feature, words, unit, division.covariate, division.names, count, before, after)
+    return ResidualCurve(feature, words, unit, division.covariate, division.names, count, before, after)
 
 
-def _residuals(measured: Sights, simulated: Sights, feature: str, place: IndexArray) -> tuple[IndexArray, FloatArray]:
+def _residuals(
+    measured: Observations, simulated: Observations, feature: str, place: IndexArray
+) -> tuple[IndexArray, FloatArray]:
     """Measured less simulated of the beams that both see: their bins and the differences."""
     both = measured.detected & simulated.detected & (place >= 0)
     column = FEATURES.index(feature)
-    pair = [sights.feature[both, column] for sights in (measured, simulated)]
+    pair = [observations.feature[both, column] for observations in (measured, simulated)]
     if feature == "peak":
         pair = [np.exp(values) for values in pair]
     return place[both], pair[0] - pair[1]
@@ -199,8 +213,8 @@ def _detected(runs: _Runs, division: Division) -> Detected:
     beams = np.bincount(place, minlength=k)
     enough = beams >= FEWEST
 
-    def found(side: Sequence[Sights]) -> FloatArray:
-        weights = np.mean([sights.detected[inside] for sights in side], axis=0)
+    def found(side: Sequence[Observations]) -> FloatArray:
+        weights = np.mean([observations.detected[inside] for observations in side], axis=0)
         return np.asarray(np.bincount(place, weights=weights, minlength=k))
 
     own = found((runs.measured,))
@@ -222,12 +236,14 @@ def _maps(runs: _Runs) -> tuple[FieldMap, ...]:
     return tuple(found)
 
 
-def _differences(measured: Sights, simulated: Sights, beams: Beams) -> Mapping[str, FloatArray]:
+def _differences(measured: Observations, simulated: Observations, beams: BeamTable) -> Mapping[str, FloatArray]:
     """Measured less simulated of each beam by quantity, shape (n,), NaN for beams that take no part."""
     n = len(beams)
     both = measured.detected & simulated.detected
     seen = 100.0 * (measured.detected.astype(np.float64) - simulated.detected)
-    others = [np.bincount(sights.extra_beam, minlength=n).astype(np.float64) for sights in (measured, simulated)]
+    others = [
+        np.bincount(observations.extra_beam, minlength=n).astype(np.float64) for observations in (measured, simulated)
+    ]
     echo = {name: FEATURES.index(name) for name in ("area", "range")}
     return {
         "detected": np.where(beams.distance_m > 0.0, seen, np.nan),

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.figures.drawing.svg import Frame, amount, nodes, short, svg
-from lidarcheck.figures.explain.tables import Curve, Detected, Histogram
+from lidarcheck.figures.drawing.svg import PlotArea, amount, nodes, short, svg
+from lidarcheck.figures.explain.tables import Detected, Histogram, ResidualCurve
 
 __all__ = ["detected_svg", "histogram_svg", "residual_svg"]
 
@@ -44,14 +44,14 @@ def histogram_svg(one: Histogram, *, changed: bool) -> str:
     high = math.log10(most) + 0.08
     low = max(math.log10(least) - 0.15, high - _DECADES)
     edges = np.log10(np.maximum(one.edges, 1e-3)) if one.log_x else one.edges
-    frame = Frame((float(edges[0]), float(edges[-1])), (low, high), log_x=one.log_x, log_y=True)
+    frame = PlotArea((float(edges[0]), float(edges[-1])), (low, high), log_x=one.log_x, log_y=True)
     parts = [frame.axes(frame.fitting(frame.x_ticks()), one.unit)]
     parts.append(f'<path class="measured" d="{_steps(frame, edges, one.measured)}z"/>')
     parts += [f'<path class="{name}" d="{_steps(frame, edges, values)}"/>' for name, values in sides]
     return svg(_histogram_words(one, changed), "".join(parts))
 
 
-def _steps(frame: Frame, edges: FloatArray, values: FloatArray) -> str:
+def _steps(frame: PlotArea, edges: FloatArray, values: FloatArray) -> str:
     """The outline of the bins, from the axis up and back to it."""
     low = frame.y[0]
     height = [frame.up(math.log10(v) if v > 0.0 else low) for v in values]
@@ -78,13 +78,13 @@ def _histogram_words(one: Histogram, changed: bool) -> str:
     return f"{one.words} in {one.unit}, how often, on a log scale: {'; '.join(sides)}"
 
 
-def residual_svg(one: Curve, *, changed: bool) -> str:
+def residual_svg(one: ResidualCurve, *, changed: bool) -> str:
     """Median and 10 to 90 % of the residuals in each bin; empty if no bin has enough."""
     sides = [("before", one.before), ("after", one.after)] if changed else [("after", one.after)]
     everything = np.concatenate([values for _, values in sides])
     if not np.isfinite(everything).any():
         return ""
-    frame = Frame((-0.5, len(one.bins) - 0.5), _residual_span(everything))
+    frame = PlotArea((-0.5, len(one.bins) - 0.5), _residual_span(everything))
     zero = frame.up(0.0)
     parts = [_bin_axes(frame, one.bins, one.covariate)]
     parts.append(f'<path class="zero" d="M{frame.across(-0.5):.1f} {zero:.1f}H{frame.across(len(one.bins)):.1f}"/>')
@@ -105,7 +105,7 @@ def _residual_span(quantiles: FloatArray) -> tuple[float, float]:
     return float(low - room), float(high + room)
 
 
-def _residual_words(one: Curve, i: int, sides: Sequence[tuple[str, FloatArray]]) -> str:
+def _residual_words(one: ResidualCurve, i: int, sides: Sequence[tuple[str, FloatArray]]) -> str:
     parts = [f"{name} {amount(v[i, 1])} ({amount(v[i, 0])} to {amount(v[i, 2])})" for name, v in sides]
     return f"{one.bins[i]}: {', '.join(parts)}; {int(one.count[i])} residuals"
 
@@ -115,7 +115,7 @@ def detected_svg(one: Detected, *, changed: bool) -> str:
     if not np.isfinite(one.measured).any():
         return ""
     sides = [("before", one.before), ("after", one.after)] if changed else [("after", one.after)]
-    frame = Frame((-0.5, len(one.bins) - 0.5), (-2.0, 104.0))
+    frame = PlotArea((-0.5, len(one.bins) - 0.5), (-2.0, 104.0))
     parts = [_bin_axes(frame, one.bins, one.covariate)]
     parts += [_interval(frame, i, 100.0 * one.measured[i]) for i in range(len(one.bins))]
     for (name, values), shift in zip(sides, (-_APART, _APART) if changed else (0.0,), strict=True):
@@ -132,7 +132,7 @@ def detected_svg(one: Detected, *, changed: bool) -> str:
     return svg(label, "".join(parts))
 
 
-def _interval(frame: Frame, i: int, measured: FloatArray) -> str:
+def _interval(frame: PlotArea, i: int, measured: FloatArray) -> str:
     """A grey box over the interval, at least a line thick, with the share across it."""
     if not np.isfinite(measured).all():
         return ""
@@ -142,7 +142,7 @@ def _interval(frame: Frame, i: int, measured: FloatArray) -> str:
     return f'{box}<path class="axis" d="M{left:.1f} {share:.1f}H{right:.1f}"/>'
 
 
-def _series(frame: Frame, name: str, values: FloatArray, shift: float, *, joined: bool) -> str:
+def _series(frame: PlotArea, name: str, values: FloatArray, shift: float, *, joined: bool) -> str:
     """Medians as rings or dots, joined by a line, on bars from the 10 to the 90 % quantile."""
     x = [frame.across(i + shift) for i in range(len(values))]
     bars, marks, middle = [], [], []
@@ -158,7 +158,7 @@ def _series(frame: Frame, name: str, values: FloatArray, shift: float, *, joined
     return (f'<path class="{name}-bar" d="{"".join(bars)}"/>' if bars else "") + line + "".join(marks)
 
 
-def _bin_axes(frame: Frame, bins: Sequence[str], covariate: str) -> str:
+def _bin_axes(frame: PlotArea, bins: Sequence[str], covariate: str) -> str:
     """Axes with the bins' names; materials have longer ones, all of which are shown."""
     named = covariate == "material"
     room = max(5, int(84.0 / max(len(bins), 1)))
@@ -172,7 +172,7 @@ def _plain(name: str) -> str:
     return "rare" if plain == "seldom seen" else plain
 
 
-def _hints(frame: Frame, bins: Sequence[str], words: Sequence[str]) -> str:
+def _hints(frame: PlotArea, bins: Sequence[str], words: Sequence[str]) -> str:
     """What a pointer that rests on a bin is told."""
     boxes = []
     top, bottom = frame.up(frame.y[1]), frame.up(frame.y[0])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FEWEST", "SEEDS", "Z_90", "Curve", "Detected", "FieldMap", "Histogram", "Pictures"]
+__all__ = ["FEWEST", "SEEDS", "Z_90", "Detected", "FieldMap", "Histogram", "Pictures", "ResidualCurve"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -38,7 +38,7 @@ class Histogram:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ResidualCurve:
     """Residuals, measured less simulated, of echoes of the same beams, over the bins of a covariate.
 
     `bins`: k names; `count` (k,): residuals in each, of both seeds; `before`, `after` (k, 3): their 10 %, 50 % and
@@ -112,7 +112,7 @@ class Pictures:
     frames: tuple[int, ...]
     seeds: tuple[int, ...]
     histograms: tuple[Histogram, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[ResidualCurve, ...]
     detected: tuple[Detected, ...]
     maps: tuple[FieldMap, ...]
 

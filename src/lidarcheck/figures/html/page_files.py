@@ -29,7 +29,7 @@ from lidarcheck.figures.html.outputs import (
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
-    from lidarcheck.workers import Crew
+    from lidarcheck.workers import WorkerPool
 
 __all__ = [
     "ALL",
@@ -51,7 +51,7 @@ ALL = "all"
 Writer = Callable[[Path], object]
 _WORTH_A_PROCESS = 12
 """Pictures that take about as long as a process to begin."""
-_ready: list[Crew] = []
+_ready: list[WorkerPool] = []
 """Processes that are ready to draw, of the command that is running."""
 _PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
 
@@ -187,12 +187,12 @@ def drawing_ahead(out: Path | None) -> Iterator[None]:
     from lidarcheck.workers import Processes
     from lidarcheck.workers.cores import usable_cores
 
-    with Processes(usable_cores() - 1, _wake, least=1) as crew:
-        _ready.append(crew)
+    with Processes(usable_cores() - 1, _wake, least=1) as pool:
+        _ready.append(pool)
         try:
             yield
         finally:
-            _ready.remove(crew)
+            _ready.remove(pool)
 
 
 def _wake() -> None:
@@ -212,8 +212,8 @@ def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None
     # This process draws too, and as many pictures more as others need to begin that are not ready.
     own = (len(figures) + (0 if _ready else _WORTH_A_PROCESS * others)) // (others + 1)
     new = contextlib.nullcontext(_ready[-1]) if _ready else Processes(others, least=1)
-    with new as crew:
-        drawn = [crew.beside(_draw, numbered[own + k :: others], directory, kind) for k in range(others)]
+    with new as pool:
+        drawn = [pool.submit(_draw, numbered[own + k :: others], directory, kind) for k in range(others)]
         _draw(numbered[:own], directory, kind)
         for wait in drawn:
             wait()

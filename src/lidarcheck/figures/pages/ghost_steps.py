@@ -12,7 +12,7 @@ from lidarcheck.calibration.ghosts.search import SEARCH_M
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
 from lidarcheck.figures.data import Cloud, Section, Table
 
-__all__ = ["Step", "steps_of", "steps_section"]
+__all__ = ["ExtractionStep", "steps_of", "steps_section"]
 
 IndexArray = npt.NDArray[np.int64]
 
@@ -22,7 +22,7 @@ MOST_CLUSTERS = 5
 
 
 @dataclass(frozen=True)
-class Step:
+class ExtractionStep:
     """A step of the extraction: `words`: what it does; `groups`: name to the rows of the scan that it holds."""
 
     title: str
@@ -30,18 +30,18 @@ class Step:
     groups: Mapping[str, IndexArray]
 
 
-def steps_of(found: GhostScan) -> tuple[Step, ...]:
+def steps_of(found: GhostScan) -> tuple[ExtractionStep, ...]:
     """The steps from all points to signs and ghosts alone, in their order."""
     told = found.brightness
     return (
-        Step("all points", "All echoes of the scan.", {"all": np.arange(len(found.scan))}),
-        Step(
+        ExtractionStep("all points", "All echoes of the scan.", {"all": np.arange(len(found.scan))}),
+        ExtractionStep(
             "what is bright",
             f"Returns whose {told.column} is {told.above:.0f} or more ({told.why}).",
             {"bright": np.flatnonzero(found.bright)},
         ),
         _bright_clusters(found),
-        Step(
+        ExtractionStep(
             "the sign found",
             "Clusters that are compact, and have a ghost or stand where no ordinary surface is so bright; with the "
             "fainter echoes amid them.",
@@ -49,7 +49,7 @@ def steps_of(found: GhostScan) -> tuple[Step, ...]:
         ),
         _search(found),
         _dense(found),
-        Step(
+        ExtractionStep(
             "what is left",
             "Signs and ghosts alone: one echo a beam around the densest place, where there are more than chance gives.",
             {name: np.flatnonzero(found.label == label) for name, label in (("sign", SIGN), ("ghost", GHOST))},
@@ -57,22 +57,24 @@ def steps_of(found: GhostScan) -> tuple[Step, ...]:
     )
 
 
-def _bright_clusters(found: GhostScan) -> Step:
+def _bright_clusters(found: GhostScan) -> ExtractionStep:
     number = int(found.cluster.max(initial=0))
     groups = {f"cluster {i}": np.flatnonzero(found.cluster == i) for i in range(1, min(number, MOST_CLUSTERS) + 1)}
     if number > MOST_CLUSTERS:
         groups[f"{number - MOST_CLUSTERS} smaller ones"] = np.flatnonzero(found.cluster > MOST_CLUSTERS)
     groups["in none"] = np.flatnonzero(found.bright & (found.cluster == 0))
-    return Step("clusters of it (DBSCAN)", "Bright returns that hang together over beams and range.", groups)
+    return ExtractionStep("clusters of it (DBSCAN)", "Bright returns that hang together over beams and range.", groups)
 
 
-def _search(found: GhostScan) -> Step:
+def _search(found: GhostScan) -> ExtractionStep:
     low, high = SEARCH_M
     words = f"Echoes on the sign's own beams from {-low:g} m before to {high:g} m beyond twice its range."
-    return Step("the search at twice the range", words, {"sign": _joined(found, "rows"), "at 2R": _joined(found)})
+    return ExtractionStep(
+        "the search at twice the range", words, {"sign": _joined(found, "rows"), "at 2R": _joined(found)}
+    )
 
 
-def _dense(found: GhostScan) -> Step:
+def _dense(found: GhostScan) -> ExtractionStep:
     """Clusters are numbered over all signs, the largest first."""
     parts = sorted((rows for sign in found.signs for rows in sign.clusters), key=len, reverse=True)
     groups = {f"cluster {i}": rows for i, rows in enumerate(parts[:MOST_CLUSTERS], start=1)}
@@ -80,7 +82,7 @@ def _dense(found: GhostScan) -> Step:
         groups[f"{len(parts) - MOST_CLUSTERS} smaller ones"] = np.unique(np.concatenate(parts[MOST_CLUSTERS:]))
     clustered = np.concatenate([np.zeros(0, dtype=np.int64), *parts])
     groups["in none"] = np.setdiff1d(_joined(found), clustered)
-    return Step("clusters there (DBSCAN)", "Of these, the echoes that lie densely in range.", groups)
+    return ExtractionStep("clusters there (DBSCAN)", "Of these, the echoes that lie densely in range.", groups)
 
 
 def _joined(found: GhostScan, of: str = "searched") -> IndexArray:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lidarcheck.harness.gate import gate
 from lidarcheck.harness.kpis.spec import Measurement
 from lidarcheck.model.external import stop_external_models
-from lidarcheck.workers import Crew, Held, Threads, one_blas_thread
+from lidarcheck.workers import Shared, Threads, WorkerPool, one_blas_thread
 from lidarcheck.workers.cores import usable_cores
 
 __all__ = [
@@ -67,16 +67,18 @@ class Job(NamedTuple):
 class Runner:
     """Runs seeds of several scenarios side by side, whose results do not depend on who works.
 
-    `crew`: who works, `jobs` threads where None: the kernels release the interpreter's lock. On an error or interrupt
+    `pool`: who works, `jobs` threads where None: the kernels release the interpreter's lock. On an error or interrupt
     nothing new is started, external models are killed, kernels that run are waited for, and no record is kept.
     `progress` is called from the calling thread.
     """
 
-    def __init__(self, jobs: int | None = None, progress: Progress | None = None, crew: Crew | None = None) -> None:
+    def __init__(
+        self, jobs: int | None = None, progress: Progress | None = None, pool: WorkerPool | None = None
+    ) -> None:
         self._jobs = jobs or usable_cores()
         self._progress = progress or (lambda done, total, label: None)
-        self._crew = crew
-        self._held: dict[int, Held[Callable[[int], Measurement]]] = {}
+        self._crew = pool
+        self._held: dict[int, Shared[Callable[[int], Measurement]]] = {}
         self._done = 0
 
     def seeds(self, jobs: Sequence[Job], seeds: Sequence[int]) -> None:
@@ -89,17 +91,17 @@ class Runner:
         found: list[SeedRecord] = []
         # External models may run for minutes; nobody waits for them after an error or an interrupt.
         own = Threads(self._jobs, hurry=stop_external_models)
-        with one_blas_thread(), own if self._crew is None else contextlib.nullcontext(self._crew) as crew:
-            for record in crew.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
+        with one_blas_thread(), own if self._crew is None else contextlib.nullcontext(self._crew) as pool:
+            for record in pool.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
                 self._progress(self._done + len(found) + 1, total, tasks[len(found)][0].label)
                 found.append(record)
         self._done = total
         for (job, _), record in zip(tasks, found, strict=True):
             job.records.append(record)
 
-    def _holding(self, job: Job) -> Held[Callable[[int], Measurement]]:
+    def _holding(self, job: Job) -> Shared[Callable[[int], Measurement]]:
         """What runs a seed, the same thing for all seeds of a scenario."""
-        return self._held.setdefault(id(job.run), Held(job.run))
+        return self._held.setdefault(id(job.run), Shared(job.run))
 
 
 def _run(run: Callable[[int], Measurement], seed: int) -> SeedRecord:

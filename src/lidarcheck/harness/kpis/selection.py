@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.kpi.pairing import Pairing, beam_keys, nearest_on_line, ranges
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["Echoes", "Fired", "Seen", "Selection", "Window"]
+__all__ = ["Fired", "Seen", "SelectedEchoes", "Selection", "Window"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -22,7 +22,7 @@ _AROUND = [(layer, point) for layer in (-1, 0, 1) for point in (-1, 0, 1)]
 
 
 @dataclass(frozen=True)
-class Echoes:
+class SelectedEchoes:
     """The echoes of a seed beside the surfaces of their beams, all frames together; shape (n,) each.
 
     `beam`: of the scenario, counted from 0 in ascending (layer, point); `frame`, from 0; `surface`: the row of the
@@ -40,21 +40,21 @@ class Echoes:
     width_ns: FloatArray
 
     @classmethod
-    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0) -> Echoes:
+    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0) -> SelectedEchoes:
         """The echoes of one frame."""
         frames = np.full(len(scan), frame, dtype=np.int64)
         columns = (ranges(scan), scan.area, scan.peak, scan.width_ns)
         return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns)
 
     @classmethod
-    def joined(cls, parts: list[Echoes]) -> Echoes:
+    def joined(cls, parts: list[SelectedEchoes]) -> SelectedEchoes:
         """The echoes of several frames."""
         if len(parts) == 1:
             return parts[0]
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)))
 
 
-def _names(table: type[Echoes]) -> list[str]:
+def _names(table: type[SelectedEchoes]) -> list[str]:
     return [column.name for column in fields(table)]
 
 
@@ -159,7 +159,7 @@ class Selection:
         """The selected beams beside whose surface there is another at a different range, shape (n_beams,)."""
         return self.beams & self.fired.at_edge(self.window_m)
 
-    def seen(self, echoes: Echoes, frames: int = 1) -> Seen:
+    def seen(self, echoes: SelectedEchoes, frames: int = 1) -> Seen:
         """What is seen of those echoes."""
         return Seen(self, echoes, frames)
 
@@ -179,7 +179,7 @@ class Seen:
     """
 
     selection: Selection
-    echoes: Echoes
+    echoes: SelectedEchoes
     frames: int = 1
 
     @functools.cached_property

@@ -13,7 +13,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.config_words import shown
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Echoes, Fired, Selection
+from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.file import WINDOW_M, KpiTable
 from lidarcheck.kpi.pairing import pair_with_ideal
@@ -80,7 +80,7 @@ def _one(kpi: KpiTable, ideal: IdealScan, fired: Fired, measured: Scan | None) -
     )
     if kind.sample is None or measured is None:
         return AskedKpi(kpi.kpi, spec, selection)
-    sample = kind.sample(selection.seen(Echoes.of(measured, pair_with_ideal(ideal, measured))))
+    sample = kind.sample(selection.seen(SelectedEchoes.of(measured, pair_with_ideal(ideal, measured))))
     if not len(sample):
         raise UsageError(f"the measured file has no echo for {name}", fix="look at other beams, or widen window_m")
     return AskedKpi(kpi.kpi, spec, selection, sample)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Echoes
+from lidarcheck.harness.kpis.selection import SelectedEchoes
 from lidarcheck.harness.kpis.spec import Measurement
 from lidarcheck.harness.scenario.scenario import Scenario
 from lidarcheck.kpi.distances import wasserstein
@@ -33,11 +33,11 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     for frame in range(scenario.frames):
         scan = shown(seed=seed, frame=frame, threads=threads)
         _feed(digest, scan)
-        parts.append(Echoes.of(scan, pair_with_ideal(scenario.ideal, scan), frame))
-    return _measured(scenario, Echoes.joined(parts), digest.hexdigest())
+        parts.append(SelectedEchoes.of(scan, pair_with_ideal(scenario.ideal, scan), frame))
+    return _measured(scenario, SelectedEchoes.joined(parts), digest.hexdigest())
 
 
-def _measured(scenario: Scenario, echoes: Echoes, digest: str) -> Measurement:
+def _measured(scenario: Scenario, echoes: SelectedEchoes, digest: str) -> Measurement:
     """All KPIs of one seed's echoes."""
     values: dict[str, float] = {}
     trials: dict[str, int] = {}

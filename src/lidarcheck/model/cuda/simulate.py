@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses
 from lidarcheck.model.exact.single import level_of, new_scratch
@@ -54,7 +54,7 @@ def simulate_on_cuda(
     per_bin: FloatArray,
     pulses: Pulses,
     order: IntArray,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """What `kernel.simulate_beams` does, on the GPU; `order` has beams of one background together."""
     from lidarcheck.model.cuda.kernel import simulate_beams as run

@@ -14,7 +14,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.model.detectors.array import Detectors, detectors_of
 from lidarcheck.model.detectors.kernel import follow
 from lidarcheck.model.detectors.scratch import Scratch, new_scratch, set_all
-from lidarcheck.model.exact.echoes import Echoes, find_echoes
+from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import Pulses, pulses_of
 from lidarcheck.model.jit import inlined, kernel
@@ -77,7 +77,7 @@ def simulate_beams(
     pulses: Pulses,
     order: IntArray,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Simulate the beams of `order`, independent of each other, into `echoes`; see `kernel.simulate_beams`.
 
@@ -98,7 +98,7 @@ def simulate_chunk(
     per_bin: FloatArray,
     pulses: Pulses,
     order: IntArray,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """`simulate_beams` in a work space of its own; `UsageError` where more afterpulses wait than it has room for."""
     scratch = new_scratch(numbers, detectors)

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.exact.binomial import BELOW_ONE
-from lidarcheck.model.exact.echoes import Echoes, keep
+from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES, LN2, exp, expm1, log1m
@@ -231,7 +231,7 @@ def run_abreast(numbers: Numbers, group: Abreast, bins: int, inverse: FloatArray
 
 
 @kernel
-def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes: Echoes) -> None:
+def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes: EchoArrays) -> None:
     """Find the echoes in the first `bins` bins of the first `held` lanes' windows: what `find_echoes` does for each.
 
     A lane's echo is written down when the next one begins, or at last: most lanes have one.
@@ -264,7 +264,7 @@ def find_abreast(numbers: Numbers, group: Abreast, bins: int, held: int, echoes:
 
 
 @inlined
-def _add_bin(group: Abreast, bin_: float, threshold: float, echoes: Echoes) -> None:
+def _add_bin(group: Abreast, bin_: float, threshold: float, echoes: EchoArrays) -> None:
     """Add what a bin has above the threshold to the sums of each lane, within its own window."""
     state = group.state
     again = 0
@@ -296,7 +296,7 @@ def last_on(numbers: Numbers, group: Abreast, lane: int) -> int:
 
 
 @kernel
-def _keep_pending(group: Abreast, lane: Any, echoes: Echoes) -> None:
+def _keep_pending(group: Abreast, lane: Any, echoes: EchoArrays) -> None:
     """Write down the echo that a lane has ended, if there is one."""
     state = group.state
     if state[_WIDTH + lane] > 0.0:

@@ -10,13 +10,13 @@ import numpy.typing as npt
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
 
-__all__ = ["Echoes", "find_echoes", "keep", "new_echoes"]
+__all__ = ["EchoArrays", "find_echoes", "keep", "new_echoes"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
-class Echoes(NamedTuple):
+class EchoArrays(NamedTuple):
     """Echoes of each beam: `held` (n,), how many; per echo (n, max_echoes) centre [bins], width, area, peak."""
 
     held: npt.NDArray[np.int32]
@@ -26,10 +26,10 @@ class Echoes(NamedTuple):
     peak: npt.NDArray[np.int32]
 
 
-def new_echoes(beams: int, room: int) -> Echoes:
+def new_echoes(beams: int, room: int) -> EchoArrays:
     """Room for the echoes of that many beams, none held yet."""
     # First echoes stand together: memory for second and third ones, which are rare, is hardly touched.
-    return Echoes(
+    return EchoArrays(
         held=np.zeros(beams, dtype=np.int32),
         centre=np.empty((beams, room), order="F"),
         width=np.empty((beams, room), dtype=np.int32, order="F"),
@@ -39,7 +39,7 @@ def new_echoes(beams: int, room: int) -> Echoes:
 
 
 @kernel
-def keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak: int) -> None:
+def keep(echoes: EchoArrays, beam: int, centre: float, width: int, area: int, peak: int) -> None:
     """Add an echo, later than those kept so far; where there is no room, the one of smallest area goes."""
     room = echoes.area.shape[1]
     held = echoes.held[beam]
@@ -64,7 +64,7 @@ def keep(echoes: Echoes, beam: int, centre: float, width: int, area: int, peak: 
 
 
 @inlined
-def find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: int, echoes: Echoes) -> int:
+def find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
     """Echoes of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON.
 
     Returns the detectors ON in the last bin, 0 where there is none.

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.exact.single import RESERVE, Level, Scratch, look_around, place_dead
@@ -29,7 +29,7 @@ def simulate_group(
     pulses: Pulses,
     held: int,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Simulate the beams of the group's first `held` lanes, which have one background and no haze.
 
@@ -82,7 +82,7 @@ def _finish(
     pulses: Pulses,
     lane: int,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Look for a lane's echoes that reach beyond its window."""
     group = scratch.group
@@ -113,7 +113,7 @@ def _look_closer(
     lane: int,
     on: int,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Find the echoes of a lane that may have some beyond its window; `on`: detectors ON at its end."""
     group = scratch.group

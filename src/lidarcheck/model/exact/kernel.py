@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.group import simulate_group
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
@@ -69,7 +69,7 @@ def simulate_beams(
     pulses: Pulses,
     order: IntArray,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Simulate the beams in `order`, independent of each other, into `echoes`.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.report import Report, Rows, angles_of, put, report_of, room_for
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.sharing import Share
@@ -23,7 +23,7 @@ _CHUNK = 16384
 _HALF_LIGHT_SPEED = 0.5 * LIGHT_SPEED_M_PER_NS
 
 
-def scan_of(echoes: Echoes, light: Light, sensor: Sensor, rounded: bool, share: Share) -> Scan:
+def scan_of(echoes: EchoArrays, light: Light, sensor: Sensor, rounded: bool, share: Share) -> Scan:
     """The echoes of all beams: PEAK saturated, numbered from 1, no range below 0; `rounded`: as they are reported."""
     starts = range(0, len(light), _CHUNK)
     ends = np.cumsum([0, *(int(echoes.held[start : start + _CHUNK].sum()) for start in starts)])
@@ -49,7 +49,7 @@ def _own(index: ColumnArray, number: int) -> bool:
 
 @kernel
 def _list_echoes(
-    echoes: Echoes,
+    echoes: EchoArrays,
     layer: ColumnArray,
     point: ColumnArray,
     up: ColumnArray,

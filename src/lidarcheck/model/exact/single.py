@@ -19,7 +19,7 @@ from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.blocks import Blocks, new_blocks, tabulate
-from lidarcheck.model.exact.echoes import Echoes, find_echoes
+from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.haze_front import Front, look_up
 from lidarcheck.model.exact.haze_rates import haze_end
 from lidarcheck.model.exact.numbers import Numbers
@@ -233,7 +233,7 @@ def simulate_alone(
     pulses: Pulses,
     i: Any,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Simulate beam `i`; `level`: its background, for which the blocks' table is filled."""
     counts, rates, draws, blocks = scratch.counts, scratch.rates, scratch.draws, scratch.blocks
@@ -271,7 +271,7 @@ def look_around(
     begin: int,
     end: int,
     scratch: Scratch,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """Find the echoes of beam `i` all over its trace, since some may reach beyond its window; clear `counts`."""
     counts = scratch.counts

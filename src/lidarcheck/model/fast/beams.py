@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.model.streams import purpose_key
 
-__all__ = ["CHUNK", "Beams", "Task"]
+__all__ = ["CHUNK", "DrawnBeams", "Task"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -37,7 +37,7 @@ class Task(NamedTuple):
 
 
 @dataclass
-class Beams:
+class DrawnBeams:
     """What is drawn from, a row a beam: at most one pulse, range and S 0 where there is none; and what was drawn.
 
     `special`: rows of beams that need more than their word. `plain`: beams with an echo of their own, by chunk.
@@ -53,7 +53,7 @@ class Beams:
     odd: IntArray
 
     @classmethod
-    def of(cls, layer: ColumnArray, point: ColumnArray, range_m: FloatArray, signal: FloatArray) -> Beams:
+    def of(cls, layer: ColumnArray, point: ColumnArray, range_m: FloatArray, signal: FloatArray) -> DrawnBeams:
         """Beams that have not drawn yet."""
         n = len(layer)
         chunks = len(range(0, n, CHUNK))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.chain import chain_echoes
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.grid import Grid, Span, node_signals
 from lidarcheck.model.fast.words import pack
@@ -76,7 +76,7 @@ def fill_block(source: Source, block: int, span: Span, threads: int | None) -> B
     return _packed(chain_echoes(light, short, seed=_SEED, frame=block, threads=threads), centre)
 
 
-def _packed(echoes: Echoes, centre: FloatArray) -> Block:
+def _packed(echoes: EchoArrays, centre: FloatArray) -> Block:
     words, many = pack(echoes, centre)
     held = echoes.held[many]
     used = np.arange(echoes.centre.shape[1]) < held[:, None]

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.chain import chain_echoes
-from lidarcheck.model.exact.echoes import Echoes, new_echoes
+from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.report import report_of, room_for
-from lidarcheck.model.fast.beams import CHUNK, Beams, Task
+from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import DEFAULT_GRID
@@ -50,7 +50,7 @@ def fast_frame(ideal: IdealScan, model: Model, sensor: Sensor, task: Task) -> Sc
     library = library_of(source)
     if library is None or tables is None or ideal.share is not None or len(ideal) == 0:
         return None
-    beams = Beams.of(ideal.layer, ideal.point, ideal.distance_m, np.empty(len(ideal)))
+    beams = DrawnBeams.of(ideal.layer, ideal.point, ideal.distance_m, np.empty(len(ideal)))
 
     def prepare(start: int, stop: int) -> bool:
         columns = (ideal.distance_m, ideal.incidence_deg, ideal.material_id)
@@ -75,7 +75,7 @@ def fast_echoes(light: Light, sensor: Sensor, task: Task) -> Scan | None:
     groups = _groups(light, sensor)
     if not groups:
         return None
-    beams = Beams.of(layer, point, *_single_pulses(light))
+    beams = DrawnBeams.of(layer, point, *_single_pulses(light))
     for number, (rows, library) in enumerate(groups):
         _draw_rows(beams, rows, library, number, task)
     libraries = [library for _, library in groups]
@@ -84,7 +84,7 @@ def fast_echoes(light: Light, sensor: Sensor, task: Task) -> Scan | None:
     )
 
 
-def _light_of_rows(beams: Beams, rows: IntArray, background_per_ns: float) -> Light:
+def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float) -> Light:
     """The light of some beams."""
     return Light(
         layer=beams.layer[rows],
@@ -129,14 +129,14 @@ def _single_pulses(light: Light) -> tuple[FloatArray, FloatArray]:
     return range_m, signal
 
 
-def _draw_rows(beams: Beams, rows: IntArray | None, library: Library, number: int, task: Task) -> None:
+def _draw_rows(beams: DrawnBeams, rows: IntArray | None, library: Library, number: int, task: Task) -> None:
     """Let some beams draw from a library; where these are not all, the others go through the exact chain so far."""
     if rows is None:
         _draw(beams, library, number, task)
         return
     if number == 0:
         beams.drawn[:] = _EXACT_WORD
-    part = Beams.of(beams.layer[rows], beams.point[rows], beams.range_m[rows], beams.signal[rows])
+    part = DrawnBeams.of(beams.layer[rows], beams.point[rows], beams.range_m[rows], beams.signal[rows])
     _draw(part, library, number, task)
     beams.drawn[rows] = part.drawn
     kind = beams.drawn & np.uint64(KIND)
@@ -150,7 +150,7 @@ def _draw_rows(beams: Beams, rows: IntArray | None, library: Library, number: in
 
 
 def _draw(
-    beams: Beams, library: Library, number: int, task: Task, prepare: Callable[[int, int], bool] | None = None
+    beams: DrawnBeams, library: Library, number: int, task: Task, prepare: Callable[[int, int], bool] | None = None
 ) -> bool:
     """Let all beams draw, filling the blocks they ask for; False where `prepare` turned a chunk down."""
     wanted = np.zeros(library.blocks, dtype=np.bool_)
@@ -185,7 +185,7 @@ def _told(task: Task, beams: int, half: int) -> Callable[[int], object]:
 
 
 def _finish(
-    beams: Beams, libraries: list[Library], light: Callable[[IntArray], Light], sensor: Sensor, task: Task
+    beams: DrawnBeams, libraries: list[Library], light: Callable[[IntArray], Light], sensor: Sensor, task: Task
 ) -> Scan:
     """The table of echoes of beams that have drawn. `light`: of some beams, for the exact chain."""
     special = beams.listed()
@@ -206,13 +206,13 @@ def _finish(
 
 
 def _special_echoes(
-    beams: Beams,
+    beams: DrawnBeams,
     special: IntArray,
     libraries: list[Library],
     light: Callable[[IntArray], Light],
     sensor: Sensor,
     task: Task,
-) -> Echoes:
+) -> EchoArrays:
     """The echoes of the special beams, a row each, in their order."""
     echoes = new_echoes(len(special), sensor.max_echoes)
     exact = np.flatnonzero((beams.drawn[special] & _CODE) == _EXACT_WORD)

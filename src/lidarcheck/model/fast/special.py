@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.exact.echoes import Echoes, keep
+from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key
@@ -114,7 +114,7 @@ def resolve(
     start: int,
     stop: int,
     found: FloatArray,
-    echoes: Echoes,
+    echoes: EchoArrays,
 ) -> None:
     """The echoes of the special beams `start` ... `stop - 1` that drew from this library, into their rows of `echoes`.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 
 __all__ = ["pack"]
 
@@ -25,7 +25,7 @@ CENTRE_STEP = 2.0**-14
 CENTRE_ZERO = 1 << (CENTRE_BITS - 1)
 
 
-def pack(echoes: Echoes, pulse: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.int64]]:
+def pack(echoes: EchoArrays, pulse: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.int64]]:
     """Words of samples, shape (n,), and the samples that go into the table, in its order.
 
     `pulse` (n,): the pulse's centre [bins].

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.exact.echoes import Echoes
+from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.report import Report, Rows, put
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.jit import kernel
@@ -23,7 +23,7 @@ _WIDTH, _PEAK, _AREA = (np.uint64((1 << bits) - 1) for bits in (w.WIDTH_BITS, w.
 @kernel
 def write_echoes(
     drawn: npt.NDArray[np.uint64],
-    echoes: Echoes,
+    echoes: EchoArrays,
     layer: npt.NDArray[np.int32],
     point: npt.NDArray[np.int32],
     range_m: FloatArray,

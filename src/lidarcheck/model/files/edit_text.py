@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 from lidarcheck.effects import Effect
 from lidarcheck.formats.toml_lines import KeyPath, locate
 
-__all__ = ["Step", "edited", "effect_lines", "shown_value", "steps", "values_in_file"]
+__all__ = ["EffectEdit", "edited", "effect_lines", "shown_value", "steps", "values_in_file"]
 
 _HEADER = re.compile(r"""\s*\[\[\s*(effects|"effects"|'effects')\s*\]\]""")
 _KEY = re.compile(r"\s*[^=]+=\s*")
 
 
-class Step(NamedTuple):
+class EffectEdit(NamedTuple):
     """A step from one list of effects to another: an effect kept (`old` and `new`), added or taken out.
 
     `before`: the place in the old list that it stands in front of, its own where it is of that list.
@@ -38,16 +38,16 @@ class _Edit(NamedTuple):
     lines: list[str]
 
 
-def steps(old: Sequence[Effect], new: Sequence[Effect]) -> list[Step]:
+def steps(old: Sequence[Effect], new: Sequence[Effect]) -> list[EffectEdit]:
     """How one list of effects becomes the other, in order; effects of one name are taken for the same."""
     names = [effect.name for effect in old], [effect.name for effect in new]
     found = []
     for kind, i, i_end, j, j_end in difflib.SequenceMatcher(None, *names, autojunk=False).get_opcodes():
         if kind == "equal":
-            found += [Step(at, old[at], new[j + at - i]) for at in range(i, i_end)]
+            found += [EffectEdit(at, old[at], new[j + at - i]) for at in range(i, i_end)]
         else:
-            found += [Step(at, old[at], None) for at in range(i, i_end)]
-            found += [Step(i_end, None, effect) for effect in new[j:j_end]]
+            found += [EffectEdit(at, old[at], None) for at in range(i, i_end)]
+            found += [EffectEdit(i_end, None, effect) for effect in new[j:j_end]]
     return found
 
 
@@ -117,7 +117,7 @@ class _Editor:
         """One behind the last line of an effect's keys."""
         return max((end for _, end in self.keys(index).values()), default=self.header(index) + 1)
 
-    def edits(self, step: Step) -> Iterator[_Edit]:
+    def edits(self, step: EffectEdit) -> Iterator[_Edit]:
         """What a step changes in the text."""
         if step.old is None and step.new is not None:
             yield self._added(step.before, step.new)

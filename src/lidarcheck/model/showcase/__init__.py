@@ -22,7 +22,7 @@ from lidarcheck.model.showcase.scene import MATERIALS, ideal_scan, scene
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Shown", "show"]
+__all__ = ["EffectCurve", "show"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,7 +36,7 @@ _VISIBLE = 0.12
 
 
 @dataclass(frozen=True)
-class Shown:
+class EffectCurve:
     """A curve without (`before`) and with (`after`) an effect, shapes (n,).
 
     `strength`: the change in standard errors, root mean square over the curve; `significant`: whether that is more than
@@ -63,7 +63,7 @@ class Shown:
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "effect"}
 
 
-def show(effect: Effect, *, variant: str = "SMART", seed: int = 0) -> Shown:
+def show(effect: Effect, *, variant: str = "SMART", seed: int = 0) -> EffectCurve:
     """The curve that shows best what an effect does, on the reference sensor of a variant.
 
     The same arguments give the same curve. `UsageError` for an unknown variant or a seed out of range.
@@ -85,7 +85,7 @@ def _run(variant: str, seed: int, effects: tuple[Effect, ...]) -> Features:
     return features([simulate(ideal_scan(), model, seed=seed, frame=f, scene=scene()) for f in range(FRAMES)])
 
 
-def _shown(effect: Effect, best: Candidate, variant: str, seed: int) -> Shown:
+def _shown(effect: Effect, best: Candidate, variant: str, seed: int) -> EffectCurve:
     quantity, x, before, after = best.quantity, best.x, best.before, best.after
     words, unit = quantity.words, quantity.unit
     height = float(np.ptp(np.concatenate([before, after]))) if len(x) else 0.0
@@ -95,7 +95,7 @@ def _shown(effect: Effect, best: Candidate, variant: str, seed: int) -> Shown:
         elif quantity.relative == "change":
             words, after, before = f"{words}: change", after - before, before - before
     strength = float(np.sqrt(best.chi2 / max(len(best.x), 1)))
-    return Shown(
+    return EffectCurve(
         effect=effect.name,
         quantity=quantity.name,
         over=best.axis.name,

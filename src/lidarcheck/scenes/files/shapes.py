@@ -102,7 +102,7 @@ class Box(ShapeTable):
         return box((-length / 2.0, -width / 2.0, 0.0), (length / 2.0, width / 2.0, height), self.material)
 
 
-class Panel(ShapeTable):
+class PanelShape(ShapeTable):
     """An upright rectangle about its centre, which faces the sensor at yaw 0."""
 
     shape: Literal["panel"]
@@ -115,7 +115,7 @@ class Panel(ShapeTable):
         return wall(self.width_m, self.height_m, self.material)
 
 
-class Sign(ShapeTable):
+class SignShape(ShapeTable):
     """A traffic sign about the centre of its face; its back, 2 cm behind; and a post, unless `post_m` is left out."""
 
     shape: Literal["sign"]
@@ -226,6 +226,7 @@ class Tree(ShapeTable):
 
 
 ObjectTable = Annotated[
-    Plane | Box | Panel | Sign | Pole | Ellipsoid | Mesh | Vehicle | Person | Tree, Field(discriminator="shape")
+    Plane | Box | PanelShape | SignShape | Pole | Ellipsoid | Mesh | Vehicle | Person | Tree,
+    Field(discriminator="shape"),
 ]
 """Every shape that an `[[objects]]` table may name."""

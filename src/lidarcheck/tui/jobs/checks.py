@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Cancelled", "KpiLine", "Outcome", "Runs", "check_scenario", "run_scenarios"]
 
 Check = Callable[..., Any]
-Told = Callable[[int, int, str], None]
+ProgressCallback = Callable[[int, int, str], None]
 
 
 class Cancelled(Exception):
@@ -110,7 +110,7 @@ def against(path: Path) -> str:
 def run_scenarios(
     paths: Sequence[Path],
     *,
-    told: Told,
+    told: ProgressCallback,
     found: Callable[[Outcome], object],
     stop: threading.Event,
     check: Check | None = None,
@@ -131,7 +131,7 @@ def run_scenarios(
     told(len(paths), len(paths), "")
 
 
-def check_scenario(path: Path, progress: Told | None = None, check: Check | None = None) -> Outcome:
+def check_scenario(path: Path, progress: ProgressCallback | None = None, check: Check | None = None) -> Outcome:
     """Run one scenario against its golden."""
     start, hashed = time.time(), against(path)
     try:

@@ -15,7 +15,7 @@ from lidarcheck.figures.data import Page, Section
 from lidarcheck.session.models import chosen_model
 from lidarcheck.session.naming import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, Tell
+from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
@@ -135,11 +135,11 @@ def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
 # Computing, in a thread
 
 
-def _all_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Computed:
-    return _find_page(scans, given, tell, steps=False)
+def _all_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCallback) -> Computed:
+    return _find_page(scans, given, on_progress, steps=False)
 
 
-def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: bool) -> Computed:
+def _find_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCallback, *, steps: bool) -> Computed:
     """What `lidarcheck ghosts find` computes; a dataset that shows no sign is left out and named, if another does."""
     from lidarcheck.calibration.ghosts.files import load_ghost_model
     from lidarcheck.figures.pages.ghosts import find_document, find_page
@@ -147,7 +147,7 @@ def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: b
     model = None if given.model is None else load_ghost_model(given.model)
     found, used, ideals, words = [], [], [], []
     for i, (scan, name) in enumerate(zip(scans, _names(scans), strict=True)):
-        tell(i, len(scans), name)
+        on_progress(i, len(scans), name)
         try:
             one, ideal = _found(scan, name, model, given.bright)
         except LidarcheckError as error:
@@ -160,7 +160,7 @@ def _find_page(scans: Sequence[SignScan], given: _Given, tell: Tell, *, steps: b
         ideals.append(ideal)
     if not found:
         raise InputError(f"no dataset shows a sign. {' '.join(words)}", fix="see each of them for itself")
-    simulated, why = _simulated(found, ideals, model, given, tell)
+    simulated, why = _simulated(found, ideals, model, given, on_progress)
     page = find_page(found, simulated, _provenance("find", used, given, bool(simulated)), steps=steps)
     shown = _page(page, (*words, *why), {one.name: one.stripped() for one in found})
     return Computed(shown, {"datasets": find_document(found), "simulated": find_document(simulated)})
@@ -187,7 +187,7 @@ def _simulated(
     ideals: Sequence[IdealScan | None],
     model: Model | None,
     given: _Given,
-    tell: Tell,
+    on_progress: ProgressCallback,
 ) -> tuple[list[GhostScan], tuple[str, ...]]:
     """The same of the model, one for each dataset, or none and why."""
     from lidarcheck.calibration.ghosts.files import find_simulated
@@ -198,7 +198,7 @@ def _simulated(
     for i, (one, ideal) in enumerate(zip(found, ideals, strict=True)):
         if ideal is None:
             return [], (f"Not compared with the model: {one.name} has no ideal scan.",)
-        tell(i, len(found), f"simulating {one.name}")
+        on_progress(i, len(found), f"simulating {one.name}")
         try:
             others.append(find_simulated(one, ideal, model, bright=given.bright))
         except InputError as error:
@@ -212,7 +212,7 @@ def _page(page: Page, words: Sequence[str], stripped: Mapping[str, Scan]) -> Gho
     return GhostPage(page.title, page.summary, sections, page.provenance, stripped)
 
 
-def _fit_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Computed:
+def _fit_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCallback) -> Computed:
     """What `lidarcheck ghosts fit` computes; every dataset must show the sign of its ideal scan."""
     from lidarcheck.calibration.ghosts.files import find_simulated, load_ghost_model
     from lidarcheck.calibration.ghosts.fit import fit_ghosts
@@ -221,16 +221,16 @@ def _fit_page(scans: Sequence[SignScan], given: _Given, tell: Tell) -> Computed:
     assert given.model is not None
     model, found, ideals = load_ghost_model(given.model), [], []
     for i, (scan, name) in enumerate(zip(scans, _names(scans), strict=True)):
-        tell(i, 2 * len(scans) + 1, name)
+        on_progress(i, 2 * len(scans) + 1, name)
         one, ideal = _found(scan, name, model, given.bright)
         assert ideal is not None
         found.append(one)
         ideals.append(ideal)
-    tell(len(scans), 2 * len(scans) + 1, "fitting")
+    on_progress(len(scans), 2 * len(scans) + 1, "fitting")
     fitted = fit_ghosts(found, ideals, model)
     others = []
     for i, (one, ideal) in enumerate(zip(found, ideals, strict=True)):
-        tell(len(scans) + 1 + i, 2 * len(scans) + 1, f"simulating {one.name}")
+        on_progress(len(scans) + 1 + i, 2 * len(scans) + 1, f"simulating {one.name}")
         others.append(find_simulated(one, ideal, fitted.model, bright=given.bright))
     page = fit_page(fitted, others, _provenance("fit", scans, given, True))
     shown = GhostPage(page.title, page.summary, page.sections, page.provenance, fitted=fitted.model, model=given.model)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Page
 
-__all__ = ["Cancelled", "Computed", "Job", "Pages", "Tell", "computed", "state_of"]
+__all__ = ["Cancelled", "Computed", "Job", "Pages", "ProgressCallback", "computed", "state_of"]
 
-Tell = Callable[[int, int, str], object]
+ProgressCallback = Callable[[int, int, str], object]
 """Hears (done, of, what now); raises `Cancelled` when nobody waits any more."""
 
 _MOST_PAGES = 12
@@ -44,7 +44,7 @@ class Job:
     name: str
     words: str
     files: tuple[Path, ...]
-    compute: Callable[[Tell], Page | Computed]
+    compute: Callable[[ProgressCallback], Page | Computed]
     choices: Hashable = ()
     fault: str = ""
     notes: tuple[str, ...] = ()

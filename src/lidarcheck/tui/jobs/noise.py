@@ -15,7 +15,7 @@ from lidarcheck.formats.table import counted
 from lidarcheck.session.models import chosen_model
 from lidarcheck.session.naming import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, Tell
+from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.workflow import PanelsResult
@@ -130,7 +130,7 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
     )
 
 
-def _page(hall: Hall, model: Path | None, tell: Tell) -> Computed:
+def _page(hall: Hall, model: Path | None, on_progress: ProgressCallback) -> Computed:
     """What `lidarcheck panels` computes of the same files."""
     from lidarcheck.calibration.panels.files import arrangements_of, provenance
     from lidarcheck.calibration.panels.workflow import characterise
@@ -143,7 +143,7 @@ def _page(hall: Hall, model: Path | None, tell: Tell) -> Computed:
     if len(hall.ideals) > 1 and len(simulated) != len(hall.ideals):
         simulated = []
     arrangements = arrangements_of(hall.frames, list(hall.ideals), simulated, sensor_model, 0)
-    result = characterise(arrangements, materials=names, progress=tell)
+    result = characterise(arrangements, materials=names, progress=on_progress)
     origin = {"measured": hall.frames, "ideal": hall.ideals, "simulated": simulated, "model": [model] if model else []}
     options = [word for kind, paths in list(origin.items())[1:] if paths for word in (f"--{kind}", *map(str, paths))]
     command = shlex.join(["lidarcheck", "panels", *map(str, hall.frames), *options, "--out", "DIRECTORY"])

@@ -17,15 +17,15 @@ from lidarcheck.session.project import Project
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells, Profile
     from lidarcheck.calibration.blooming.response import Response
-    from lidarcheck.calibration.blooming.workflow import Bench
+    from lidarcheck.calibration.blooming.workflow import ModelSide
     from lidarcheck.formats.lut import Axis, LutTable
     from lidarcheck.formats.settings import Settings
 
 __all__ = [
     "Choice",
     "Dataset",
+    "ProfileData",
     "Profiles",
-    "Shown",
     "compile_aside",
     "datasets_of",
     "first_time",
@@ -76,7 +76,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Shown:
+class ProfileData:
     """A dataset that was read: its cells and the measured profile."""
 
     cells: Cells
@@ -105,12 +105,12 @@ class Profiles:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._shown: dict[Key, Shown | LidarcheckError] = {}
+        self._shown: dict[Key, ProfileData | LidarcheckError] = {}
         self._expected: dict[tuple[Key, bytes], Profile] = {}
-        self._benches: dict[Key, Bench] = {}
+        self._benches: dict[Key, ModelSide] = {}
         self._responses: dict[Key, Response] = {}
 
-    def known(self, choice: Choice) -> Shown | LidarcheckError | None:
+    def known(self, choice: Choice) -> ProfileData | LidarcheckError | None:
         """What was read before of unchanged files, or what is wrong with them; None if they must be read."""
         return self._shown.get(choice.key)
 
@@ -118,7 +118,7 @@ class Profiles:
         """The expectation, if it was computed before."""
         return self._expected.get((choice.key, _table_key(table)))
 
-    def load(self, choice: Choice) -> Shown | LidarcheckError:
+    def load(self, choice: Choice) -> ProfileData | LidarcheckError:
         """The dataset, read now if it was not yet; an error of it where it shows no blooming target."""
         with self._lock:
             key = choice.key
@@ -129,15 +129,15 @@ class Profiles:
                     _keep(self._shown, key, error)
             return self._shown[key]
 
-    def _read(self, choice: Choice) -> Shown:
+    def _read(self, choice: Choice) -> ProfileData:
         from lidarcheck.calibration.blooming.cells import profile_of
         from lidarcheck.calibration.blooming.workflow import Measured, gather
 
         dataset = choice.dataset
         cells = gather([Measured(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
-        return Shown(cells, profile_of(cells))
+        return ProfileData(cells, profile_of(cells))
 
-    def expected(self, choice: Choice, shown: Shown, table: LutTable) -> Profile:
+    def expected(self, choice: Choice, shown: ProfileData, table: LutTable) -> Profile:
         """What is expected to be seen of a dataset with a table, without noise; computed once."""
         from lidarcheck.calibration.blooming.operator import nodes_of
         from lidarcheck.calibration.blooming.workflow import expected_profile
@@ -160,7 +160,7 @@ class Profiles:
             self._responses[of] = response_of(bench.sensor, bench.shape)
         return self._responses[of]
 
-    def _bench(self, choice: Choice) -> Bench:
+    def _bench(self, choice: Choice) -> ModelSide:
         from lidarcheck.calibration.blooming.workflow import bench_of
         from lidarcheck.model import load_model
 

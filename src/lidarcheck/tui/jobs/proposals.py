@@ -18,7 +18,7 @@ from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
 from lidarcheck.harness.review.wording import verdict_word
-from lidarcheck.tui.jobs.checks import Cancelled, KpiLine, Told, known, limits_of, unit_of
+from lidarcheck.tui.jobs.checks import Cancelled, KpiLine, ProgressCallback, known, limits_of, unit_of
 
 __all__ = ["Review", "Waiting", "changes", "kpi_line", "reasons", "reviewed", "run_reviews", "waiting"]
 
@@ -151,7 +151,7 @@ def run_reviews(
     groups: Sequence[Sequence[Path]],
     *,
     review: Review,
-    told: Told,
+    told: ProgressCallback,
     found: Callable[[Sequence[Path], Any], object],
     stop: threading.Event,
 ) -> None:

@@ -11,7 +11,7 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.models import which_model
 from lidarcheck.session.naming import ideal_of, measured_in, partner_of
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, Tell
+from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.model import Model
@@ -104,13 +104,17 @@ def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects,
         name=scan.name,
         words=f"{ideal.name if ideal else ''}, {model.name if model else ''}{effects.words()}",
         files=tuple(path for path in (scan.path, ideal, None if model is None else model.path) if path is not None),
-        compute=lambda tell: _compare(scan.path, ideal, None if model is None else model.path, effects, tell),
+        compute=lambda on_progress: _compare(
+            scan.path, ideal, None if model is None else model.path, effects, on_progress
+        ),
         choices=effects,
         fault=fault,
     )
 
 
-def _compare(measured: Path, ideal: Path | None, path: Path | None, effects: Effects, tell: Tell) -> Computed:
+def _compare(
+    measured: Path, ideal: Path | None, path: Path | None, effects: Effects, on_progress: ProgressCallback
+) -> Computed:
     from lidarcheck.calibration.scenes.read import provenance_of, read_frame
     from lidarcheck.calibration.scenes.workflow import compare_scene
     from lidarcheck.figures.pages.scenes import page
@@ -119,8 +123,8 @@ def _compare(measured: Path, ideal: Path | None, path: Path | None, effects: Eff
     assert ideal is not None
     assert path is not None
     model = effects.applied(load_model(path))
-    tell(0, 2, "reading and simulating; steps")
+    on_progress(0, 2, "reading and simulating; steps")
     frames = [read_frame(measured, ideal, model=model)]
-    tell(1, 2, "comparing; steps")
+    on_progress(1, 2, "comparing; steps")
     result = compare_scene(frames, materials={n: m.name for n, m in model.materials.items()})
     return Computed(page(result, provenance_of([(measured, ideal)], model)), result.to_dict(), result)

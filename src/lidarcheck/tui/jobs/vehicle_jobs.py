@@ -17,7 +17,7 @@ from lidarcheck.session.naming import (
     partner_of,
 )
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, Tell
+from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import VehicleComparison
@@ -117,7 +117,7 @@ def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
         name=group.name,
         words=f"at {at} m, {source if source == FILES else f'simulated with {source}'}" if used else "",
         files=tuple(path for path in (*files, model) if path is not None),
-        compute=lambda tell: _compare(group.labels, used, source == FILES, model, tell),
+        compute=lambda on_progress: _compare(group.labels, used, source == FILES, model, on_progress),
         choices=source,
         fault="" if used and source else _why_not(group, models),
         notes=notes if used else (),
@@ -135,7 +135,9 @@ def _why_not(group: Group, models: Sequence[Entry]) -> str:
     return f"no simulated file or ideal scan is named like {first.name}"
 
 
-def _compare(labels: Labels, used: Sequence[Measurement], files: bool, model: Path | None, tell: Tell) -> Computed:
+def _compare(
+    labels: Labels, used: Sequence[Measurement], files: bool, model: Path | None, on_progress: ProgressCallback
+) -> Computed:
     """Compare at each distance; one that has a fault is left out, and said."""
     from lidarcheck.calibration.vehicles.compare import compare_vehicles, joined
     from lidarcheck.calibration.vehicles.kinds import vehicle_named
@@ -149,7 +151,7 @@ def _compare(labels: Labels, used: Sequence[Measurement], files: bool, model: Pa
     done: list[Measurement] = []
     faults: list[tuple[Measurement, LidarcheckError]] = []
     for number, m in enumerate(used):
-        tell(number, len(used), f"{m.words()}; compared")
+        on_progress(number, len(used), f"{m.words()}; compared")
         try:
             shown = m.simulated if files else None
             pair = read_pair(

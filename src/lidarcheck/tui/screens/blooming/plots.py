@@ -11,8 +11,8 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.jobs.profiles import (
     Choice,
     Dataset,
+    ProfileData,
     Profiles,
-    Shown,
     compile_aside,
     datasets_of,
     first_time,
@@ -162,7 +162,7 @@ class BloomingPlots:
         settings = self.view.settings.in_force() if one.by_settings else None
         return Choice(one, self.model, self.view.axis, settings, self.material)
 
-    def found(self, choice: Choice) -> Shown | str | None:
+    def found(self, choice: Choice) -> ProfileData | str | None:
         """A dataset as it was read, or in words why it cannot be; None while it is read."""
         broken = self._broken.get(choice.key, "")
         if choice.dataset.by_settings and self.view.settings.fault:
@@ -170,7 +170,7 @@ class BloomingPlots:
         known = self._profiles.known(choice)
         if isinstance(known, LidarcheckError):
             broken = known.lines()[0].removeprefix("error: ")
-        return broken or (known if isinstance(known, Shown) else None)
+        return broken or (known if isinstance(known, ProfileData) else None)
 
     def expectation(self, choice: Choice) -> Profile | None:
         """What the table gives there; while that is computed, what it gave before the last edit."""
@@ -188,11 +188,11 @@ class BloomingPlots:
         choice = self.choice(self.dataset)
         return None if choice is None else self._known(choice, self.view.table.table())
 
-    def shown(self) -> Shown | None:
+    def shown(self) -> ProfileData | None:
         """The dataset under the hand; None until it was read."""
         choice = self.choice(self.dataset)
         found = None if choice is None else self.found(choice)
-        return found if isinstance(found, Shown) else None
+        return found if isinstance(found, ProfileData) else None
 
     def setting(self) -> Setting | None:
         """The setting that said where the target of the dataset under the hand is; None where none did."""
@@ -251,7 +251,9 @@ class BloomingPlots:
 
     def _is_missing(self, choice: Choice, table: LutTable | None) -> bool:
         found = self._profiles.known(choice)
-        return found is None or (isinstance(found, Shown) and table is not None and self._known(choice, table) is None)
+        return found is None or (
+            isinstance(found, ProfileData) and table is not None and self._known(choice, table) is None
+        )
 
     def _work(self, app: LidarcheckApp) -> None:
         """Compute what was asked for last, until nothing new is."""
@@ -279,7 +281,7 @@ class BloomingPlots:
 
     def _expect(self, app: LidarcheckApp, choice: Choice, table: LutTable | None) -> None:
         shown = self._profiles.load(choice)
-        if table is not None and isinstance(shown, Shown):
+        if table is not None and isinstance(shown, ProfileData):
             first = first_time()
             if first:
                 app.soon(self.view.say, _ONCE)

@@ -74,7 +74,7 @@ class PageWork(View):
         """In a thread. A fault in a computation must not take the interface with it."""
         told = 0.0
 
-        def tell(done: int, of: int, now: str) -> None:
+        def on_progress(done: int, of: int, now: str) -> None:
             nonlocal told
             if stop.is_set():
                 raise Cancelled
@@ -84,9 +84,9 @@ class PageWork(View):
                 app.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
 
         try:
-            tell(0, 1, "reading")
-            made = job.compute(tell)
-            tell(1, 1, "done")
+            on_progress(0, 1, "reading")
+            made = job.compute(on_progress)
+            on_progress(1, 1, "done")
             app.soon(self._computed, job, key, made)
         except Cancelled:
             app.soon(self._failed, job, key, "", f"{job.name}: stopped")
