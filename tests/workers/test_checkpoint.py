@@ -117,8 +117,8 @@ def test_two_at_once_are_refused(tmp_path):
 
 def test_the_lock_of_a_dead_process_is_no_obstacle(tmp_path):
     program = (
-        "import sys, time; from pathlib import Path; from lidarcheck.workers.checkpoint import Notebook\n"
-        "n = Notebook(Path(sys.argv[1]), 'k'); n.put('a', 7); print('ready', flush=True); time.sleep(60)"
+        "import sys, time; from pathlib import Path; from lidarcheck.workers.checkpoint import Checkpoint\n"
+        "n = Checkpoint(Path(sys.argv[1]), 'k'); n.put('a', 7); print('ready', flush=True); time.sleep(60)"
     )
     process = subprocess.Popen([sys.executable, "-c", program, str(tmp_path / "n")], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "ready\n"

@@ -33,10 +33,16 @@ def source_hash() -> str:
     """SHA-256 over the package's source files that kernels are compiled from, and numba's version."""
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(path for part in ("model", "effects") for path in (root / part).rglob("*.py")):
+    for path in _sources(root):
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def _sources(root: Path) -> list[Path]:
+    """What kernels may call; what a search must know of an effect is never compiled."""
+    found = (path for part in ("model", "effects") for path in (root / part).rglob("*.py"))
+    return sorted(path for path in found if "search" not in path.relative_to(root).parts)
 
 
 @cache
