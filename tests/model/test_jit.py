@@ -9,8 +9,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "lidarcheck"
 ASK = """
 import numpy as np
-from lidarcheck.model import single, streams
-from lidarcheck.model.numbers import numbers_of
+from lidarcheck.model.exact import single; from lidarcheck.model import streams
+from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.sensor import Sensor
 numbers = numbers_of(Sensor.of("SMART", max_range_m=5.0))
 scratch = single.new_scratch(numbers)
@@ -33,7 +33,7 @@ def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None
     assert before > 0
     assert answer(tmp_path / "src", cache) == before
     assert len(list((cache / "kernels").iterdir())) == 1, "the same source uses the same cache"
-    changed = tmp_path / "src" / "lidarcheck" / "model" / "binomial.py"
+    changed = tmp_path / "src" / "lidarcheck" / "model" / "exact" / "binomial.py"
     text = changed.read_text()
     changed.write_text(text.replace("    if trials <= 0 or rate <= 0.0:\n", "    if trials > 0:\n"))
     assert changed.read_text() != text

@@ -155,7 +155,7 @@ def test_an_interrupt_while_a_thread_begins_waits_for_its_task_and_hurries_it():
 
 INTERRUPTED_ELSEWHERE = """
 import signal, sys, threading, time
-from lidarcheck.crew import Processes, Threads
+from lidarcheck.workers import Processes, Threads
 
 over = threading.Event()
 

@@ -1,7 +1,7 @@
 """Work on a cluster: tasks go to a scheduler of dask, what many of them need goes to each worker once.
 
-The scheduler gives the tasks of a worker that is lost to others. Shared things that were lost with it are sent again, and
-the tasks that asked for them are begun again, by this side.
+The scheduler gives the tasks of a worker that is lost to others. Shared things that were lost with it are sent again,
+and the tasks that asked for them are begun again, by this side.
 """
 
 from __future__ import annotations

@@ -326,8 +326,8 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from harness_fakes import Project
 from lidarcheck.errors import UsageError
-from lidarcheck.harness import review
-from lidarcheck.harness.accept import accept
+from lidarcheck.harness.review import review
+from lidarcheck.harness.review.accept import accept
 
 review.uncommitted = lambda scenario: ("", "")
 project = Project(Path(sys.argv[2]), ("one",))
