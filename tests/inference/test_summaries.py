@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from explain_core_kit import MATERIALS, PANEL, SIGN, at_ranges, frames, model, street, together
+from lidarcheck.cases.frame import Frame
 from lidarcheck.cases.split import Split, split_frames
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import beams_of
 from lidarcheck.inference.expectation import _smooth_probability
 from lidarcheck.inference.pairing import observations_of
-from lidarcheck.inference.simulator import Frame, Simulator
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.strata import Division, binned, divisions, fine_divisions
 from lidarcheck.inference.summaries import compressed
 from lidarcheck.model import simulate

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.cases.case import Case
+from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor, beam_directions

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.effects import make
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, SearchStep, Standout
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
 from lidarcheck.formats import save_ideal, save_scan
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scan import IdealScan
 

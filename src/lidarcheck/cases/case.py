@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from lidarcheck.cases.checks import frame_fault, swapped
+from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
@@ -21,7 +22,6 @@ from lidarcheck.formats.recognise import read_table
 from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.kpi.variant import other_variant
 from lidarcheck.model.files.model_file import load_model

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import InputError
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
 from lidarcheck.kpi.variant import above_saturation
 from lidarcheck.model.chain import simulate

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import UsageError
-from lidarcheck.inference.simulator import Frame
 
 __all__ = ["Split", "exchanged", "split_frames"]
 

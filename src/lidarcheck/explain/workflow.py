@@ -33,7 +33,7 @@ from lidarcheck.explain.decision.needless import without_any, without_needless
 from lidarcheck.explain.decision.patchy import patches_in
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
-from lidarcheck.explain.report.explanation import Explanation, Gap, ProgressCallback, SearchStep, Standout, StepCallback
+from lidarcheck.explain.report.explanation import Explanation, ProgressCallback, SearchStep, Standout, StepCallback
 from lidarcheck.explain.report.wording import standouts
 from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
 from lidarcheck.explain.search.located import located_probes
@@ -43,6 +43,7 @@ from lidarcheck.explain.search.second_look import second_look
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_distance
+from lidarcheck.inference.interval import Gap
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale, gap_of
 from lidarcheck.model.spec import Model

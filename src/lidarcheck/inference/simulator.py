@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cases.frame import Frame
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
@@ -27,12 +28,12 @@ from lidarcheck.inference.summaries import Summaries, compressed
 from lidarcheck.model.incremental import DetectedFrame, simulate_detected
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
 from lidarcheck.workers import Shared
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["Frame", "Metric", "Simulator"]
+__all__ = ["Metric", "Simulator"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -51,16 +52,6 @@ EDGE_ERROR = 0.4
 is a tenth to a fifth of a beam."""
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One frame of a case: `number` from 0 as in the case's file, what its beams meet, and what was measured."""
-
-    number: int
-    ideal: IdealScan
-    measured: Scan
-    time_s: float
 
 
 @dataclass(frozen=True)

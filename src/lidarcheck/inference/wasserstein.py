@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.report.explanation import Gap, Interval
+from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.beam_table import BeamTable, beams_of
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions
 from lidarcheck.inference.summaries import Expected, expectation
 from lidarcheck.model.chain import simulate

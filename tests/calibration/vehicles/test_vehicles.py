@@ -10,10 +10,10 @@ from hidden.rays import Beams, Scene
 from lidarcheck.calibration.vehicles.compare import Pair, compare_vehicles
 from lidarcheck.calibration.vehicles.cut import Box, Cut, Source, cut_vehicle, find_object, xyz_of
 from lidarcheck.calibration.vehicles.kinds import VEHICLES, Extent, extent_of, suggested_offset, vehicle_named
-from lidarcheck.calibration.vehicles.merge import MARK, merge_page, merge_vehicles
+from lidarcheck.calibration.vehicles.merge import MARK, merge_vehicles
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.data import Cloud, Distribution
-from lidarcheck.figures.pages.vehicles import page
+from lidarcheck.figures.pages.vehicles import merge_page, page
 from lidarcheck.formats import load_scan
 from lidarcheck.formats.recognise import write_table
 from lidarcheck.model import simulate

@@ -12,13 +12,14 @@ from lidarcheck.explain import workflow
 from lidarcheck.explain.decision.answer import CALIBRATION, Answer
 from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.explain.progress import ignore_progress
-from lidarcheck.explain.report.explanation import Finding, Gap, Interval
+from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.explain.search.located_patch import from_side_to_side
 from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.explain.workflow import Workflow
 from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS
 from lidarcheck.workers import WorkerPool

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from explain_core_kit import frames, model
+from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.decision.patchy import patches_in, patchiness_of, with_patches
-from lidarcheck.explain.report.explanation import Finding, Interval
+from lidarcheck.explain.report.explanation import Finding
+from lidarcheck.inference.interval import Interval
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import simulate
 from lidarcheck.scan import Scan

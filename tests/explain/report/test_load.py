@@ -8,10 +8,10 @@ import pytest
 from explain_kit import explanation, write_case
 from lidarcheck.cases.case import case_model, load_case
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.explain.report.explanation import Interval
 from lidarcheck.explain.report.load import changed_since, load_explanation
 from lidarcheck.explain.report.model_diff import model_diff, write_model
 from lidarcheck.explain.report.text import report_text
+from lidarcheck.inference.interval import Interval
 from lidarcheck.model import load_model
 
 

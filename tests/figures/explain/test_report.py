@@ -11,7 +11,7 @@ import pytest
 from explain_report_kit import AFTER, MODEL, FakeCase, candidate, case, explanation, findings, gap, odd_frames
 from html_kit import Page
 from lidarcheck.errors import InputError
-from lidarcheck.explain.report.explanation import Finding, Gap, Interval, SearchStep
+from lidarcheck.explain.report.explanation import Finding, SearchStep
 from lidarcheck.figures.drawing.svg import amount
 from lidarcheck.figures.explain.maps import map_svg, reach_of
 from lidarcheck.figures.explain.pictures import detected_svg, histogram_svg, residual_svg
@@ -19,6 +19,7 @@ from lidarcheck.figures.explain.report import explanation_html, verify_pictures,
 from lidarcheck.figures.explain.strips import candidate_strip, feature_strip, gap_strip
 from lidarcheck.figures.explain.tables import Detected, FieldMap, Histogram, Pictures, ResidualCurve
 from lidarcheck.figures.explain.terminal import closed_most, terminal_histograms, terminal_waterfall
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.sensor import Material
 
 VERDICTS = ("explained", "unknown", "no_gap")

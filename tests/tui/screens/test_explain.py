@@ -14,9 +14,9 @@ import pytest
 from explain_kit import explanation, ideal_scan, write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.effects import catalogue, make
-from lidarcheck.explain.report.explanation import Interval
 from lidarcheck.explain.report.model_diff import write_model
 from lidarcheck.formats import save_scan
+from lidarcheck.inference.interval import Interval
 from lidarcheck.model import load_model, simulate
 from lidarcheck.tui.jobs.explain_run import ExplainRun, Heard, command_of
 from lidarcheck.tui.jobs.explained import place_of

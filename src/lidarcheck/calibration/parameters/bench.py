@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.parameters.statistics import Statistics
+from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.pairing import Observations, observations_of
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.surfaces import Surfaces

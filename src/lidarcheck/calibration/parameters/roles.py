@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.parameters.bench import FitData, seed_of
+from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import InputError
 from lidarcheck.inference.beam_table import BeamTable, key_of
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,11 +14,10 @@ from lidarcheck.calibration.vehicles.compare import stand_apart
 from lidarcheck.calibration.vehicles.cut import Cut
 from lidarcheck.calibration.vehicles.kinds import Vehicle, suggested_offset
 from lidarcheck.errors import InputError
-from lidarcheck.figures.data import Cloud, Page, Section, Table
 from lidarcheck.formats.scans import SCAN_COLUMNS
 from lidarcheck.formats.table import Table as Columns
 
-__all__ = ["MARK", "Merged", "Placed", "merge_page", "merge_vehicles", "place_vehicles"]
+__all__ = ["MARK", "Merged", "Placed", "merge_vehicles", "place_vehicles"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -152,26 +150,3 @@ def _columns(real: Cut, simulated: Cut, files: tuple[str, str]) -> tuple[dict[st
         _log.warning("%s is %s for %s", name, "left out" if name in ("Layer", "Point") else "0", side)
     order = [n for n in SCAN_COLUMNS if n in merged] + [n for n in merged if n not in SCAN_COLUMNS]
     return {name: merged[name] for name in order}, filled
-
-
-def merge_page(merged: Merged, title: str, provenance: Mapping[str, str] | None = None) -> Page:
-    """What was merged, in words, and its views."""
-    x, y = merged.offset_m
-    beside = "to the right" if y <= 0.0 else "to the left"
-    words = f"{merged.n_real} real and {merged.n_simulated} simulated points, the simulated ones {abs(y):g} m {beside}"
-    words += f" and {abs(x):g} m {'behind' if x > 0.0 else 'before'}" if x else ""
-    moved = math.sqrt(sum(v * v for v in merged.aligned_m))
-    rows = (
-        ("real", str(merged.n_real), merged.how_real, "where it was"),
-        (
-            "simulated",
-            str(merged.n_simulated),
-            merged.how_simulated,
-            f"centroid moved {moved:.2f} m onto the real one's",
-        ),
-    )
-    table = Table("", ("side", "points", "cut out", "place"), rows, right=("points",))
-    suggested = f"Suggested offset: X {merged.suggested_m[0]:g} m, Y {merged.suggested_m[1]:g} m."
-    real, simulated = merged.clouds
-    cloud = Cloud(title, {"real": real, "simulated": simulated})
-    return Page(title, f"{words}.", (Section("Merged", (suggested,), (table,), (cloud,)),), provenance or {})

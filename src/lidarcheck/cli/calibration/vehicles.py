@@ -154,7 +154,8 @@ def merge(
         check_writable(json, option="--json", besides=[*inputs, out])
     from lidarcheck.calibration.vehicles.cut import cut_vehicle
     from lidarcheck.calibration.vehicles.kinds import vehicle_named
-    from lidarcheck.calibration.vehicles.merge import merge_page, merge_vehicles
+    from lidarcheck.calibration.vehicles.merge import merge_vehicles
+    from lidarcheck.figures.pages.vehicles import merge_page
     from lidarcheck.formats import load_ideal, load_scan
     from lidarcheck.formats.recognise import write_table
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import find
 from lidarcheck.errors import UsageError
-from lidarcheck.explain.report.explanation import Interval
 from lidarcheck.explain.search.located_losses import as_struck, share_spread
 from lidarcheck.explain.search.merit import FittedCandidate, accepted
 from lidarcheck.explain.search.screening import Screened
@@ -19,6 +18,7 @@ from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import own_distance, select_shown
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
+from lidarcheck.inference.interval import Interval
 from lidarcheck.inference.nuisances import POSE_ERROR_DEG
 from lidarcheck.inference.simulator import Metric, Simulator
 from lidarcheck.workers.threads import mapped

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.report.explanation import Gap
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
+from lidarcheck.inference.interval import Gap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES
 from lidarcheck.inference.wasserstein import PARTS, Scale

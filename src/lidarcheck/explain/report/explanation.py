@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lidarcheck.effects.base import Effect
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.model.spec import Model
 
 __all__ = [
     "Candidate",
     "Explanation",
     "Finding",
-    "Gap",
-    "Interval",
     "Progress",
     "ProgressCallback",
     "SearchStep",
@@ -24,20 +23,6 @@ __all__ = [
 ]
 
 VERDICTS = ("no_gap", "explained", "unknown")
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """A value with its 90 % interval; `unit` as the effect's parameter has it."""
-
-    value: float
-    low: float
-    high: float
-    unit: str = ""
-
-    def to_dict(self) -> dict[str, float]:
-        """As report.json has it."""
-        return {"value": self.value, "low": self.low, "high": self.high}
 
 
 @dataclass(frozen=True)
@@ -99,29 +84,6 @@ class Candidate:
     verdict: str
     equivalent_to: tuple[str, ...] = ()
     start: str = ""
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The distance of measured and simulated echoes on the frames that no fit has seen.
-
-    `before`, `after`, `floor` (what a perfect model is expected to leave), each with its interval;
-    the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
-    the floor.
-    """
-
-    before: Interval
-    after: Interval
-    floor: Interval
-    by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    waterfall: tuple[tuple[str, Interval], ...] = ()
-
-    @property
-    def closed(self) -> float:
-        """Share of the gap above the floor that is closed."""
-        excess = self.before.value - self.floor.value
-        # Below the floor there is nothing to close, and what falls below it is chance.
-        return min((self.before.value - self.after.value) / excess, 1.0) if excess > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ from typing import Any
 
 from lidarcheck.effects.base import find
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval, SearchStep, Standout
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
+from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
 

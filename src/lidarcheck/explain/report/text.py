@@ -6,7 +6,8 @@ import math
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, Gap, Interval
+from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding
+from lidarcheck.inference.interval import Gap, Interval
 
 __all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.cases.frame import Frame
 from lidarcheck.figures.explain.tables import (
     FEWEST,
     SEEDS,
@@ -24,7 +25,6 @@ from lidarcheck.figures.explain.tables import (
 )
 from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
-from lidarcheck.inference.simulator import Frame
 from lidarcheck.inference.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
 from lidarcheck.model.chain import simulate

@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from lidarcheck.explain.report.explanation import Explanation, Finding, Interval
+from lidarcheck.cases.frame import Frame
+from lidarcheck.explain.report.explanation import Explanation, Finding
 from lidarcheck.figures.drawing.svg import amount
 from lidarcheck.figures.explain.data import pictures_of
 from lidarcheck.figures.explain.maps import map_svg, reach_of, scale_svg
@@ -18,7 +19,7 @@ from lidarcheck.figures.explain.tables import FieldMap, Pictures
 from lidarcheck.figures.explain.words import verdict_of
 from lidarcheck.figures.html.pages import page_environment
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.inference.simulator import Frame
+from lidarcheck.inference.interval import Interval
 from lidarcheck.model.spec import Model
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from lidarcheck.explain.report.explanation import Candidate, Gap, Interval
+from lidarcheck.explain.report.explanation import Candidate
 from lidarcheck.figures.drawing.svg import amount, svg
+from lidarcheck.inference.interval import Gap, Interval
 
 __all__ = ["candidate_strip", "feature_strip", "gap_reach", "gap_strip"]
 

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from lidarcheck.explain.report.explanation import Explanation, Interval
+from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.figures.drawing.terminal import NARROWEST, WIDEST, Series, curves
 from lidarcheck.figures.explain.tables import Histogram, Pictures
+from lidarcheck.inference.interval import Interval
 
 __all__ = ["closed_most", "terminal_histograms", "terminal_waterfall"]
 

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 
 from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
+from lidarcheck.calibration.vehicles.merge import Merged
 from lidarcheck.figures.data import Cloud, Distribution, Page, Section, Table
 from lidarcheck.kpi.comparison import FeatureGap
 
-__all__ = ["distributions", "page"]
+__all__ = ["distributions", "merge_page", "page"]
 
 MOST_POINTS = 5000
 
@@ -99,3 +100,26 @@ def _kpis(gap: FeatureGap, chance: float) -> tuple[str, ...]:
 
 def _number(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def merge_page(merged: Merged, title: str, provenance: Mapping[str, str] | None = None) -> Page:
+    """What was merged, in words, and its views."""
+    x, y = merged.offset_m
+    beside = "to the right" if y <= 0.0 else "to the left"
+    words = f"{merged.n_real} real and {merged.n_simulated} simulated points, the simulated ones {abs(y):g} m {beside}"
+    words += f" and {abs(x):g} m {'behind' if x > 0.0 else 'before'}" if x else ""
+    moved = math.sqrt(sum(v * v for v in merged.aligned_m))
+    rows = (
+        ("real", str(merged.n_real), merged.how_real, "where it was"),
+        (
+            "simulated",
+            str(merged.n_simulated),
+            merged.how_simulated,
+            f"centroid moved {moved:.2f} m onto the real one's",
+        ),
+    )
+    table = Table("", ("side", "points", "cut out", "place"), rows, right=("points",))
+    suggested = f"Suggested offset: X {merged.suggested_m[0]:g} m, Y {merged.suggested_m[1]:g} m."
+    real, simulated = merged.clouds
+    cloud = Cloud(title, {"real": real, "simulated": simulated})
+    return Page(title, f"{words}.", (Section("Merged", (suggested,), (table,), (cloud,)),), provenance or {})

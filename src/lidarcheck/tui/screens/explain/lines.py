@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from lidarcheck.explain.report.explanation import Gap
 from lidarcheck.explain.report.text import gap_bar, report_sections
 from lidarcheck.formats.table import clock_text
+from lidarcheck.inference.interval import Gap
 from lidarcheck.tui.jobs.explain_run import Heard
 from lidarcheck.tui.jobs.explained import CaseState
 from lidarcheck.tui.themes import Role

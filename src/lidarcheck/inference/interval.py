@@ -1,0 +1,45 @@
+"""A value with its interval, and the gap before and after, each with its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+__all__ = ["Gap", "Interval"]
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value with its 90 % interval; `unit` as the effect's parameter has it."""
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+    def to_dict(self) -> dict[str, float]:
+        """As report.json has it."""
+        return {"value": self.value, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The distance of measured and simulated echoes on the frames that no fit has seen.
+
+    `before`, `after`, `floor` (what a perfect model is expected to leave), each with its interval;
+    the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
+    the floor.
+    """
+
+    before: Interval
+    after: Interval
+    floor: Interval
+    by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    waterfall: tuple[tuple[str, Interval], ...] = ()
+
+    @property
+    def closed(self) -> float:
+        """Share of the gap above the floor that is closed."""
+        excess = self.before.value - self.floor.value
+        # Below the floor there is nothing to close, and what falls below it is chance.
+        return min((self.before.value - self.after.value) / excess, 1.0) if excess > 0.0 else 0.0
