@@ -17,7 +17,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
-__all__ = ["Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of"]
+__all__ = ["Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of", "light_of_beams"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -323,3 +323,19 @@ def beams_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[IntArra
     layer, point = layer_of(elevation), point_of(azimuth)
     outside = (layer < 0) | (layer >= LAYERS) | (point < 0) | (point >= POINTS)
     return np.where(outside, -1, layer).astype(np.int32), np.where(outside, -1, point).astype(np.int32)
+
+
+def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
+    """The light of the beams of a mask, shape (n_beams,); without haze."""
+    pulses = mask[light.pulse_beam]
+    counts = np.diff(light.first_pulse)[mask]
+    return replace(
+        light,
+        layer=light.layer[mask],
+        point=light.point[mask],
+        background_per_ns=light.background_per_ns[mask],
+        first_pulse=np.concatenate([[0], np.cumsum(counts)]),
+        pulse_range_m=light.pulse_range_m[pulses],
+        pulse_signal=light.pulse_signal[pulses],
+        pulse_row=None if light.pulse_row is None else light.pulse_row[pulses],
+    )

@@ -8,7 +8,7 @@ from lidarcheck.effects import make
 from lidarcheck.effects.base import Curve
 from lidarcheck.errors import ConfigError, LidarcheckError
 from lidarcheck.model import load_model, save_model
-from lidarcheck.model.chain import light_after_effects
+from lidarcheck.model.stages import light_after_effects
 from light_kit import added, cross, own, signal
 
 MODEL = """\

@@ -7,7 +7,7 @@ from scipy import stats
 from detector_kit import dark_flash, features, follow, light
 from lidarcheck import effects
 from lidarcheck.errors import UsageError
-from lidarcheck.model import chain
+from lidarcheck.model import chain, detection
 from lidarcheck.model.detectors.simulate import draw_avalanches
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import NonIdeal, Sensor
@@ -125,7 +125,7 @@ def test_the_chain_follows_such_detectors_one_by_one(name: str, monkeypatch: pyt
     scan = chain.echoes_of(beams, sensor, seed=17, threads=1)
     assert np.array_equal(ours[:, 3], scan.area)
     assert np.array_equal(ours[:, 4], scan.peak)
-    monkeypatch.setattr(chain, "_CHUNK", 37)
+    monkeypatch.setattr(detection, "_CHUNK", 37)
     again = chain.echoes_of(beams, sensor, seed=17, threads=2)
     assert all(same_column(scan, again, column) for column in COLUMNS)
 

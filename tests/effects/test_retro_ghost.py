@@ -8,7 +8,7 @@ import pytest
 from lidarcheck.effects import Effect, make
 from lidarcheck.kpi.ghost import ghost, ghost_partners
 from lidarcheck.model import Model, light_of, simulate
-from lidarcheck.model.chain import light_after_effects
+from lidarcheck.model.stages import light_after_effects
 from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material, Sensor
 

@@ -87,7 +87,8 @@ def test_it_agrees_with_every_detector_followed_on_its_own() -> None:
 
 
 def test_a_gpu_is_told_that_it_cannot() -> None:
-    from lidarcheck.model.chain import chain_echoes, light_after_effects
+    from lidarcheck.model.detection import chain_echoes
+    from lidarcheck.model.stages import light_after_effects
 
     light, sensor = light_after_effects(ideal_of(10), shifted(0.5))
     with pytest.raises(UsageError, match="threshold between two whole numbers is not simulated on a GPU"):

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.model import lane_math, streams
-from lidarcheck.model.chain import chain_echoes
+from lidarcheck.model.detection import chain_echoes
 
 streams._high_word = lambda a, b: np.uint64((int(a) * int(b)) >> 64)
 lane_math._bits = lambda x: np.int64(struct.unpack("<q", struct.pack("<d", x))[0])

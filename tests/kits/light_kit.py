@@ -6,7 +6,7 @@ import numpy as np
 
 from lidarcheck.effects import Effect
 from lidarcheck.model import Model, light_of
-from lidarcheck.model.chain import light_after_effects
+from lidarcheck.model.stages import light_after_effects
 from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material, Sensor
 

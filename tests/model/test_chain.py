@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lidarcheck.model import Model, chain, echoes_of, expected_trace, light_of, reference, simulate
+from lidarcheck.model import Model, detection, echoes_of, expected_trace, light_of, reference, simulate
 from lidarcheck.model.trace import bin_rates, draw_traces, on_probability
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
@@ -197,7 +197,7 @@ def test_the_same_bytes_for_any_threads_chunks_and_order(monkeypatch: pytest.Mon
     assert same(first, simulate(ideal, model, seed=17, threads=2))
     shuffled = ideal.take(np.random.default_rng(0).permutation(len(ideal)))
     assert same(first, simulate(shuffled, model, seed=17, threads=3))
-    monkeypatch.setattr(chain, "_CHUNK", 97)
+    monkeypatch.setattr(detection, "_CHUNK", 97)
     assert same(first, simulate(ideal, model, seed=17, threads=2))
     half = simulate(ideal.take(np.arange(0, len(ideal), 2)), model, seed=17)
     assert same(half, first.take(first.point % 2 == 0)), "a beam's echoes do not depend on other beams"

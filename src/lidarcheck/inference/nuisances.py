@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import STAGES, Effect, make
-from lidarcheck.model.chain import aimed
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces, aimed
 
 __all__ = ["LIMIT", "Nuisance", "at", "axes_of", "beside", "is_usual_error"]
 

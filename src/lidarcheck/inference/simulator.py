@@ -27,7 +27,7 @@ from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.inference.summaries import Summaries, compressed
 from lidarcheck.model.incremental import DetectedFrame, simulate_detected
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
 from lidarcheck.workers import Shared

@@ -25,7 +25,7 @@ from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions
 from lidarcheck.inference.summaries import Expected, expectation
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
 from lidarcheck.workers.threads import mapped
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import Run, check_seed, echoes_of, of_stage, rounded_ranges, run_and_light
+from lidarcheck.model.chain import echoes_of
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
-from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, rounded_ranges, run_and_light
+from lidarcheck.scan import IdealScan, Light, Scan, light_of_beams
 
-__all__ = ["DetectedFrame", "light_of_beams", "simulate_detected"]
+__all__ = ["DetectedFrame", "simulate_detected"]
 
 _FEW = 0.7
 """Where more than this share of the beams differ, simulating all is as fast."""
@@ -81,22 +81,6 @@ def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:
     )
     differs[new.pulse_beam[mine][other]] = True
     return np.asarray(differs)
-
-
-def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:
-    """The light of the beams of a mask, shape (n_beams,); without haze."""
-    pulses = mask[light.pulse_beam]
-    counts = np.diff(light.first_pulse)[mask]
-    return replace(
-        light,
-        layer=light.layer[mask],
-        point=light.point[mask],
-        background_per_ns=light.background_per_ns[mask],
-        first_pulse=np.concatenate([[0], np.cumsum(counts)]),
-        pulse_range_m=light.pulse_range_m[pulses],
-        pulse_signal=light.pulse_signal[pulses],
-        pulse_row=None if light.pulse_row is None else light.pulse_row[pulses],
-    )
 
 
 def _merged(old: Scan, new: Scan, light: Light, differs: npt.NDArray[np.bool_]) -> Scan:

@@ -7,7 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 from lidarcheck.workers.cores import usable_cores
 
-__all__ = ["Share", "serially", "share"]
+__all__ = ["Progress", "Share", "serially", "share"]
+
+Progress = Callable[[int, int], object]
+"""Is called with (beams done, beams)."""
 
 Share = Callable[[Callable[[int], None], range], None]
 """Calls a function with each of the starts of chunks, which do not depend on each other."""

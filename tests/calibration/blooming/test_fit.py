@@ -17,7 +17,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.formats.lut import load_lut, parse_lut
 from lidarcheck.model import load_model, save_model, simulate
-from lidarcheck.model.chain import light_after_effects
+from lidarcheck.model.stages import light_after_effects
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 from places import shared_path

@@ -9,7 +9,7 @@ from analytic_scene import GROUND, WALL_AHEAD, Patch, PatchScene, box
 from lidarcheck.effects import make
 from lidarcheck.effects.beam_divergence import BeamDivergence
 from lidarcheck.model import Model, simulate
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.sensor import Material, Sensor
 
 STREET = PatchScene(

@@ -22,7 +22,7 @@ from lidarcheck.inference.nuisances import (
 )
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import simulate
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ import pytest
 from lidarcheck.cli import main
 from lidarcheck.errors import UsageError
 from lidarcheck.model import echoes_of
-from lidarcheck.model.chain import chain_echoes
 from lidarcheck.model.cuda.simulate import check_cuda
+from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.fidelity import check_device
 from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import NonIdeal, Sensor

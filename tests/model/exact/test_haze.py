@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from haze_kit import TAIL, fog, light, same
-from lidarcheck.model import chain, echoes_of, reference, streams
+from lidarcheck.model import detection, echoes_of, reference, streams
 from lidarcheck.model.exact import kernel as kernels
 from lidarcheck.model.exact.echoes import new_echoes
 from lidarcheck.model.exact.haze_front import Front
@@ -169,7 +169,7 @@ def test_the_same_bytes_for_any_threads_and_chunks(monkeypatch: pytest.MonkeyPat
     beams = light(4000, fog(60.0, 70.0), [50.0], pulse=(50.0, 0.2))
     first = echoes_of(beams, sensor, seed=17, threads=1)
     assert len(first) > 4000
-    monkeypatch.setattr(chain, "_CHUNK", 97)
+    monkeypatch.setattr(detection, "_CHUNK", 97)
     assert same(first, echoes_of(beams, sensor, seed=17, threads=2))
 
 

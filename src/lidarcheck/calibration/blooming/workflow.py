@@ -120,7 +120,7 @@ def bench_of(
 
 
 def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, Sensor]:
-    from lidarcheck.model.chain import light_after_effects
+    from lidarcheck.model.stages import light_after_effects
 
     return light_after_effects(ideal, model)
 

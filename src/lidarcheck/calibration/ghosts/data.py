@@ -15,8 +15,8 @@ from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
 from lidarcheck.effects.retro_ghost import RetroGhost
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.pairing import beam_keys
-from lidarcheck.model.chain import aimed, light_after_effects
 from lidarcheck.model.spec import Model
+from lidarcheck.model.stages import aimed, light_after_effects
 from lidarcheck.scan import IdealScan, PulseShape
 from lidarcheck.sensor import Sensor
 

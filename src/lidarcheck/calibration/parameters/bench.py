@@ -18,7 +18,7 @@ from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
 
 __all__ = ["FitData", "FitReference", "Metric", "seed_of"]

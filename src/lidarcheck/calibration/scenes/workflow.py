@@ -37,7 +37,7 @@ from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.overlap import RADIUS_M, Overlap, overlap
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Scan
 

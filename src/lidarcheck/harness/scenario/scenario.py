@@ -28,7 +28,7 @@ from lidarcheck.harness.scenario.shapes import Shape, lay_beams
 from lidarcheck.kpi.pairing import beam_keys, pair_with_ideal
 from lidarcheck.model.files.model_file import load_model, model_of
 from lidarcheck.model.spec import Model
-from lidarcheck.model.surfaces import Surfaces
+from lidarcheck.model.stages import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.scenes import Scene
 from lidarcheck.scenes.files.file import SceneFile, scene_of

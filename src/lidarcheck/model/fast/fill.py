@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import chain_echoes
+from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.grid import Grid, Span, node_signals

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import chain_echoes
+from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.report import report_of, room_for
 from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task
@@ -19,11 +19,10 @@ from lidarcheck.model.fast.library import Library, library_of
 from lidarcheck.model.fast.special import new_found, resolve
 from lidarcheck.model.fast.words import CODE_AT, CODE_BITS, KIND, ONE, SPECIAL
 from lidarcheck.model.fast.write import write_echoes
-from lidarcheck.model.incremental import light_of_beams
 from lidarcheck.model.light import material_tables
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.scan import IdealScan, Light, Scan, light_of_beams
 from lidarcheck.sensor import LAYERS, POINTS, Sensor
 
 __all__ = ["fast_echoes", "fast_frame"]

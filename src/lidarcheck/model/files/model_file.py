@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import logging
 import os
 import re
 import tomllib
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, create_model
 
 from lidarcheck.effects.base import Curve, DetectorEffect, Effect, FileParameter
 from lidarcheck.errors import ConfigError, InputError, UsageError
@@ -20,23 +19,15 @@ from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.lut import load_lut
+from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
+from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
 
 __all__ = ["dump_model", "load_model", "model_of", "save_model"]
 
-_log = logging.getLogger(__name__)
 
-MATERIAL_ID_MAX = 2**31 - 1
-_ID = re.compile(r"0|[1-9][0-9]{0,9}")
 _BUILT_IN = ("variant", "sensor", "materials", "effects")
-
-
-def _check_id(text: str) -> str:
-    if not _ID.fullmatch(text) or int(text) > MATERIAL_ID_MAX:
-        raise ValueError("not a material's number")
-    return text
 
 
 def _sensor_field(bounds: Bounds) -> Any:
@@ -50,24 +41,6 @@ _SensorTable: Any = create_model(
     __base__=Config,
     **{name: _sensor_field(bounds) for name, bounds in SENSOR_BOUNDS.items()},
 )
-_MaterialId = Annotated[
-    str,
-    AfterValidator(_check_id),
-    Field(json_schema_extra={"words": f"a whole number from 0 to {MATERIAL_ID_MAX}"}),
-]
-
-
-class _MaterialTable(Config):
-    name: str = Field("", min_length=1, validate_default=False)
-    reflectance: float = Field(ge=0.0, le=1.0)
-    kind: Literal["lambertian", "retro"] = "lambertian"
-    retro_gain: float | None = Field(None, ge=0.0, le=RETRO_GAIN_MAX)
-
-    @model_validator(mode="after")
-    def _gain_belongs_to_retro(self) -> _MaterialTable:
-        if self.kind == "retro" and self.retro_gain is None:
-            raise ValueError("a retro-reflector has no retro_gain; add retro_gain, a number from 0 to 1e+06")
-        return self
 
 
 class _EffectTable(Config):
@@ -80,7 +53,7 @@ class _EffectTable(Config):
 class _ModelTable(Config):
     variant: Literal["SMART", "SLIM"]
     sensor: _SensorTable = _SensorTable()
-    materials: dict[_MaterialId, _MaterialTable] = Field(default_factory=dict)
+    materials: dict[MaterialId, MaterialTable] = Field(default_factory=dict)
     effects: tuple[_EffectTable, ...] = ()
 
 
@@ -144,7 +117,7 @@ def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
         faults = _detector_faults(effects, sensor, lines)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
-    materials = {int(number): _material(number, entry, lines) for number, entry in table.materials.items()}
+    materials = materials_of(table.materials, lines)
     return Model(sensor, materials, effects, file=lines.file)
 
 
@@ -156,14 +129,6 @@ def _sensor(table: _ModelTable, lines: LineIndex) -> Sensor:
         named = [name for name in overrides if re.search(rf"\b{name}\b", error.what)]
         fault = lines.fault(("sensor", *named[:1]), error.what, fix=error.fix)
         raise ConfigError([fault]) from None
-
-
-def _material(number: str, table: _MaterialTable, lines: LineIndex) -> Material:
-    if table.kind == "lambertian" and table.retro_gain not in (None, 1.0):
-        where = f"{lines.file}:{lines.line(('materials', number, 'retro_gain'))}"
-        _log.warning("%s: material %s is lambertian: retro_gain = %g has no effect", where, number, table.retro_gain)
-    gain = 1.0 if table.retro_gain is None or table.kind == "lambertian" else table.retro_gain
-    return Material(table.name or f"material_{number}", table.reflectance, table.kind, gain)
 
 
 def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tuple[Any, ...]:

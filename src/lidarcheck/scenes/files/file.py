@@ -19,13 +19,13 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from lidarcheck.errors import ConfigError, UsageError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.config_words import nearest, shown
-from lidarcheck.model.files.model_file import model_of
+from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes import Optics, Scene
 from lidarcheck.scenes.files.objects import is_file, objects_of
 from lidarcheck.scenes.files.shapes import Mesh, ObjectTable, ShapeTable, Velocity, entries
 from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
-from lidarcheck.sensor import LAYERS, POINTS, VARIANTS, Material
+from lidarcheck.sensor import LAYERS, POINTS, Material
 
 __all__ = [
     "SamplingTable",
@@ -115,6 +115,10 @@ class _Heading(Config):
 
 class _MaterialsFile(Config):
     materials: dict[str, Any]
+
+
+class _Materials(Config):
+    materials: dict[MaterialId, MaterialTable]
 
 
 @dataclass(frozen=True)
@@ -234,7 +238,7 @@ def _materials(heading: _Heading, data: dict[str, Any], lines: LineIndex) -> dic
             raise ConfigError([lines.fault(("materials",), what, fix="give its path from the scene's directory")])
         data, lines = parse_toml(file)
         validate(data, lines, _MaterialsFile)
-    return dict(model_of({"variant": VARIANTS[0], "materials": data["materials"]}, lines).materials)
+    return materials_of(validate({"materials": data["materials"]}, lines, _Materials).materials, lines)
 
 
 def _check_materials(

@@ -1,0 +1,226 @@
+"""A frame while it is simulated, and its stages up to the light: what beams are aimed at, pulses, the sensor."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.effects.base import AimEffect, Effect
+from lidarcheck.effects.shared.ranges import quantised
+from lidarcheck.errors import UsageError
+from lidarcheck.model.light import light_of, surface_signal
+from lidarcheck.model.sharing import share
+from lidarcheck.model.spec import Model
+from lidarcheck.rays import Caster
+from lidarcheck.scan import IdealScan, Light, Scan
+from lidarcheck.sensor import Material, Sensor, beam_directions
+
+__all__ = [
+    "Run",
+    "Surfaces",
+    "aimed",
+    "check_seed",
+    "light_after_effects",
+    "of_stage",
+    "rounded_ranges",
+    "run_and_light",
+    "run_of",
+]
+
+_KEPT = 4
+_DEPENDS = {
+    "ideal": (),
+    "scene": (),
+    "caster": (),
+    "sensor": ("sensor",),
+    "materials": ("materials",),
+    "signal": ("sensor", "materials"),
+}
+"""On what of a run an effect depends, besides the scan and the scene, that has asked for this and for nothing else."""
+
+
+@dataclass(frozen=True)
+class _Aimed:
+    """What an effect has made of an ideal scan, and what else it depended on."""
+
+    effect: AimEffect
+    before: IdealScan
+    scene: Caster | None
+    asked: dict[str, Any]
+    after: IdealScan
+
+    def holds(self, effect: AimEffect, run: Run) -> bool:
+        """Whether the effect would do the same again."""
+        same = self.before is run.ideal and self.scene is run.scene and self.effect == effect
+        return same and all(getattr(run, name) == value for name, value in self.asked.items())
+
+
+class Surfaces:
+    """The surfaces of an ideal scan, found when an effect asks for them.
+
+    Several threads may use one: at worst they find the same thing twice.
+    """
+
+    def __init__(self, ideal: IdealScan) -> None:
+        self.ideal = ideal
+        self._aimed: tuple[_Aimed, ...] = ()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what can be found again faster than it is sent."""
+        return {"ideal": self.ideal, "_aimed": ()}
+
+    @functools.cached_property
+    def caster(self) -> Caster:
+        """The surfaces themselves."""
+        from lidarcheck.effects.geometry.surfaces import LocalSurfaces
+
+        return LocalSurfaces.of(self.ideal)
+
+    def aimed(self, effect: AimEffect, run: Run) -> IdealScan:
+        """What the run's beams meet with the effect; from memory, where it draws no random numbers."""
+        for kept in self._aimed:
+            if kept.holds(effect, run):
+                self._keep(kept)
+                return kept.after
+        around = _Watched(run.of(effect))
+        after = effect.aim(run.ideal, around)
+        if around.asked <= _DEPENDS.keys():
+            names = {name for asked in around.asked for name in _DEPENDS[asked]}
+            self._keep(_Aimed(effect, run.ideal, run.scene, {name: getattr(run, name) for name in names}, after))
+        return after
+
+    def _keep(self, new: _Aimed) -> None:
+        """The last used come first; a few are kept."""
+        self._aimed = (new, *(kept for kept in self._aimed if kept is not new))[:_KEPT]
+
+
+class _Watched:
+    """A run that notes what is asked of it."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self.asked: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        self.asked.add(name)
+        return getattr(self._run, name)
+
+
+def light_after_effects(
+    ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
+) -> tuple[Light, Sensor]:
+    """The light that reaches the SPADs and the sensor that sees it, behind all effects up to the readout."""
+    run, light = run_and_light(ideal, model, seed, frame, scene)
+    return light, run.sensor
+
+
+def aimed(
+    ideal: IdealScan,
+    model: Model,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    scene: Caster | None = None,
+    surfaces: Surfaces | None = None,
+) -> IdealScan:
+    """What the beams meet behind the model's aim effects. `surfaces`: those of this ideal scan, if known already."""
+    return run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects).ideal
+
+
+def run_of(
+    ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None
+) -> Run:
+    """A frame before any effect."""
+    return Run(seed, frame, model, model.sensor, ideal, scene, surfaces or Surfaces(ideal))
+
+
+def run_and_light(
+    ideal: IdealScan,
+    model: Model,
+    seed: int,
+    frame: int,
+    scene: Caster | None,
+    surfaces: Surfaces | None = None,
+    threads: int | None = 1,
+) -> tuple[Run, Light]:
+    """What effects may know behind the detector stage, and the light that reaches the SPADs.
+
+    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None.
+    """
+    run = run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
+    light = light_of(run.ideal, model, functools.partial(share, threads=threads))
+    for effect in of_stage("light", model.effects):
+        light = effect.light(light, run.of(effect))
+    return run.after_stage("detector", model.effects), light
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What effects may know while a frame is simulated; random numbers are keyed by the asking effect's name."""
+
+    seed: int
+    frame: int
+    model: Model
+    sensor: Sensor
+    ideal: IdealScan
+    scene: Caster | None
+    surfaces: Surfaces
+    purpose: str = ""
+
+    @property
+    def materials(self) -> Mapping[int, Material]:
+        """The model's table."""
+        return self.model.materials
+
+    @property
+    def caster(self) -> Caster:
+        """Who is asked what a ray meets: the scene, else the ideal scan's own surfaces."""
+        return self.surfaces.caster if self.scene is None else self.scene
+
+    def signal(self, ideal: IdealScan) -> npt.NDArray[np.float64]:
+        """S of each row, shape (n,)."""
+        return surface_signal(ideal, self.model)
+
+    def of(self, effect: Effect) -> Run:
+        """The same for this effect, whose random numbers are its own."""
+        return replace(self, purpose=effect.name)
+
+    def after_stage(self, stage: str, effects: tuple[Effect, ...]) -> Run:
+        """Behind the effects of the stage "aim" or "detector"."""
+        run = self
+        for effect in of_stage(stage, effects):
+            if stage == "aim":
+                run = replace(run, ideal=run.surfaces.aimed(effect, run))
+            else:
+                run = replace(run, sensor=effect.detector(run.sensor))
+        return run
+
+    def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:
+        """Uniform random numbers of these beams, shape (n, draws)."""
+        from lidarcheck.model import streams
+
+        return streams.uniforms(self.seed, self.purpose, self.frame, layer, point, draws)
+
+
+def of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:
+    """The effects of a stage, in their order."""
+    return [effect for effect in effects if effect.stage == stage]
+
+
+def check_seed(seed: int, frame: int = 0) -> None:
+    """Refuse a seed or a frame that is no unsigned 64-bit whole number."""
+    for name, value in (("seed", seed), ("frame", frame)):
+        if isinstance(value, bool) or not hasattr(value, "__index__") or not 0 <= value < 2**64:
+            fix = "use a whole number from 0 to 18446744073709551615"
+            raise UsageError(f"{name} {value} is out of range", fix=fix)
+
+
+def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:
+    """The same echoes at ranges as the sensor reports them."""
+    xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
+    return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
