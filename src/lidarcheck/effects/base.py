@@ -110,6 +110,8 @@ class Effect(abc.ABC):
     """Its nodes in the perception-sensor effect tree PerCollECT/LidarLimbs; empty where the tree has none for it."""
     empirical: ClassVar[bool] = False
     """Whether it only describes data that no effect explains; it is then not in the catalogue."""
+    hash_word: ClassVar[str] = ""
+    """What the hash of a model's parameters calls it; empty: its name, spelled as BeamGrid for beam_grid."""
 
     def __post_init__(self) -> None:
         for words in self.choices():

@@ -27,6 +27,7 @@ class BroadPulse(LightEffect):
     """
 
     name = "pulse_shape"
+    hash_word = "BroadPulse"
     tree = (109,)
 
     stretch: float = parameter("", low=0.05, high=20.0, typical=0.7, meaning="factor on the pulse's FWHM")

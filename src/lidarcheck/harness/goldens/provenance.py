@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 import lidarcheck
-from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.errors import InputError
+from lidarcheck.harness.goldens.hash_words import hashed_parts
 from lidarcheck.harness.scenario.scenario import Scenario
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import NonIdeal, Sensor
 from lidarcheck.workers.identity import versions
 
 __all__ = [
@@ -157,10 +156,8 @@ def _plain(value: Any) -> Any:
         return value.hex()
     if isinstance(value, External):
         return _plain_external(value)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = [field.name for field in dataclasses.fields(value) if not _is_left_out(value, field.name)]
-        return {"": type(value).__name__, **{name: _plain(getattr(value, name)) for name in names}}
-    return _plain_container(value)
+    parts = hashed_parts(value)
+    return _plain_container(value) if parts is None else {word: _plain(part) for word, part in parts.items()}
 
 
 def _plain_external(external: External) -> dict[str, Any]:
@@ -202,21 +199,4 @@ def _plain_container(value: Any) -> Any:
         return {"dtype": str(value.dtype), "values": _plain(value.tolist())}
     if isinstance(value, Path):
         return hashlib.sha256(value.read_bytes()).hexdigest() if value.is_file() else value.name
-    raise TypeError(f"{type(value).__name__} is no parameter that can be hashed")
-
-
-def _is_unused_option(effect: Effect, name: str) -> bool:
-    declared = next(field for field in dataclasses.fields(effect) if field.name == name)
-    return bool(declared.metadata.get("option")) and getattr(effect, name) == declared.default
-
-
-def _is_left_out(value: object, name: str) -> bool:
-    """Where something lies is no parameter; nor is what detector effects set, as long as none has, nor an option that
-    is not used."""
-    if isinstance(value, Sensor) and name == "nonideal":
-        return value.nonideal == NonIdeal()
-    if isinstance(value, Effect) and getattr(value, name) == ():
-        return True  # a list that a model does not give
-    if isinstance(value, Effect) and _is_unused_option(value, name):
-        return True
-    return isinstance(value, Model | Curve) and name == "file"
+    raise TypeError(f"{type(value).__name__} is no parameter that can be hashed, and has no words in hash_words")

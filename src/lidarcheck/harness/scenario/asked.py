@@ -58,8 +58,8 @@ def ask(
 
 
 def hashed(table: KpiTable) -> dict[str, Any]:
-    """What of a KPI enters the scenario's content hash."""
-    values = table.model_dump(mode="json")
+    """What of a KPI enters the scenario's content hash, by the keys that the file has."""
+    values = table.model_dump(mode="json", by_alias=True)
     return {key: value for key, value in values.items() if value is not None or key not in _LATER_KEYS}
 
 

@@ -157,9 +157,9 @@ def _cast(scene: SceneFile, table: ScenarioTable, model: Model, lines: LineIndex
     return ideal, [_lacks(("scene",), f"the scene has material {material}", material, model, lines)]
 
 
-def _changes(table: ScenarioTable) -> dict[str, Any]:
+def _changes(table: ScenarioTable, **dumped: Any) -> dict[str, Any]:
     """What the scenario says of the scene's sampling, which otherwise is as the scene has it."""
-    return {} if table.sampling is None else table.sampling.model_dump(exclude_unset=True)
+    return {} if table.sampling is None else table.sampling.model_dump(exclude_unset=True, **dumped)
 
 
 def _shared_beams(ideal: IdealScan, shape_of_row: IntArray, lines: LineIndex) -> list[InputError]:
@@ -228,7 +228,8 @@ def _content_hash(table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedK
         columns += [ideal.object_id, ideal.time_s, ideal.share]
     else:
         # Which of two surfaces a beam at an edge meets may differ between machines; the scene itself does not.
-        how = {**scene.sampling.model_dump(mode="json"), **_changes(table)}
+        as_written: Any = {"mode": "json", "by_alias": True}  # the keys are those of the file, whatever the code has
+        how = {**scene.sampling.model_dump(**as_written), **_changes(table, **as_written)}
         digest.update(json.dumps({"scene": scene.scene.digest(), "sampling": how}, sort_keys=True).encode())
     for column in [*columns, *(kpi.measured for kpi in asked)]:
         if column is not None:

@@ -1,0 +1,112 @@
+"""What of a model enters its hash, and under which words.
+
+The hash stands in goldens, in users' own projects: the words are part of the file format and never change. They were
+the code's names when they were first hashed; a class, a field or a module that gets another name keeps its word. What
+is new in a class belongs here too, else no golden would see it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lidarcheck.effects.base import Curve, Effect
+from lidarcheck.model.spec import Model
+from lidarcheck.sensor import Material, NonIdeal, Sensor
+
+__all__ = ["hashed_parts"]
+
+
+def hashed_parts(value: object) -> dict[str, Any] | None:
+    """By their words what counts of a model, or of a part of it, with its own word under ""; None for what has none."""
+    if isinstance(value, Effect):
+        return _effect(value)
+    of_class = _PARTS.get(type(value))
+    return None if of_class is None else of_class(value)
+
+
+def _model(model: Model) -> dict[str, Any]:
+    """Where its file lies is no parameter."""
+    return {
+        "": "Model",
+        "sensor": model.sensor,
+        "materials": model.materials,
+        "effects": model.effects,
+        "external": model.external,
+    }
+
+
+def _sensor(sensor: Sensor) -> dict[str, Any]:
+    """What detector effects set counts only where one has set it."""
+    parts = {
+        "": "Sensor",
+        "variant": sensor.variant,
+        "spads": sensor.spads,
+        "shots": sensor.shots,
+        "threshold": sensor.threshold,
+        "peak_saturation": sensor.peak_saturation,
+        "on_bins": sensor.on_bins,
+        "dead_bins": sensor.dead_bins,
+        "pulse_fwhm_ns": sensor.pulse_fwhm_ns,
+        "background_per_ns": sensor.background_per_ns,
+        "signal_at_1m": sensor.signal_at_1m,
+        "bin_ns": sensor.bin_ns,
+        "max_range_m": sensor.max_range_m,
+        "max_echoes": sensor.max_echoes,
+        "time_offset_ns": sensor.time_offset_ns,
+        "range_resolution_m": sensor.range_resolution_m,
+    }
+    return parts if sensor.nonideal == NonIdeal() else {**parts, "nonideal": sensor.nonideal}
+
+
+def _nonideal(nonideal: NonIdeal) -> dict[str, Any]:
+    return {
+        "": "NonIdeal",
+        "crosstalk_sides": nonideal.crosstalk_sides,
+        "crosstalk_corners": nonideal.crosstalk_corners,
+        "afterpulse": nonideal.afterpulse,
+        "afterpulse_ns": nonideal.afterpulse_ns,
+        "afterpulse_slow_share": nonideal.afterpulse_slow_share,
+        "afterpulse_slow_ns": nonideal.afterpulse_slow_ns,
+        "dead_spread_ns": nonideal.dead_spread_ns,
+        "dead_recovery_ns": nonideal.dead_recovery_ns,
+        "threshold_dither": nonideal.threshold_dither,
+    }
+
+
+def _material(material: Material) -> dict[str, Any]:
+    return {
+        "": "Material",
+        "name": material.name,
+        "reflectance": material.reflectance,
+        "kind": material.kind,
+        "retro_gain": material.retro_gain,
+    }
+
+
+def _curve(curve: Curve) -> dict[str, Any]:
+    """The file that it was read from is no parameter; its content is."""
+    return {"": "Curve", "x": curve.x, "y": curve.y}
+
+
+_PARTS: Mapping[type, Callable[[Any], dict[str, Any]]] = {
+    Model: _model,
+    Sensor: _sensor,
+    NonIdeal: _nonideal,
+    Material: _material,
+    Curve: _curve,
+}
+
+
+def _effect(effect: Effect) -> dict[str, Any]:
+    """Its parameters by their names, which are the keys of its table in a model file."""
+    word = effect.hash_word or "".join(part.capitalize() for part in effect.name.split("_"))
+    counted = [field for field in dataclasses.fields(effect) if not _is_left_out(effect, field)]
+    return {"": word, **{field.name: getattr(effect, field.name) for field in counted}}
+
+
+def _is_left_out(effect: Effect, field: dataclasses.Field[Any]) -> bool:
+    """A list that a model does not give, or an option that it does not use: older goldens know neither."""
+    value = getattr(effect, field.name)
+    return bool(value == () or (field.metadata.get("option") and value == field.default))
