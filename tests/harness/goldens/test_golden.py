@@ -30,7 +30,15 @@ from lidarcheck.harness.goldens.file import dump_golden, load_golden, save_golde
 from lidarcheck.harness.goldens.git_state import uncommitted
 from lidarcheck.harness.goldens.golden import Golden, build, paired_identical, thresholds_changed, values_of
 from lidarcheck.harness.goldens.hash_words import hashed_parts
-from lidarcheck.harness.goldens.provenance import Provenance, external_files, parameters_hash, source_files, source_hash
+from lidarcheck.harness.goldens.provenance import (
+    NO_RESULTS,
+    Provenance,
+    external_files,
+    package_directory,
+    parameters_hash,
+    source_files,
+    source_hash,
+)
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import Material, NonIdeal, Sensor
@@ -209,22 +217,32 @@ def test_source_hash_sees_results_alone(tmp_path: Path) -> None:
     package = tmp_path / "lidarcheck"
     for name in (
         "model/kernel.py",
-        "cli/main.py",
+        "cli/core/main.py",
         "tui/app.py",
         "plots/html.py",
-        "harness/measure.py",
+        "harness/scenario/measure.py",
         "harness/check.py",
+        "harness/gate/gate.py",
+        "harness/gates.py",
+        "brand_new/of_tomorrow.py",
+        "__main__.py",
     ):
         (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_text("a = 1\n", encoding="utf-8")
     names = [path.relative_to(package).as_posix() for path in source_files(package)]
-    assert names == ["harness/measure.py", "model/kernel.py"]
+    new, results = "brand_new/of_tomorrow.py", ["harness/scenario/measure.py", "model/kernel.py"]
+    assert names == [new, "harness/check.py", "harness/gates.py", *results]
     before = source_hash(package)
     (package / "model/kernel.py").write_bytes(b"a = 1\r\n")
     (package / "tui/app.py").write_text("a = 2\n", encoding="utf-8")
     assert source_hash(package) == before
     (package / "model/kernel.py").write_text("a = 2\n", encoding="utf-8")
     assert source_hash(package) != before
+
+
+@pytest.mark.xfail(strict=True, reason="the harness is one package as yet: remove this mark with the split")
+def test_what_the_source_hash_leaves_out_is_there() -> None:
+    assert [name for name in NO_RESULTS if not (package_directory() / name).exists()] == []
 
 
 def test_source_hash_is_quick() -> None:

@@ -22,6 +22,7 @@ from lidarcheck.model.spec import External, Model
 from lidarcheck.workers.identity import versions
 
 __all__ = [
+    "NO_RESULTS",
     "Provenance",
     "external_files",
     "package_directory",
@@ -33,30 +34,21 @@ __all__ = [
 ]
 
 _PACKAGE = Path(lidarcheck.__file__).resolve().parent
-_NO_RESULTS = ("__main__.py", "cli", "crew", "tui", "plots", "calibration", "explain")
-_NO_MEASURING = (
-    "accept.py",
-    "annotations.py",
-    "case.py",
-    "check.py",
-    "evidence.py",
-    "gate.py",
-    "golden.py",
-    "golden_file.py",
-    "junit.py",
-    "layout.py",
-    "propose.py",
-    "propose_files.py",
-    "provenance.py",
-    "pytest_plugin.py",
-    "release.py",
-    "results.py",
-    "review.py",
-    "sensitivity.py",
-    "statistics.py",
-    "tree.py",
+NO_RESULTS = (
+    "__main__.py",
+    "calibration",
+    "cli",
+    "crew",
+    "explain",
+    "harness/gate",
+    "harness/goldens",
+    "harness/propose",
+    "harness/reports",
+    "harness/review",
+    "plots",
+    "tui",
 )
-"""The harness's files that only compare and report; the others decide what a seed of a scenario measures."""
+"""What only compares and shows, by its path in the package; all else, and so all that is new, determines results."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -111,7 +103,7 @@ def package_directory() -> Path:
 
 
 def source_files(package: Path = _PACKAGE) -> list[Path]:
-    """The files of the package that determine results, by path: all but the interfaces, and what only compares."""
+    """The files of the package that determine results, by path: all but what `NO_RESULTS` names."""
     files = [path for suffix in ("*.py", "*.toml") for path in package.rglob(suffix)]
     return sorted(path for path in files if _determines_results(path.relative_to(package)))
 
@@ -143,9 +135,7 @@ def external_files(external: External) -> list[Path]:
 
 
 def _determines_results(path: Path) -> bool:
-    if path.parts[0] == "harness":
-        return path.name not in _NO_MEASURING
-    return path.parts[0] not in _NO_RESULTS
+    return not {path.as_posix(), *(parent.as_posix() for parent in path.parents)} & set(NO_RESULTS)
 
 
 def _plain(value: Any) -> Any:
