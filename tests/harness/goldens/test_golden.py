@@ -240,7 +240,6 @@ def test_source_hash_sees_results_alone(tmp_path: Path) -> None:
     assert source_hash(package) != before
 
 
-@pytest.mark.xfail(strict=True, reason="the harness is one package as yet: remove this mark with the split")
 def test_what_the_source_hash_leaves_out_is_there() -> None:
     assert [name for name in NO_RESULTS if not (package_directory() / name).exists()] == []
 

@@ -37,16 +37,19 @@ _PACKAGE = Path(lidarcheck.__file__).resolve().parent
 NO_RESULTS = (
     "__main__.py",
     "calibration",
+    "cases",
     "cli",
-    "crew",
+    "effects/search",
     "explain",
-    "harness/gate",
+    "figures",
     "harness/goldens",
     "harness/propose",
     "harness/reports",
     "harness/review",
-    "plots",
+    "inference",
+    "session",
     "tui",
+    "workers",
 )
 """What only compares and shows, by its path in the package; all else, and so all that is new, determines results."""
 

@@ -1,0 +1,1 @@
+print("a stand-in for a sensor model that is not ours")
