@@ -219,7 +219,7 @@ def test_source_hash_sees_results_alone(tmp_path: Path) -> None:
         "model/kernel.py",
         "cli/core/main.py",
         "tui/app.py",
-        "plots/html.py",
+        "figures/html.py",
         "harness/scenario/measure.py",
         "harness/check.py",
         "harness/gate/gate.py",
@@ -231,7 +231,7 @@ def test_source_hash_sees_results_alone(tmp_path: Path) -> None:
         (package / name).write_text("a = 1\n", encoding="utf-8")
     names = [path.relative_to(package).as_posix() for path in source_files(package)]
     new, results = "brand_new/of_tomorrow.py", ["harness/scenario/measure.py", "model/kernel.py"]
-    assert names == [new, "harness/check.py", "harness/gates.py", *results]
+    assert names == [new, "harness/check.py", "harness/gate/gate.py", "harness/gates.py", *results]
     before = source_hash(package)
     (package / "model/kernel.py").write_bytes(b"a = 1\r\n")
     (package / "tui/app.py").write_text("a = 2\n", encoding="utf-8")
