@@ -72,7 +72,7 @@ def test_same_scan_twice_has_no_gap():
         assert (gap.wasserstein, gap.ks, gap.energy, gap.js, gap.dvm_bias) == (0, 0, 0, 0, 0)
     assert found.overlap[:3] == (1.0, 1.0, 0.0)
     np.testing.assert_array_equal(found.surfaces.walk.offset_m, 0.0)
-    assert found.target.blooming_vertical.rms_log10 == 0.0
+    assert found.target.vertical.rms_log10 == 0.0
 
 
 def test_surfaces():
@@ -97,7 +97,7 @@ def test_target():
     assert found.ghost_measured.size_ratio == pytest.approx(2.0, abs=0.05)
     assert found.ghost_measured.area_ratio == pytest.approx(0.05, rel=0.05)
     assert found.ghost_simulated.area_ratio == pytest.approx(0.025, rel=0.05)
-    vertical = found.blooming_vertical
+    vertical = found.vertical
     np.testing.assert_array_equal(vertical.offset, [-9, -6, -3, 0, 3, 6, 9])
     # Off the sign the blooming differs by two; on it, hardly.
     assert vertical.rms_log10 == pytest.approx(math.log10(2) * math.sqrt(6 / 7), abs=0.01)
@@ -125,7 +125,7 @@ def test_a_surface_at_twice_the_range_is_no_ghost():
 def test_a_surface_beside_the_target_is_no_blooming():
     ideal, scan = scene([(15, 25.0, 2), (16, 25.5, 1), (17, 60.0, 1)])
     found = compare(scan, scan, ideal, model=MODEL).target
-    np.testing.assert_array_equal(found.blooming_vertical.offset, [0.0])
+    np.testing.assert_array_equal(found.vertical.offset, [0.0])
 
 
 @pytest.mark.parametrize(("off_m", "residuals"), [(-1.95, 1), (1.95, 1), (2.05, 0)])

@@ -1,5 +1,5 @@
 """Effects: one file each, found by being here."""
 
-from lidarcheck.effects.base import Effect, catalogue, check_order, empirical_terms, find, make
+from lidarcheck.effects.base import Effect, catalogue, check_order, empirical_terms, find, make, with_role
 
-__all__ = ["Effect", "catalogue", "check_order", "empirical_terms", "find", "make"]
+__all__ = ["Effect", "catalogue", "check_order", "empirical_terms", "find", "make", "with_role"]

@@ -65,6 +65,7 @@ __all__ = [
     "list_parameter",
     "make",
     "parameter",
+    "with_role",
 ]
 
 STAGES = ("aim", "light", "detector", "readout")
@@ -106,6 +107,8 @@ class Effect(abc.ABC):
 
     name: ClassVar[str]
     stage: ClassVar[str]
+    role: ClassVar[str] = ""
+    """By what a tool that is about one effect finds it, as "ghost" or "vertical blooming"; empty for most."""
     tree: ClassVar[tuple[int, ...]] = ()
     """Its nodes in the perception-sensor effect tree PerCollECT/LidarLimbs; empty where the tree has none for it."""
     empirical: ClassVar[bool] = False
@@ -242,6 +245,14 @@ def find(name: str) -> type[Effect]:
     if name not in effects:
         raise UsageError(f"there is no effect {name!r}", fix=_did_you_mean(name, effects))
     return effects[name]
+
+
+def with_role(role: str) -> type[Effect]:
+    """The one effect of the catalogue that has this role; `LookupError` where there is none or more than one."""
+    found = [effect for effect in catalogue().values() if effect.role == role]
+    if len(found) != 1:
+        raise LookupError(f"{len(found)} effects have the role {role!r}")
+    return found[0]
 
 
 def make(name: str, parameters: Mapping[str, Any], read: Callable[[FileParameter, str], Curve] | None = None) -> Effect:

@@ -32,6 +32,7 @@ class BloomingHorizontal(LightEffect):
     """
 
     name = "blooming_horizontal"
+    role = "horizontal blooming"
     tree = (72,)
 
     strength: float = parameter("", low=0.0, high=100.0, typical=1.0, meaning="factor on the whole profile or table")

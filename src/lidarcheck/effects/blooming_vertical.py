@@ -31,6 +31,7 @@ class BloomingVertical(LightEffect):
     """
 
     name = "blooming_vertical"
+    role = "vertical blooming"
     tree = (72,)
 
     strength: float = parameter("", low=0.0, high=100.0, typical=1.0, meaning="factor on the whole profile or table")

@@ -27,6 +27,7 @@ class BroadPulse(LightEffect):
     """
 
     name = "pulse_shape"
+    role = "pulse"
     hash_word = "BroadPulse"
     tree = (109,)
 

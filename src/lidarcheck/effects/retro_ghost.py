@@ -34,6 +34,7 @@ class RetroGhost(LightEffect):
     """
 
     name = "retro_ghost"
+    role = "ghost"
     tree = (108,)
 
     strength: float = parameter("", low=0.0, high=1.0, typical=5.2e-5, meaning="ghost's S over the target's, at 25 m")

@@ -19,6 +19,7 @@ class SignalGain(LightEffect):
     """
 
     name = "signal_gain"
+    role = "gain"
 
     gain: float = parameter("", low=0.0, high=100.0, typical=0.9, meaning="factor on the signal of every pulse")
 

@@ -175,8 +175,8 @@ def _bright(measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: Idea
     return TargetGap(
         ghost_measured=_ghost(measured, m, target),
         ghost_simulated=_ghost(simulated, s, target),
-        blooming_vertical=_blooming(measured, simulated, m, s, ideal, target, "vertical"),
-        blooming_horizontal=_blooming(measured, simulated, m, s, ideal, target, "horizontal"),
+        vertical=_blooming(measured, simulated, m, s, ideal, target, "vertical"),
+        horizontal=_blooming(measured, simulated, m, s, ideal, target, "horizontal"),
     )
 
 

@@ -69,12 +69,12 @@ class SurfaceGap:
 
 @dataclass(frozen=True)
 class TargetGap:
-    """What needs a known bright target: its ghost and its blooming along both axes."""
+    """What needs a known bright target: its ghost, and its blooming along the `vertical` and the `horizontal` axis."""
 
     ghost_measured: Ghost
     ghost_simulated: Ghost
-    blooming_vertical: BloomingProfile
-    blooming_horizontal: BloomingProfile
+    vertical: BloomingProfile
+    horizontal: BloomingProfile
 
 
 class Row(NamedTuple):
@@ -122,7 +122,7 @@ class Comparison:
             kpis["walk_offset"] = seen.walk
         if (bright := self.target) is not None:
             kpis["ghost"] = _sides(bright.ghost_measured, bright.ghost_simulated)
-            axes = {"vertical": bright.blooming_vertical, "horizontal": bright.blooming_horizontal}
+            axes = {"vertical": bright.vertical, "horizontal": bright.horizontal}
             kpis["blooming_profile"] = axes
         return {name: plain(kpi) for name, kpi in {**kpis, "left_out": self.left_out}.items() if kpi is not None}
 
@@ -177,5 +177,5 @@ def _target_rows(gap: TargetGap) -> Iterator[Row]:
     for name in ("count_ratio", "area_ratio", "peak_ratio", "range_ratio", "size_ratio"):
         m, s = getattr(gap.ghost_measured, name), getattr(gap.ghost_simulated, name)
         yield Row("ghost", name, m, s, m - s, "")
-    yield Row("blooming_profile", "vertical", NAN, NAN, gap.blooming_vertical.rms_log10, "log10")
-    yield Row("blooming_profile", "horizontal", NAN, NAN, gap.blooming_horizontal.rms_log10, "log10")
+    yield Row("blooming_profile", "vertical", NAN, NAN, gap.vertical.rms_log10, "log10")
+    yield Row("blooming_profile", "horizontal", NAN, NAN, gap.horizontal.rms_log10, "log10")

@@ -16,7 +16,7 @@ from lidarcheck.calibration.blooming.fit import Fit, FreeLight, fit_table
 from lidarcheck.calibration.blooming.operator import Nodes, light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import FEATURES, Response, response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light, target_in_scan
-from lidarcheck.effects.base import Curve, Effect, make
+from lidarcheck.effects.base import Curve, Effect, make, with_role
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.lut import Axis, LutFile, LutTable
@@ -31,7 +31,6 @@ __all__ = ["Calibration", "Measured", "ModelSide", "Row", "bench_of", "calibrate
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str], object]
 
-EFFECT: dict[Axis, str] = {"vertical": "blooming_vertical", "horizontal": "blooming_horizontal"}
 LEAST_CELLS = 8
 """Offsets beside the target that must have echoes: a fit of fewer is a drawing."""
 CLEAR_PEAK = 20.0
@@ -105,10 +104,11 @@ def bench_of(
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
     if model.external is not None:
         raise InputError("the model runs another program", file=model.file, fix="a fit needs the built-in sensor model")
-    given = [effect for effect in model.effects if effect.name == EFFECT[axis]]
-    effect: Any = given[0] if given else make(EFFECT[axis], {})
+    blooming = _blooming(axis)
+    given = [effect for effect in model.effects if isinstance(effect, blooming)]
+    effect: Any = given[0] if given else blooming()
     bright = float(effect.bright_signal)
-    bare = model.without("blooming_vertical").without("blooming_horizontal")
+    bare = model.without(_blooming("vertical").name).without(_blooming("horizontal").name)
     nothing = np.zeros(1, dtype=np.int32)
     light, sensor = _light_of(IdealScan(nothing, nothing, np.zeros(1), nothing, np.zeros(1)), bare)
     if signal_at_1m is None:
@@ -117,6 +117,11 @@ def bench_of(
         material = None
     settings = settings or default_settings(axis)
     return ModelSide(bare, sensor, light.shape, axis, bright, signal_at_1m, material, settings)
+
+
+def _blooming(axis: Axis) -> type[Effect]:
+    """The effect whose table is fitted."""
+    return with_role(f"{axis} blooming")
 
 
 def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, Sensor]:
@@ -287,7 +292,7 @@ def fitted_model(model: Model, bench: ModelSide, result: Calibration, file: Path
     """The model with the table, which `file` holds, and with the pulse and the target's brightness that were free."""
     table = result.lut.tables[bench.axis]
     curve = Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(file))
-    new = _put(model, make(EFFECT[bench.axis], {"lut": curve, "bright_signal": bench.bright_signal}))
+    new = _put(model, make(_blooming(bench.axis).name, {"lut": curve, "bright_signal": bench.bright_signal}))
     if free.pulse or free.tail:
         shape = result.fit.shape
         stretch = shape.fwhm_ns / bench.sensor.pulse_fwhm_ns
@@ -296,7 +301,7 @@ def fitted_model(model: Model, bench: ModelSide, result: Calibration, file: Path
             if shape.tail_share > 0.0
             else {"tail_share": 0.0}
         )
-        new = _put(new, make("pulse_shape", {"stretch": stretch, **tail}))
+        new = _put(new, make(with_role("pulse").name, {"stretch": stretch, **tail}))
     if free.brightness and bench.material is not None:
         before = new.materials[bench.material]
         brighter = replace(before, retro_gain=before.retro_gain * result.fit.brightness)

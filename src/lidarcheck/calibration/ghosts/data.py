@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lidarcheck.calibration.ghosts.returns import Returns, grid_steps
 from lidarcheck.calibration.ghosts.targets import clusters_of
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
-from lidarcheck.effects.retro_ghost import RetroGhost
+from lidarcheck.effects import with_role
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.model.spec import Model
@@ -70,11 +70,12 @@ class _Lit:
 
 
 def with_ghost(model: Model, **values: float) -> Model:
-    """The model with `retro_ghost` of these values, in its place if it has one; what is not given stays."""
-    old = next((effect for effect in model.effects if isinstance(effect, RetroGhost)), None)
+    """The model with the ghost effect of these values, in its place if it has one; what is not given stays."""
+    ghost = with_role("ghost")
+    old = next((effect for effect in model.effects if isinstance(effect, ghost)), None)
     if old is None:
-        return model.with_(RetroGhost(**values))  # type: ignore[arg-type]
-    new = dataclasses.replace(old, **values)  # type: ignore[arg-type]
+        return model.with_(ghost(**values))
+    new = dataclasses.replace(old, **values)
     return dataclasses.replace(model, effects=tuple(new if effect is old else effect for effect in model.effects))
 
 

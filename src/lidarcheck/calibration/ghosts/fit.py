@@ -1,4 +1,4 @@
-"""Fit the parameters of `retro_ghost` to signs and ghosts measured at one range or several.
+"""Fit the parameters of the ghost effect to signs and ghosts measured at one range or several.
 
 A beam of a sign shows a ghost with a probability, and an AREA, that follow from the ghost's S by way of the sensor
 (`ghost_library`, the exact chain). S = strength S_sign (25 m / R)^exponent, S_sign by the model. Beams that show none
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ from lidarcheck.calibration.ghosts.likelihood import (
     region_of,
 )
 from lidarcheck.calibration.ghosts.workflow import GhostScan
-from lidarcheck.effects.retro_ghost import RetroGhost
+from lidarcheck.effects import with_role
 from lidarcheck.errors import InputError
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
@@ -94,9 +95,9 @@ class GhostFit:
     warnings: tuple[str, ...]
 
     @property
-    def effect(self) -> RetroGhost:
-        """The fitted effect."""
-        return next(effect for effect in self.model.effects if isinstance(effect, RetroGhost))
+    def effect(self) -> Any:
+        """The fitted effect, which has the fitted parameters as attributes."""
+        return _ghost_of(self.model)
 
 
 def fit_ghosts(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: Model, *, seed: int = 0) -> GhostFit:
@@ -109,8 +110,7 @@ def fit_ghosts(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: M
     libraries = [_library(b, seed) for b in beams]
     extra, scatter = extra_scatter(beams, libraries)
     libraries = [lib.with_scatter(extra) for lib in libraries]
-    start = with_ghost(model).effects
-    exponent = next(effect for effect in start if isinstance(effect, RetroGhost)).exponent
+    exponent = _ghost_of(with_ghost(model)).exponent
     free = _tells_exponent(beams)
     best = best_setting(beams, libraries, exponent, free)
     doubt = doubt_of(beams, libraries, best, free, scatter)
@@ -124,6 +124,11 @@ def fit_ghosts(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: M
     datasets = tuple(_dataset(b, lib, parameters) for b, lib in zip(beams, libraries, strict=True))
     warnings = [*_beyond_library(model), *_warnings(beams, datasets, parameters, region, doubt, free)]
     return GhostFit(parameters, datasets, tuple(beams), fitted, doubt.scatter, tuple(warnings))
+
+
+def _ghost_of(model: Model) -> Any:
+    """The ghost effect of a model that has it."""
+    return next(effect for effect in model.effects if isinstance(effect, with_role("ghost")))
 
 
 def _check_enough(beams: Sequence[SignBeams]) -> None:

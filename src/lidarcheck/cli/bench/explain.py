@@ -29,13 +29,13 @@ def explain_figures(run: Callable[..., None]) -> list[Figure]:
 
 def write_case(place: Path) -> None:
     """A case of the lab, seen at six places, by a sensor that has lost three tenths of its signal."""
-    from lidarcheck.effects import make
+    from lidarcheck.effects import make, with_role
     from lidarcheck.formats import save_ideal, save_scan
     from lidarcheck.model import save_model, simulate
 
     model, frame = bench_scene.lab_model("SMART"), bench_scene.lab_frame()
     save_model(model, place / "model.toml")
-    sensor = model.with_(make("signal_gain", {"gain": 0.7}))
+    sensor = model.with_(make(with_role("gain").name, {"gain": 0.7}))
     lines = ['model = "model.toml"']
     for number in range(FRAMES):
         column = number * 140

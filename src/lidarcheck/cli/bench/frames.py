@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tomllib
+from importlib import resources
 
 import numpy as np
 
 from lidarcheck.cli.bench.kit import MEGA, Figure, Other, duration, rate, times
 from lidarcheck.cli.bench.scene import hills, lab_model, signs_frame
+from lidarcheck.sensor import Sensor
 
 __all__ = ["effects_figures", "raycast_figures"]
 
-ALWAYS: Mapping[str, Mapping[str, float]] = {
-    "incidence_falloff": {},
-    "retro_ghost": {},
-    "blooming_vertical": {},
-    "walk_error": {},
-}
-SIX: Mapping[str, Mapping[str, Mapping[str, float]]] = {
-    "six_effects_rain": {**ALWAYS, "rain": {}, "timing_jitter": {}},
-    "six_effects_fog": {**ALWAYS, "fog": {"mor_m": 200.0}, "ambient_light": {}},
-}
-"""Bright signs on a rainy day, and in fog under the sun, which fill hundreds of bins and raise the noise everywhere."""
-ONE_BY_ONE = ("crosstalk", "afterpulsing")
-"""Effects for which each detector is followed on its own."""
 TRIANGLES = 100_000
 
 
 def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
-    """Seconds of a full frame with six effects, and with each of `ONE_BY_ONE`, beside the same frame without."""
+    """Seconds of a full frame with the mixes of `mixes.toml`, and with each effect for which every detector is followed
+    on its own, beside the same frame without."""
     from lidarcheck.effects import make
     from lidarcheck.model import simulate
 
@@ -36,7 +26,8 @@ def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
     if quick:
         frame = frame.take(np.arange(0, len(frame), 10))
     plain = lab_model(variant)
-    chosen = {**SIX, **{name: {name: {}} for name in ONE_BY_ONE}}
+    mixes = tomllib.loads(resources.files(__package__).joinpath("mixes.toml").read_text(encoding="utf-8"))
+    chosen = {**mixes, **{name: {name: {}} for name in _one_by_one()}}
     without = min(times(lambda: simulate(frame, plain, seed=1), repeats))
     figures = []
     for name, effects in chosen.items():
@@ -47,6 +38,15 @@ def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
         against = Other("the same frame without", without, without / min(seconds))
         figures.append(duration(f"frame_{name}_{variant.lower()}_s", seconds, (against,)))
     return figures
+
+
+def _one_by_one() -> list[str]:
+    """The effects with which SPADs disturb each other, or themselves."""
+    from lidarcheck.effects import catalogue
+    from lidarcheck.effects.base import DetectorEffect
+
+    typical = {name: effect() for name, effect in catalogue().items() if issubclass(effect, DetectorEffect)}
+    return [name for name, effect in typical.items() if effect.detector(Sensor.of("SMART")).nonideal.any]
 
 
 def raycast_figures(repeats: int, quick: bool) -> list[Figure]:

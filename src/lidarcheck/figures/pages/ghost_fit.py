@@ -20,7 +20,7 @@ def fit_page(fit: GhostFit, simulated: list[GhostScan], provenance: Mapping[str,
     ghosts = sum(d.ghosts for d in fit.datasets)
     number = len(fit.datasets)
     told = ", ".join(f"{name} {p.value:.4g}" + ("" if p.fitted else " (left)") for name, p in fit.parameters.items())
-    summary = f"retro_ghost: {told}; from {ghosts} ghost echoes of {number} dataset{'s' if number != 1 else ''}."
+    summary = f"{fit.effect.name}: {told}; from {ghosts} ghost echoes of {number} dataset{'s' if number != 1 else ''}."
     sections = (
         Section("Parameters", fit.warnings, (_parameters(fit),)),
         Section("Datasets", tables=(_datasets(fit),), figures=(*_courses(fit.datasets), *_histograms(fit, simulated))),
@@ -31,7 +31,7 @@ def fit_page(fit: GhostFit, simulated: list[GhostScan], provenance: Mapping[str,
 def fit_document(fit: GhostFit) -> dict[str, Any]:
     """The numbers of a fit, as `result.json` has them."""
     return {
-        "effect": "retro_ghost",
+        "effect": fit.effect.name,
         "parameters": fit.parameters,
         "datasets": fit.datasets,
         "scatter": fit.scatter,
@@ -45,7 +45,7 @@ def _parameters(fit: GhostFit) -> Table:
         (name, f"{p.value:.5g}", *(f"{end:.5g}" if p.fitted else "-" for end in (p.low, p.high)), p.unit, _remark(p))
         for name, p in fit.parameters.items()
     ]
-    return Table("retro_ghost, with 95 % intervals", header, tuple(rows), header[1:4])
+    return Table(f"{fit.effect.name}, with 95 % intervals", header, tuple(rows), header[1:4])
 
 
 def _remark(estimate: Estimate) -> str:
