@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 
 from freeze_differences import judge
-from freeze_inputs import Tool, make_inputs, write_explain_case
+from freeze_inputs import make_inputs, write_explain_case
 from freeze_items import ITEMS, Piece, pieces_of, run_piece
+from freeze_tool import Tool
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = 12
@@ -30,6 +31,7 @@ SHOWN = 12
 
 def main(argv: list[str] | None = None) -> int:
     args = _arguments(argv)
+    args.directory = args.directory.resolve()
     program: Path = args.lidarcheck.absolute()
     if not program.is_file():
         sys.exit(f"{program}: there is no such program; name one with --lidarcheck")
@@ -40,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     elif not inputs.is_dir():
         sys.exit(f"{args.directory}: there is no record; make one with: ci/freeze record {args.directory}")
     source = source_of(program)
-    print(f"{args.action} {program}, sources {source[:12]}", flush=True)
+    print(f"{args.action}: {program}, sources {source[:12]}", flush=True)
     return max((_item(item, args, tool, inputs, source) for item in items), default=0)
 
 
@@ -145,11 +147,14 @@ def _run(
     for number, (piece, seconds, result) in enumerate(_results(rest, inputs, tool, item, args.jobs), start=1):
         kept["pieces"][piece.name] = {"seconds": round(seconds, 1), "result": result}
         if not result["codes"] or (any(result["codes"]) and not piece.name.startswith("error of ")):
-            print(f"  {piece.name}: ended with {result['codes']}: {' '.join(sum(result['err'], []))[:300]}", flush=True)
+            print(f"  {piece.name}: ended with {result['codes']}: {' '.join(result['err'][-1])[:300]}", flush=True)
         kept["complete"] = number == len(rest) and args.action == "record"
         _write(file, kept)
         if item == "explain" or number % 20 == 0:
-            print(f"  {item} {number} of {len(rest)}: {piece.name}, {seconds:.1f} s{_found(result)}", flush=True)
+            print(
+                f"  {item} {number} of {len(rest)}: {piece.name}, {seconds:.1f} s of processor{_found(result)}",
+                flush=True,
+            )
     if rest:
         print(f"{item}: {len(rest)} pieces in {time.perf_counter() - start:.0f} s", flush=True)
     return kept
@@ -158,12 +163,10 @@ def _run(
 def _results(
     pieces: list[Piece], inputs: Path, tool: Tool, item: str, jobs: int
 ) -> Iterator[tuple[Piece, float, dict[str, Any]]]:
-    """Pieces with their seconds and results as they end."""
+    """Pieces with their processor seconds and results as they end."""
 
     def one(piece: Piece) -> tuple[Piece, float, dict[str, Any]]:
-        start = time.perf_counter()
-        result = run_piece(piece, inputs, tool)
-        return piece, time.perf_counter() - start, result
+        return piece, *run_piece(piece, inputs, tool)
 
     with ThreadPoolExecutor(1 if item == "goldens" else jobs) as pool:
         waiting = [pool.submit(one, piece) for piece in pieces]
@@ -208,7 +211,7 @@ def _report(item: str, old: dict[str, Any], new: dict[str, Any], now: set[str], 
                 print(f"    and {len(lines) - SHOWN} more")
     words = ", ".join(f"{count} {level}" for level, count in counts.items() if count or level == "same")
     part = "" if old["complete"] else "; the record is not complete"
-    print(f"{item}: {words}; {times[0]:.0f} s then, {times[1]:.0f} s now{part}", flush=True)
+    print(f"{item}: {words}; {times[0]:.0f} s of processor then, {times[1]:.0f} s now{part}", flush=True)
     return int(counts["different"] > 0)
 
 

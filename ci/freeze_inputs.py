@@ -7,24 +7,22 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from freeze_tool import Tool
 
 VARIANTS = ("SMART", "SLIM")
 MATERIALS = range(1, 26)
 """Those of the built-in scenes: every ideal scan here keeps to them, and every model gets those that it lacks."""
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 GHOST = {"name": "retro_ghost", "strength": 3e-4, "exponent": 0.25, "extra_m": 0.5}
-MEASURED = {
+MEASURED: Mapping[str, list[dict[str, Any]]] = {
     "fog": [{"name": "fog", "mor_m": 150.0}],
     "walk": [{"name": "walk_error", "per_decade_m": 0.06}, {"name": "timing_jitter", "sigma_ns": 0.5}],
     "ghost": [GHOST],
@@ -125,36 +123,6 @@ second_hits = false
 """
 
 
-@dataclass(frozen=True)
-class Result:
-    """How a command has ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-@dataclass(frozen=True)
-class Tool:
-    """The executable under test, asked as a user asks it, on one thread so that times and bytes can be compared."""
-
-    program: Path
-
-    def ask(self, words: Iterable[object], place: Path) -> Result:
-        """Run a command in the directory `place`, whatever it ends with."""
-        keep = {key: value for key, value in os.environ.items() if not key.startswith(("LIDARCHECK_", "GITHUB_"))}
-        env = keep | dict.fromkeys(ONE_THREAD, "1") | {"COLUMNS": "100", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
-        argv = [str(self.program), *map(str, words)]
-        done = subprocess.run(argv, cwd=place, env=env, capture_output=True, text=True, check=False)
-        return Result(done.returncode, done.stdout, done.stderr)
-
-    def run(self, *words: object, place: Path) -> None:
-        """A command that must end well."""
-        done = self.ask(words, place)
-        if done.code != 0:
-            sys.exit(f"lidarcheck {' '.join(map(str, words))}: {done.err.strip()}")
-
-
 def make_inputs(repo: Path, place: Path, tool: Tool) -> None:
     """Everything but the cases of explain, in `place`; all or nothing, so that what is there can be trusted."""
     draft = place.with_name(f"{place.name}.draft")
@@ -177,7 +145,7 @@ def write_explain_case(tests: Path, number: int, of: int, seed: int, frames: int
     """One case of the independent generator, and what of its order the explainer is told, or a reader wants to know."""
     if str(tests) not in sys.path:
         sys.path.insert(0, str(tests))
-    import hidden
+    import hidden  # type: ignore[import-not-found]  # found by the line above
 
     order = hidden.plan(of, seed)[number]
     draft = directory.with_name(f"{directory.name}.draft")
@@ -206,7 +174,7 @@ def toml_text(model: Mapping[str, Any]) -> str:
 
 
 def _write_models(place: Path, table: Mapping[str, Any]) -> None:
-    """Each model of each scenario, on its own variant and on the other one, once each; and a few that no scenario has."""
+    """Each model of each scenario, on its own variant and on the other one, once; and some that no scenario has."""
     models = place / "models"
     models.mkdir()
     known: set[str] = set()
@@ -217,12 +185,13 @@ def _write_models(place: Path, table: Mapping[str, Any]) -> None:
             known.add(text)
             (models / f"{name}.toml").write_text(text, encoding="utf-8")
 
-    (models / "bloom.ini").write_text(lut_text(steep=True), encoding="utf-8")
+    (models / "bloom.ini").write_text(lut_text("LUT_blooming") + lut_text("LUT_bloomingH"), encoding="utf-8")
     for variant in VARIANTS:
         write(f"plain_{variant}", {"variant": variant})
         write(f"empirical_{variant}", {"variant": variant, "effects": EMPIRICAL})
-        blooms = [{"name": f"blooming_{axis}", "lut": "bloom.ini"} for axis in ("vertical",)]
-        write(f"lut_{variant}", {"variant": variant, "effects": blooms})
+        blooms = [{"name": f"blooming_{axis}", "lut": "bloom.ini"} for axis in ("vertical", "horizontal")]
+        write(f"lut_{variant}", {"variant": variant, "effects": blooms[:1]})
+        write(f"luts_{variant}", {"variant": variant, "effects": blooms})
         for name, effects in MEASURED.items():
             write(f"measured_{name}_{variant}", {"variant": variant, "effects": effects})
     scenarios = place / "project/scenarios"
@@ -235,12 +204,12 @@ def _write_models(place: Path, table: Mapping[str, Any]) -> None:
         write(f"{file.stem}_as_{other}", model | {"variant": other})
 
 
-def lut_text(*, steep: bool) -> str:
+def lut_text(key: str, *, flat: bool = False) -> str:
     """A blooming table: neither symmetric nor monotone, or a flat one for a fit to begin with."""
-    flat = [1.0 if x == 0 else 1e-4 for x in LUT_X]
-    y = [1.0 if x == 0 else 4e-3 * math.exp(-abs(x) / 6) + 3e-4 * math.exp(-((x - 55) ** 2) / 1600) for x in LUT_X]
-    numbers = ", ".join(f"{value:.7f}" for value in (y if steep else flat))
-    return f"PostPro.LUT_blooming_X = {', '.join(map(str, LUT_X))}\nPostPro.LUT_blooming_Y = {numbers}\n"
+    y = [4e-3 * math.exp(-abs(x) / 6) + 3e-4 * math.exp(-((x - 55) ** 2) / 1600) for x in LUT_X]
+    rows = [1.0 if x == 0 else 1e-4 if flat else value for x, value in zip(LUT_X, y, strict=True)]
+    numbers = ", ".join(f"{value:.7f}" for value in rows)
+    return f"PostPro.{key}_X = {', '.join(map(str, LUT_X))}\nPostPro.{key}_Y = {numbers}\n"
 
 
 def _write_ideals(place: Path, table: Mapping[str, Any], tool: Tool) -> None:
@@ -327,7 +296,7 @@ def _write_frames(place: Path, tool: Tool) -> None:
         (frames / side).mkdir()
         for k in range(2):
             frame(f"{side}/{k}", "yard", model, 51 + k + 10 * (side == "real"))
-    (frames / "flat.ini").write_text(lut_text(steep=False), encoding="utf-8")
+    (frames / "flat.ini").write_text(lut_text("LUT_blooming", flat=True), encoding="utf-8")
 
 
 def _write_case(

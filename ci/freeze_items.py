@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from freeze_inputs import MEASURED, VARIANTS, Tool
+from freeze_inputs import MEASURED, VARIANTS
+from freeze_tool import Tool
 
 PASSING = frozenset({"seconds", "elapsed_s", "model_source", "hashes", "path"})
 """Keys of JSON that may change: times, hashes of the sources and of what is an input anyhow, places of the package."""
@@ -34,8 +35,9 @@ class Piece:
     texts: bool = True
 
 
-def run_piece(piece: Piece, inputs: Path, tool: Tool) -> dict[str, Any]:
-    """Exit codes, texts, JSON and the hashes of all files, without what tells of the place or the hour."""
+def run_piece(piece: Piece, inputs: Path, tool: Tool) -> tuple[float, dict[str, Any]]:
+    """Processor seconds; and exit codes, texts, JSON and the hashes of all files, without what tells of the place or
+    the hour."""
     with tempfile.TemporaryDirectory(prefix="freeze-") as name:
         place = Path(name).resolve()
         (place / LINKED).symlink_to(inputs.resolve(), target_is_directory=True)
@@ -55,7 +57,7 @@ def run_piece(piece: Piece, inputs: Path, tool: Tool) -> dict[str, Any]:
             result["out"] = [plain(one.out).splitlines() for one in done]
         result["err"] = [plain(one.err).splitlines() for one in done]
         result["json"], result["files"] = _left_behind(place, plain)
-        return result
+        return sum(one.seconds for one in done), result
 
 
 def _left_behind(place: Path, plain: Callable[[str], str]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -113,16 +115,8 @@ def _cli(inputs: Path, tool: Tool) -> Iterator[Piece]:
         yield Piece(f"help {' '.join(words)}".strip(), [[*words, "--help"]])
         part = text.partition("\nCommands:\n")[2].partition("\n\n")[0]
         queue += [(*words, name) for name in re.findall(r"^  ([a-z]+)(?:, -\w)?: ", part, re.MULTILINE)]
-    for words in (
-        ("effects", "--json"),
-        ("effects",),
-        ("--version",),
-        ("scene", "--list"),
-        ("lut", "show", "in/frames/flat.ini"),
-    ):
-        yield Piece(" ".join(words), [words])
-    for effect in ("fog", "layer_gain"):
-        yield Piece(f"effects {effect}", [["effects", effect]])
+    lists = ("effects --json", "effects", "effects fog", "effects layer_gain", "scene --list", "--version")
+    yield from (Piece(text, [text.split()]) for text in (*lists, "lut show in/frames/flat.ini"))
     for file in ("ideals/yard.txt", "frames/plain_SLIM.txt", "models/empirical_SMART.toml"):
         yield Piece(f"info {file}", [["info", f"in/{file}", "--json"], ["info", f"in/{file}"]])
     simulate = ("simulate", "in/ideals/wall.txt", "--out", "x.txt", "--model")
@@ -152,11 +146,11 @@ def _simulate(inputs: Path) -> Iterator[Piece]:
             words = ["simulate", "in/ideals/yard.txt", *model, "--scene", "in/ideals/yard.toml", "--out", "yard.txt"]
             yield Piece(f"{file.stem} in its scene", [[*words, "--seed", 7, "--jobs", 1, "-q"]])
     for variant in VARIANTS:
-        words = ["simulate", "in/ideals/tiny.txt", "--model", f"in/models/plain_{variant}.toml", "--out", "tiny.txt"]
-        yield Piece(f"plain_{variant} reference", [[*words, "--fidelity", "reference", "-q"]])
-        words[1:2] = ["in/ideals/wall.txt", "--frames", 3, "--format", "parquet"]
-        words[-1] = "many"
-        yield Piece(f"plain_{variant} many frames", [[*words, "--jobs", 1, "-q"]])
+        plain = ("--model", f"in/models/plain_{variant}.toml", "--jobs", 1, "-q")
+        words = ["simulate", "in/ideals/tiny.txt", "--fidelity", "reference", "--out", "tiny.txt", *plain]
+        yield Piece(f"plain_{variant} reference", [words])
+        many = ["simulate", "in/ideals/wall.txt", "--frames", 3, "--format", "parquet", "--out", "many", *plain]
+        yield Piece(f"plain_{variant} many frames", [many])
 
 
 def _formats() -> list[Piece]:
@@ -198,10 +192,8 @@ def _compare() -> list[Piece]:
 
 
 def _calibrate() -> list[Piece]:
-    free = {
-        "SLIM": "signal_at_1m,pulse_fwhm_ns,background_per_ns",
-        "SMART": "effects.fog.mor_m,materials.2.reflectance",
-    }
+    sensor = "signal_at_1m,pulse_fwhm_ns,background_per_ns"
+    free = {"SLIM": sensor, "SMART": "effects.fog.mor_m,materials.2.reflectance"}
     rest = ("--out", "out", "--jobs", 1, "--seed", 1, "-q")
     return [Piece(v, [["calibrate", f"in/case_{v}", "--free", names, *rest]]) for v, names in free.items()]
 
@@ -211,7 +203,7 @@ def _bloom() -> list[Piece]:
     ideals = ("--ideal", "in/ideals/sign69.txt", "in/ideals/sign157.txt")
     model = ("--model", "in/models/plain_SLIM.toml", "--target", 17, "--lut", "in/frames/flat.ini", "-q")
     lut = "lut.ini"
-    edits = [
+    edits: list[list[object]] = [
         ["lut", "set", "in/frames/flat.ini", "--at", "-20=430", "--out", lut],
         ["lut", "scale", lut, "--by", 20, "--rows", "5..8"],
         ["lut", "smooth", lut, "--rows", "4..10"],
