@@ -12,7 +12,8 @@ from collections import Counter
 
 import numpy as np
 
-from lidarcheck.calibration.scenes.workflow import compare_scene, simulated_frame
+from lidarcheck.calibration.scenes.frame import simulated_frame
+from lidarcheck.calibration.scenes.workflow import compare_scene
 from lidarcheck.kpi.pairing import pair_with_ideal
 from scene_kit import BEAMS, halved, hits_of, ideal_of, measured, model_of, scene_of, shifted
 

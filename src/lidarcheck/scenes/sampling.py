@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
-from lidarcheck.rays import Hits, Rays, Velocity, sweep_time_s
+from lidarcheck.rays import Caster, Hits, Rays, Velocity, sweep_time_s
 from lidarcheck.scan import IdealScan
+from lidarcheck.scenes.optics import Optics
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
-if TYPE_CHECKING:
-    from lidarcheck.scenes.scene import Scene
-
-__all__ = ["MAX_SUB_BEAMS", "Sampling", "sampled"]
+__all__ = ["MAX_SUB_BEAMS", "OpticalCaster", "Sampling", "sampled"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -32,6 +31,14 @@ _FAINTEST = 1e-5
 
 _OFF_M = 1e-3
 """So far from the surface a reflected or transmitted ray begins: embree's single precision is 3e-5 m at 300 m."""
+
+
+class OpticalCaster(Caster, Protocol):
+    """A caster that knows which materials mirror or let light through, as a scene does."""
+
+    @property
+    def optics(self) -> Mapping[int, Optics]:
+        """The optics of those materials, by number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +77,7 @@ class _Rows(NamedTuple):
     share: FloatArray
 
 
-def sampled(scene: Scene, how: Sampling) -> IdealScan:
+def sampled(scene: OpticalCaster, how: Sampling) -> IdealScan:
     """The ideal scan of those beams; see `Scene.ideal`."""
     layer, point, rays = _fired(how)
     moving = scene.velocities_m_s if how.motion is not None else None
@@ -155,7 +162,7 @@ class _Ways(NamedTuple):
         return _Ways(self.ray[rows], self.rays.take(rows), hits, self.before_m[rows], self.share[rows])
 
 
-def _behind_optics(scene: Scene, rays: Rays, hits: Hits, share: float, how: Sampling) -> list[_Rows]:
+def _behind_optics(scene: OpticalCaster, rays: Rays, hits: Hits, share: float, how: Sampling) -> list[_Rows]:
     """The rows that mirrors and panes add.
 
     The light passes them on its way there and back again, so that it keeps the square of one passage's share; the range
@@ -171,7 +178,7 @@ def _behind_optics(scene: Scene, rays: Rays, hits: Hits, share: float, how: Samp
     return found
 
 
-def _next_legs(scene: Scene, way: _Ways, how: Sampling) -> list[_Ways]:
+def _next_legs(scene: OpticalCaster, way: _Ways, how: Sampling) -> list[_Ways]:
     """What the ways show that go on from a mirror or pane; those that meet nothing are left out."""
     mirror, transmission = (_of_material(scene, way.hits.material_id, name) for name in ("mirror", "transmission"))
     met = way.hits.distance_m > 0.0
@@ -186,7 +193,7 @@ def _next_legs(scene: Scene, way: _Ways, how: Sampling) -> list[_Ways]:
     return legs
 
 
-def _leg(scene: Scene, way: _Ways, how: Sampling, *, reflected: bool) -> _Ways:
+def _leg(scene: OpticalCaster, way: _Ways, how: Sampling, *, reflected: bool) -> _Ways:
     normal, direction = way.hits.normal, way.rays.direction
     point = way.rays.origin_m + way.hits.distance_m[:, None] * direction
     off = normal * (_OFF_M if reflected else -_OFF_M)
@@ -207,7 +214,7 @@ def _leg(scene: Scene, way: _Ways, how: Sampling, *, reflected: bool) -> _Ways:
     return _Ways(way.ray, begun, true_hits, before, way.share).take(met)
 
 
-def _of_material(scene: Scene, material_id: npt.NDArray[np.int32], name: str) -> FloatArray:
+def _of_material(scene: OpticalCaster, material_id: npt.NDArray[np.int32], name: str) -> FloatArray:
     value = np.zeros(len(material_id))
     for number, optics in scene.optics.items():
         value[material_id == number] = getattr(optics, name)

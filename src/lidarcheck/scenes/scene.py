@@ -16,6 +16,7 @@ from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.bvh import Bvh
 from lidarcheck.scenes.optics import Optics
+from lidarcheck.scenes.sampling import Sampling, sampled
 from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["Scene", "SceneObject"]
@@ -174,8 +175,6 @@ class Scene:
         (layer, point, distance); a row that meets nothing within `max_range_m` has the distance 0.
         `UsageError` for beams that there are not, or numbers out of range.
         """
-        from lidarcheck.scenes.sampling import Sampling, sampled
-
         motion = (velocity_m_s, yaw_deg_s) if swept else None
         return sampled(self, Sampling(layers, points, sub_beams, second_hits, motion, max_range_m))
 

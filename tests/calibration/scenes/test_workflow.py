@@ -9,10 +9,11 @@ from hidden.chain import Nuisance, measure
 from hidden.places import TABLE
 from hidden.rays import Beams
 from lidarcheck.calibration.scenes.effects import chosen_effects
+from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
 from lidarcheck.calibration.scenes.groups import labels_of, sector_edges, sector_of
 from lidarcheck.calibration.scenes.units import units_of, values_of
 from lidarcheck.calibration.scenes.words import _how_much
-from lidarcheck.calibration.scenes.workflow import SceneFrame, compare_scene, simulated_frame
+from lidarcheck.calibration.scenes.workflow import compare_scene
 from lidarcheck.effects import make
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.data import Grid

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.ghosts.returns import Brightness, returns_of
+from lidarcheck.calibration.ghosts.sign import Sign
 from lidarcheck.errors import InputError
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
-
-if TYPE_CHECKING:
-    from lidarcheck.calibration.ghosts.workflow import Sign
 
 __all__ = ["LARGEST_M", "no_sign", "notes_on", "those_expected"]
 

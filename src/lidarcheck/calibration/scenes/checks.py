@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lidarcheck.calibration.scenes.frame import SceneFrame
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.pairing import Pairing, ranges
 from lidarcheck.rays import Caster, Rays
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
-
-if TYPE_CHECKING:
-    from lidarcheck.calibration.scenes.workflow import SceneFrame
 
 __all__ = ["GROUPINGS", "check_beams", "check_frame", "check_grouping", "check_pairing", "check_scene", "grouping"]
 

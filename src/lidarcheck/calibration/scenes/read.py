@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.calibration.scenes.checks import check_scene
-from lidarcheck.calibration.scenes.workflow import SceneFrame, simulated_frame
+from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model

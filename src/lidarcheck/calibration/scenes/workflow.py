@@ -7,7 +7,6 @@ measured and simulated differ by.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.scenes.checks import check_frame, check_pairing, grouping
+from lidarcheck.calibration.scenes.frame import SceneFrame
 from lidarcheck.calibration.scenes.groups import groups_of, labels_of, sector_edges
 from lidarcheck.calibration.scenes.parts import Part, SectorMap, by_layer, finite, parts_of, sectors_of
 from lidarcheck.calibration.scenes.rank import Ranking, rank
@@ -35,13 +35,9 @@ from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.overlap import RADIUS_M, Overlap, overlap
-from lidarcheck.model.chain import simulate
-from lidarcheck.model.spec import Model
-from lidarcheck.model.stages import Surfaces
-from lidarcheck.rays import Caster
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import Scan
 
-__all__ = ["MOST_SECTORS", "SceneComparison", "SceneFrame", "compare_scene", "simulated_frame"]
+__all__ = ["MOST_SECTORS", "SceneComparison", "compare_scene"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -49,23 +45,6 @@ IndexArray = npt.NDArray[np.int64]
 SECTORS = (12, 6)
 MOST_SECTORS = 100
 FLOOR_EVERY = 10
-
-
-@dataclass(frozen=True)
-class SceneFrame:
-    """A frame: what was measured, what the beams meet, what the model shows.
-
-    `again`: the model's frame with other random numbers, None where there is none. `file`, `ideal_file`,
-    `simulated_file`: where they were read from, for messages.
-    """
-
-    measured: Scan
-    ideal: IdealScan
-    simulated: Scan
-    again: Scan | None = None
-    file: str = ""
-    ideal_file: str = ""
-    simulated_file: str = ""
 
 
 @dataclass(frozen=True)
@@ -103,23 +82,6 @@ class SceneComparison:
         document: dict[str, Any] = plain(replace(self, worst_points=(np.zeros(0), np.zeros(0))))
         del document["worst_points"]
         return document
-
-
-def simulated_frame(
-    measured: Scan,
-    ideal: IdealScan,
-    model: Model,
-    *,
-    seed: int = 0,
-    number: int = 0,
-    scene: Caster | None = None,
-    file: str = "",
-    ideal_file: str = "",
-) -> SceneFrame:
-    """A frame with the model's two simulations of it, of `seed` and of the seed behind it."""
-    shown = functools.partial(simulate, ideal, model, frame=number, scene=scene, surfaces=Surfaces(ideal))
-    one, other = (shown(seed=run % 2**64) for run in (seed, seed + 1))
-    return SceneFrame(measured, ideal, one, other, file, ideal_file, "" if model.file is None else str(model.file))
 
 
 def compare_scene(

@@ -15,7 +15,7 @@ from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.scenes.workflow import SceneFrame
+    from lidarcheck.calibration.scenes.frame import SceneFrame
     from lidarcheck.model import Model
     from lidarcheck.scenes.files.file import SceneFile
 
