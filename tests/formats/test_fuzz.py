@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.convert import describe
-from lidarcheck.formats.rows import Rows, _check_lines, _fast, _single_blanks, _slow
+from lidarcheck.formats.rows import TextRows, _check_lines, _fast, _single_blanks, _slow
 from places import shared_path
 
 HEAD = b"//X Y Z Layer Point EchoNumber WIDTH AREA PEAK\n"
@@ -95,7 +95,7 @@ CELLS = st.text("0123456789+-.eE \t\r\n,na\x0b\0", max_size=12).map(str.encode)
 def test_the_fast_path_takes_nothing_that_the_slow_path_refuses(body: list[bytes], gap: bytes) -> None:
     for delimiter, names in ((" ", ["X", "other"]), (",", ["X", "other"]), (" ", ["other"])):
         content = gap.join(body).strip(b" \t\r\n")
-        rows = Rows(content, names, delimiter, Path("x.txt"), 1)
+        rows = TextRows(content, names, delimiter, Path("x.txt"), 1)
         for single in (content, _single_blanks(content) if delimiter == " " else content):
             fast = _fast(rows, single) if single else None
             if fast is not None:

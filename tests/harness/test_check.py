@@ -11,7 +11,7 @@ import pytest
 from harness_fakes import SPECS, Project
 from lidarcheck import effects
 from lidarcheck.errors import GoldenError, InputError, UsageError
-from lidarcheck.harness import case
+from lidarcheck.harness import scenario_run
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import gate, seeds
 from lidarcheck.harness.gate.gate import Verdict
@@ -403,7 +403,7 @@ def test_a_given_model_keeps_the_scenarios_conditions(project: Project) -> None:
 
     def asked(sensor: Sensor) -> Model:
         given = Model(sensor, {1: Material("panel", 0.5)})
-        return case.open_case(project.file("one"), given, **project.stand_ins).model
+        return scenario_run.open_run(project.file("one"), given, **project.stand_ins).model
 
     plain = asked(Sensor.of("SMART"))
     assert plain.sensor == own
@@ -417,7 +417,7 @@ def test_a_given_model_keeps_the_scenarios_effects_unless_it_has_its_own(project
     project.model = Model(Sensor.of("SMART"), effects=own)
 
     def asked(given: Model) -> Model:
-        return case.open_case(project.file("one"), given, **project.stand_ins).model
+        return scenario_run.open_run(project.file("one"), given, **project.stand_ins).model
 
     assert asked(Model(Sensor.of("SMART"))).effects == own
     assert asked(Model(Sensor.of("SMART"), effects=others)).effects == others

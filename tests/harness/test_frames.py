@@ -11,7 +11,7 @@ import pytest
 from explain_kit import MODEL, ideal_scan
 from lidarcheck.cli import main
 from lidarcheck.formats import load_scan, save_ideal
-from lidarcheck.harness.frames import Frames
+from lidarcheck.harness.frames import FrameBatch
 from lidarcheck.model import load_model, simulate
 from lidarcheck.workers import WorkerPool
 
@@ -157,7 +157,7 @@ def test_an_interrupt_leaves_whole_frames_and_nothing_where_there_are_none(place
         if done == after:
             raise KeyboardInterrupt
 
-    many = Frames([place / "i0.txt"], load_model(place / "model.toml"), place / "out", 3)
+    many = FrameBatch([place / "i0.txt"], load_model(place / "model.toml"), place / "out", 3)
     with pytest.raises(KeyboardInterrupt):
         many.run(WorkerPool(), told)
     assert (place / "out").exists() == (after > 0)
@@ -185,7 +185,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(place):
     def peak(count):
         tracemalloc.start()
         try:
-            Frames([place / "wide.txt"], model, place / f"out{count}", count, ".pcd").run(WorkerPool())
+            FrameBatch([place / "wide.txt"], model, place / f"out{count}", count, ".pcd").run(WorkerPool())
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lidarcheck.harness.kpis.spec import KpiSpec, Measurement
+from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
@@ -50,7 +50,7 @@ class Project:
             content_hash=hashlib.sha256(f"{self.version} {self.specs}".encode()).hexdigest(),
         )
 
-    def measure(self, scenario: SimpleNamespace, model: Model, seed: int) -> Measurement:
+    def measure(self, scenario: SimpleNamespace, model: Model, seed: int) -> SeedMeasurement:
         self.seeds.append(seed)
         key = hashlib.sha256(f"{scenario.name} {seed} {self.stream}".encode()).digest()
         rng = np.random.default_rng(int.from_bytes(key[:8], "big"))
@@ -60,7 +60,7 @@ class Project:
         digest = hashlib.sha256(area.tobytes() + bytes([seen % 256])).hexdigest()
         everything = {"area_mean": float(area.mean()), "detection": seen / 1000, "new": 1.0}
         values = {spec.name: everything[spec.name] for spec in self.specs if spec.kind != "distance"}
-        return Measurement(values, {"detection": 1000}, {"area": area}, digest)
+        return SeedMeasurement(values, {"detection": 1000}, {"area": area}, digest)
 
     @property
     def stand_ins(self) -> dict:

@@ -28,7 +28,7 @@ from lidarcheck.explain.workflow import explain
 from lidarcheck.figures.html.outputs import json_text
 from lidarcheck.formats import save_ideal
 from lidarcheck.harness.check import check
-from lidarcheck.harness.frames import Frames
+from lidarcheck.harness.frames import FrameBatch
 from lidarcheck.model import load_model
 from lidarcheck.workers import Processes, Shared, WorkerPool
 from lidarcheck.workers import cluster as cluster_module
@@ -102,7 +102,7 @@ def inputs(tmp_path_factory):
 
 
 def frames(inputs, out, pool, told=lambda *_: None):
-    run = Frames([inputs / "ideal0.txt"], load_model(inputs / "model.toml"), out, 9, ".pcd", seed=5)
+    run = FrameBatch([inputs / "ideal0.txt"], load_model(inputs / "model.toml"), out, 9, ".pcd", seed=5)
     assert run.run(pool, told).simulated == 9
     return {path.name: path.read_bytes() for path in out.iterdir()}
 
@@ -223,7 +223,7 @@ def test_the_cost_of_a_task_and_of_a_held_thing_is_measured(processes, cluster):
 def test_an_error_in_a_task_is_the_one_that_its_caller_would_see(cluster, inputs, tmp_path, capsys):
     (tmp_path / "bad.txt").write_text("Layer Point Distance MaterialID IncidenceAngle\n250 480 10.0 7 0.0\n")
     ideals = [inputs / "ideal0.txt", tmp_path / "bad.txt"]
-    run = Frames(ideals, load_model(inputs / "model.toml"), tmp_path / "out", None, ".pcd")
+    run = FrameBatch(ideals, load_model(inputs / "model.toml"), tmp_path / "out", None, ".pcd")
     said = []
     for pool in (WorkerPool(), cluster):
         with pytest.raises(LidarcheckError) as caught:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.columns import missing
-from lidarcheck.formats.describe import Description, describe
+from lidarcheck.formats.describe import FileDescription, describe
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import Format, read_table, recognise, target_format
 from lidarcheck.formats.scans import SCAN_COLUMNS, normalised_scan, scan_from_table
@@ -17,7 +17,7 @@ from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
 from lidarcheck.scan import Scan
 
-__all__ = ["Description", "convert", "describe"]
+__all__ = ["FileDescription", "convert", "describe"]
 
 _WHOLE = ("Layer", "Point", "EchoNumber", "MaterialID", "ObjectID")
 _NEEDS_POSITION = ("las", "ply", "pcd")

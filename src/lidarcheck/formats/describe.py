@@ -20,7 +20,7 @@ from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["ColumnSummary", "Description", "describe"]
+__all__ = ["ColumnSummary", "FileDescription", "describe"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class ColumnSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
+class FileDescription:
     """What `describe` found in a file.
 
     `kind`: `scan`, `ideal`, `model`, `lut`, `settings`. `beams`: distinct (layer, point) pairs; None where not known.
@@ -101,7 +101,7 @@ def _words(value: Any) -> str:
 
 def describe(
     path: str | os.PathLike[str], *, load_model: Callable[[str | os.PathLike[str]], Any] | None = None
-) -> Description:
+) -> FileDescription:
     """What a file is and what is in it: scans and ideal scans in any format, LUTs, settings, models.
 
     `load_model`: what reads a model (`lidarcheck.model.load_model`); a TOML file is refused without it. `InputError` or
@@ -119,7 +119,7 @@ def describe(
     return _describe_model(path, load_model(path))
 
 
-def _describe_table(table: Table, form: str) -> Description:
+def _describe_table(table: Table, form: str) -> FileDescription:
     rows: Scan | IdealScan
     if is_semantic(table):
         rows = ideal_from_table(ideal_table(table))
@@ -130,7 +130,7 @@ def _describe_table(table: Table, form: str) -> Description:
     else:
         kind, range_m = "ideal", rows.distance_m[rows.distance_m > 0]
     counts = _rows_per_beam(rows.layer, rows.point)
-    return Description(
+    return FileDescription(
         path=str(table.path),
         format=form,
         kind=kind,
@@ -177,25 +177,25 @@ def _limits(column: Column) -> list[float]:
     return [] if span is None else [span[0], span[1]]
 
 
-def _describe_lut(path: str | os.PathLike[str]) -> Description:
+def _describe_lut(path: str | os.PathLike[str]) -> FileDescription:
     from lidarcheck.formats.lut import load_lut
 
     facts = {
         f"{axis} LUT": {"points": len(table), "x": _limits(table.x), "y": _limits(table.y)}
         for axis, table in load_lut(path).tables.items()
     }
-    return Description(str(Path(path)), "INI", "lut", facts=facts)
+    return FileDescription(str(Path(path)), "INI", "lut", facts=facts)
 
 
-def _describe_settings(path: str | os.PathLike[str]) -> Description:
+def _describe_settings(path: str | os.PathLike[str]) -> FileDescription:
     from lidarcheck.formats.settings import load_settings
 
     settings = load_settings(path)
     facts = {"axis": settings.axis, "distances": [entry.distance_m for entry in settings.entries]}
-    return Description(str(Path(path)), "JSON", "settings", facts=facts)
+    return FileDescription(str(Path(path)), "JSON", "settings", facts=facts)
 
 
-def _describe_model(path: str | os.PathLike[str], model: Any) -> Description:
+def _describe_model(path: str | os.PathLike[str], model: Any) -> FileDescription:
     facts: dict[str, Any] = {}
     if model.external is not None:
         facts["external"] = list(model.external.command)
@@ -207,4 +207,4 @@ def _describe_model(path: str | os.PathLike[str], model: Any) -> Description:
         terms = [effect for effect in model.effects if effect.empirical]
         if terms:
             facts["empirical terms"] = {term.name: term.settings() for term in terms}
-    return Description(str(Path(path)), "TOML", "model", facts=facts)
+    return FileDescription(str(Path(path)), "TOML", "model", facts=facts)

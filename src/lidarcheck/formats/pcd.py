@@ -21,7 +21,7 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, compose_header, read_header
-from lidarcheck.formats.records import Rows, check_finite, packed_columns, text_columns, writable
+from lidarcheck.formats.records import RecordLayout, check_finite, packed_columns, text_columns, writable
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.text import rows_as_text
@@ -70,7 +70,7 @@ def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compr
     write_bytes(path, head + _compose_body(columns, encoding, path))
 
 
-def _unpack(body: memoryview, rows: Rows) -> dict[str, Column]:
+def _unpack(body: memoryview, rows: RecordLayout) -> dict[str, Column]:
     """The columns of a binary_compressed body: each field's numbers of all points, one field after the other."""
     if rows.count == 0 and len(body) < 8:
         return packed_columns(rows, memoryview(b""))
@@ -96,7 +96,7 @@ def _unpack(body: memoryview, rows: Rows) -> dict[str, Column]:
     return columns
 
 
-def _inflate(packed: bytes, size: int, rows: Rows) -> bytes:
+def _inflate(packed: bytes, size: int, rows: RecordLayout) -> bytes:
     import lzf
 
     plain: bytes | None = b"" if size == 0 else None
@@ -110,7 +110,7 @@ def _inflate(packed: bytes, size: int, rows: Rows) -> bytes:
     return plain
 
 
-def _check_rest(rest: memoryview, rows: Rows) -> None:
+def _check_rest(rest: memoryview, rows: RecordLayout) -> None:
     """Refuse bytes behind the last point, but for the zeros or blanks that some writers pad with."""
     if bytes(rest).strip(b"\0 \t\r\n"):
         raise rows.miscounted(f"but {len(rest)} bytes follow the last")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.records import Field, Rows
+from lidarcheck.formats.records import Field, RecordLayout
 from lidarcheck.formats.table import quoted
 
 __all__ = ["ENCODINGS", "Encoding", "PcdHeader", "compose_header", "read_header"]
@@ -42,7 +42,7 @@ KEY_FIX = f"the keys are {', '.join(KEYS)}"
 class PcdHeader:
     """`rows`: what the points hold; the body starts at byte `start`, in line `first_line` where it is text."""
 
-    rows: Rows
+    rows: RecordLayout
     encoding: Encoding
     start: int
     first_line: int
@@ -103,7 +103,7 @@ def _words(raw: bytes, path: Path, line: int) -> tuple[str, list[str]]:
     return name, values
 
 
-def _rows(words: Mapping[str, _Word], path: Path) -> Rows:
+def _rows(words: Mapping[str, _Word], path: Path) -> RecordLayout:
     """What the header claims, checked against itself."""
     for key in ("FIELDS", "SIZE", "TYPE"):
         if key not in words:
@@ -119,7 +119,7 @@ def _rows(words: Mapping[str, _Word], path: Path) -> Rows:
     types = words["TYPE"].values
     _same_number(words["TYPE"], "TYPE", path, len(names))
     fields = [_field(*one, words, path) for one in zip(names, types, sizes, counts, strict=True)]
-    rows = Rows(tuple(fields), points, path, line, claim, (words["FIELDS"].line,) * len(fields))
+    rows = RecordLayout(tuple(fields), points, path, line, claim, (words["FIELDS"].line,) * len(fields))
     rows.check()
     return rows
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.records import Field, Rows, check_finite, packed_columns, text_columns, writable
+from lidarcheck.formats.records import Field, RecordLayout, check_finite, packed_columns, text_columns, writable
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Table, quoted
 from lidarcheck.formats.text import rows_as_text
@@ -212,8 +212,10 @@ def _find_vertex(header: _Header, path: Path) -> tuple[list[_Element], _Element,
     return header.elements[:at], header.elements[at], at + 1 == len(names)
 
 
-def _rows(vertex: _Element, path: Path) -> Rows:
-    rows = Rows(tuple(vertex.fields), vertex.count, path, vertex.line, "element vertex says", tuple(vertex.field_lines))
+def _rows(vertex: _Element, path: Path) -> RecordLayout:
+    rows = RecordLayout(
+        tuple(vertex.fields), vertex.count, path, vertex.line, "element vertex says", tuple(vertex.field_lines)
+    )
     rows.check()
     return rows
 
@@ -222,7 +224,7 @@ def _size(element: _Element) -> int:
     return sum(f.dtype.itemsize for f in element.fields)
 
 
-def _skip_lines(content: bytes, header: _Header, lines: int, rows: Rows) -> tuple[bytes, int]:
+def _skip_lines(content: bytes, header: _Header, lines: int, rows: RecordLayout) -> tuple[bytes, int]:
     """The body from the first row of `vertex` on, and that row's line."""
     start = header.start
     for _ in range(lines):

@@ -15,11 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.rows import Rows as TextRows
-from lidarcheck.formats.rows import parse_rows, warn_of_open_end
+from lidarcheck.formats.rows import TextRows, parse_rows, warn_of_open_end
 from lidarcheck.formats.table import Table, check_names, counted, quoted
 
-__all__ = ["MAX_COLUMNS", "Field", "Rows", "check_finite", "packed_columns", "text_columns", "writable"]
+__all__ = ["MAX_COLUMNS", "Field", "RecordLayout", "check_finite", "packed_columns", "text_columns", "writable"]
 
 Column = npt.NDArray[Any]
 MAX_COLUMNS = 10_000
@@ -42,7 +41,7 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class RecordLayout:
     """What a header claims: which fields a row has, how many rows there are, and which line of which file says so.
 
     `field_lines`: the header's line for each field; empty where the header has no lines.
@@ -91,7 +90,7 @@ class Rows:
         return InputError(what, file=self.path, line=self.line, fix=fix)
 
 
-def packed_columns(rows: Rows, body: memoryview) -> dict[str, Column]:
+def packed_columns(rows: RecordLayout, body: memoryview) -> dict[str, Column]:
     """The kept columns of packed records, native byte order. `InputError` when `body` is too short."""
     size = rows.dtype.itemsize
     if len(body) < rows.count * size:
@@ -122,7 +121,7 @@ def check_finite(columns: Mapping[str, Column], path: Path, fix: str = "", line:
     raise InputError(what, file=path, line=None if line is None else line + row, fix=fix or "remove the row")
 
 
-def text_columns(rows: Rows, body: bytes, first_line: int, *, last: bool = True) -> dict[str, Column]:
+def text_columns(rows: RecordLayout, body: bytes, first_line: int, *, last: bool = True) -> dict[str, Column]:
     """The kept columns of rows of text, a line each.
 
     `first_line`: the line that `body` begins with. `last`: nothing but blanks may follow the rows. `InputError` names

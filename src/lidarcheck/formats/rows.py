@@ -19,7 +19,7 @@ import numpy as np
 from lidarcheck.errors import InputError
 from lidarcheck.formats.table import Column, counted, quoted
 
-__all__ = ["NUMBER", "REAL_COLUMNS", "Rows", "parse_rows", "warn_of_open_end"]
+__all__ = ["NUMBER", "REAL_COLUMNS", "TextRows", "parse_rows", "warn_of_open_end"]
 
 REAL_COLUMNS = frozenset(("x", "y", "z", "range", "width", "area", "peak", "distance", "incidenceangle", "time"))
 """Columns that hold real numbers even where every value happens to be whole; in lower case."""
@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TextRows:
     """The rows' bytes and what they should hold.
 
     `body`: from the first row to the end of the last one. `names`: one a column. `delimiter`: `" "` stands for any
@@ -52,7 +52,7 @@ class Rows:
     first_line: int
 
 
-def parse_rows(rows: Rows) -> dict[str, Column]:
+def parse_rows(rows: TextRows) -> dict[str, Column]:
     """The columns, shape (n,) each: int64 where all cells are whole numbers that fit, else float64.
 
     The columns of `REAL_COLUMNS` are always float64. `InputError` names the first line that is not as many finite
@@ -68,7 +68,7 @@ def parse_rows(rows: Rows) -> dict[str, Column]:
     return _slow(rows)
 
 
-def _tidied(rows: Rows) -> Iterator[bytes]:
+def _tidied(rows: TextRows) -> Iterator[bytes]:
     """The rows as they are, then with plainer blanks: pyarrow refuses odd ones sooner than a search finds them."""
     yield rows.body
     if rows.delimiter == " ":
@@ -77,7 +77,7 @@ def _tidied(rows: Rows) -> Iterator[bytes]:
         yield _single_blanks(rows.body)
 
 
-def _fast(rows: Rows, body: bytes) -> dict[str, Column] | None:
+def _fast(rows: TextRows, body: bytes) -> dict[str, Column] | None:
     """The columns by pyarrow; None when it does not take them or the slow path has to look."""
     import pyarrow as pa
     from pyarrow import csv
@@ -121,7 +121,7 @@ def _cells(line: bytes, delimiter: str) -> list[bytes]:
     return [cell.strip(b" \t") for cell in line.split(delimiter.encode())]
 
 
-def _check_lines(rows: Rows) -> None:
+def _check_lines(rows: TextRows) -> None:
     """Raise for the first line that is not the right number of numbers."""
     between = rb"[ \t]++" if rows.delimiter == " " else rb"[ \t]*+" + rows.delimiter.encode() + rb"[ \t]*+"
     row = re.compile(rb"[ \t]*+" + between.join([NUMBER] * len(rows.names)) + rb"[ \t]*+")
@@ -131,7 +131,7 @@ def _check_lines(rows: Rows) -> None:
             raise _line_fault(rows, line, rows.first_line + index, last=index == len(lines) - 1)
 
 
-def _line_fault(rows: Rows, line: bytes, number: int, *, last: bool) -> InputError:
+def _line_fault(rows: TextRows, line: bytes, number: int, *, last: bool) -> InputError:
     cells = _cells(line, rows.delimiter)
     expected = len(rows.names)
     plain = _plain_fault(rows, line, cells)
@@ -154,7 +154,7 @@ def _line_fault(rows: Rows, line: bytes, number: int, *, last: bool) -> InputErr
     return InputError(what, file=rows.path, line=number, fix=fix)
 
 
-def _plain_fault(rows: Rows, line: bytes, cells: list[bytes]) -> tuple[str, str] | None:
+def _plain_fault(rows: TextRows, line: bytes, cells: list[bytes]) -> tuple[str, str] | None:
     """What is wrong with a line that is no row at all, and what to do; None for what should have been a row."""
     if not line.strip(b" \t"):
         return "the line is blank", "rows must follow each other"
@@ -180,7 +180,7 @@ def warn_of_open_end(path: Path) -> None:
     _log.warning("%s: the last line has no line end; if the file was cut off, its last value is wrong", path)
 
 
-def _cell_fault(rows: Rows, name: str, cell: bytes, number: int, *, few: bool) -> InputError:
+def _cell_fault(rows: TextRows, name: str, cell: bytes, number: int, *, few: bool) -> InputError:
     what, fix = f"{quoted(name)} is {quoted(cell)}, not a number", "give every column a number"
     if not cell:
         what = f"{quoted(name)} has no value"
@@ -195,7 +195,7 @@ def _cell_fault(rows: Rows, name: str, cell: bytes, number: int, *, few: bool) -
     return InputError(what, file=rows.path, line=number, fix=fix)
 
 
-def _slow(rows: Rows) -> dict[str, Column]:
+def _slow(rows: TextRows) -> dict[str, Column]:
     """The columns of rows whose lines are known to be right, cell by cell."""
     reals = [array("d") for _ in rows.names]
     wholes: list[array[int] | None] = [None if name.casefold() in REAL_COLUMNS else array("q") for name in rows.names]

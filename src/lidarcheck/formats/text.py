@@ -18,7 +18,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, Rows, parse_rows, warn_of_open_end
+from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, TextRows, parse_rows, warn_of_open_end
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Column, Table, TextLayout, check_names, counted, quoted
 
@@ -39,7 +39,7 @@ def read_text(path: str | os.PathLike[str]) -> Table:
     source = read_source(file)
     head = _read_head(source, file)
     end = _end_of_rows(source, head.body)
-    columns = parse_rows(Rows(source[head.body : end], head.names, head.delimiter, file, head.first_line))
+    columns = parse_rows(TextRows(source[head.body : end], head.names, head.delimiter, file, head.first_line))
     table = Table(columns, file, TextLayout(source, head.delimiter, head.body, head.first_line))
     if head.count is not None and head.count != len(table):
         what = f"the count line says {counted(head.count, 'row')}, the file has {len(table)}"

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.harness.case import Case, Load, Measure, open_case, suite_size
 from lidarcheck.harness.gate import gate
 from lidarcheck.harness.gate.gate import Evidence, Verdict
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
@@ -18,8 +17,9 @@ from lidarcheck.harness.goldens.file import save_golden
 from lidarcheck.harness.goldens.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
 from lidarcheck.harness.goldens.provenance import parameters_hash, source_hash, versions
 from lidarcheck.harness.kpis.spec import KpiSpec
-from lidarcheck.harness.layout import Selection, make_directory, select
+from lidarcheck.harness.layout import ScenarioSelection, make_directory, select
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
+from lidarcheck.harness.scenario_run import Load, Measure, ScenarioRun, open_run, suite_size
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
 
@@ -52,7 +52,7 @@ def check(
     """
     start = time.monotonic()
     selection = select(paths)
-    cases = [open_case(file, model, measure, load) for file in selection.files]
+    cases = [open_run(file, model, measure, load) for file in selection.files]
     kpis_in_suite = suite_size(cases)
     share = gate.error_share(kpis_in_suite)
     run = Runner(jobs, progress, pool)
@@ -84,7 +84,7 @@ def check(
     )
 
 
-def _refuse_external(cases: Sequence[Case]) -> None:
+def _refuse_external(cases: Sequence[ScenarioRun]) -> None:
     """`UsageError` for a model that is a program: it is on this machine, with its files, and not on the workers'."""
     for case in cases:
         if case.model.external is not None:
@@ -92,12 +92,12 @@ def _refuse_external(cases: Sequence[Case]) -> None:
             raise UsageError(what, fix="leave out --scheduler, or name the other scenarios")
 
 
-def _nothing_new(case: Case) -> bool:
+def _nothing_new(case: ScenarioRun) -> bool:
     """Whether every KPI is bit-identical with both references, so that fresh seeds could tell nothing."""
     return all(paired_identical(golden, kpi, case.paired) for golden, kpi, _ in case.comparisons())
 
 
-def _in_doubt(case: Case, share: float) -> bool:
+def _in_doubt(case: ScenarioRun, share: float) -> bool:
     """Whether the first fresh seeds leave a doubt about any KPI, against either reference."""
     return any(
         gate.needs_more(spec, kpi.reference, sample_of(kpi, case.fresh, case.paired), share)
@@ -106,7 +106,7 @@ def _in_doubt(case: Case, share: float) -> bool:
     )
 
 
-def _scenario_result(case: Case, share: float) -> ScenarioResult:
+def _scenario_result(case: ScenarioRun, share: float) -> ScenarioResult:
     scenario = case.scenario
     kpis: tuple[KpiResult, ...] = ()
     if not case.skipped:
@@ -125,7 +125,7 @@ def _scenario_result(case: Case, share: float) -> ScenarioResult:
     )
 
 
-def _kpi_result(case: Case, spec: KpiSpec, golden: KpiGolden | None, share: float) -> KpiResult:
+def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, share: float) -> KpiResult:
     absent = _why_missing(case, spec, golden)
     if absent or golden is None:
         values = tuple(record.values.get(spec.name, math.nan) for record in case.paired)
@@ -158,7 +158,7 @@ def _kpi_result(case: Case, spec: KpiSpec, golden: KpiGolden | None, share: floa
     )
 
 
-def _why_missing(case: Case, spec: KpiSpec, golden: KpiGolden | None) -> str:
+def _why_missing(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None) -> str:
     name = case.scenario.name
     if case.golden is None:
         return f"there is no golden: run `lidarcheck review {name} --accept all`"
@@ -180,7 +180,9 @@ def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: gate.Sample, identical: boo
     return evidence
 
 
-def _release_evidence(case: Case, spec: KpiSpec, golden: KpiGolden, share: float) -> tuple[Evidence | None, bool, str]:
+def _release_evidence(
+    case: ScenarioRun, spec: KpiSpec, golden: KpiGolden, share: float
+) -> tuple[Evidence | None, bool, str]:
     """(comparison with the last release, whether its verdict counts, what to say of it)."""
     kpi = case.release.kpis.get(spec.name) if case.release else None
     if kpi is None or case.release is None:
@@ -194,14 +196,14 @@ def _release_evidence(case: Case, spec: KpiSpec, golden: KpiGolden, share: float
     return evidence, True, f"{evidence.verdict} since the last release ({evidence.delta:+.4g}): it has drifted"
 
 
-def _run_problems(selection: Selection, results: Sequence[ScenarioResult]) -> tuple[str, ...]:
+def _run_problems(selection: ScenarioSelection, results: Sequence[ScenarioResult]) -> tuple[str, ...]:
     problems = [text for layout in selection.whole for text in layout.orphans_in_words()]
     if not any(result.compared for result in results):
         problems.append("no KPI was compared with a golden: a run that compares nothing proves nothing")
     return tuple(problems)
 
 
-def _leave_proposal(case: Case, result: ScenarioResult) -> None:
+def _leave_proposal(case: ScenarioRun, result: ScenarioResult) -> None:
     """Write what a review would start from, or remove what is settled; a read-only project is no reason to fail."""
     path = case.layout.proposal(case.scenario.name)
     try:

@@ -29,13 +29,13 @@ from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.files.file import SceneFile
 from lidarcheck.workers import Shared, WorkerPool, one_blas_thread
 
-__all__ = ["NOTES", "Frames", "Written"]
+__all__ = ["NOTES", "FrameBatch", "FramesWritten"]
 
 NOTES = "frames.json"
 ProgressCallback = Callable[[int, int, str], object]
 
 
-class Written(NamedTuple):
+class FramesWritten(NamedTuple):
     """What a run has done: frames simulated, frames that were there, echoes of those simulated."""
 
     simulated: int
@@ -57,7 +57,7 @@ class _Task(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Frames:
+class FrameBatch:
     """`count` frames of each of some ideal scans, or each as it is where None, into the directory `out`.
 
     `suffix`: of the files, which says their format. `scene`: what the ideal scans were cast from, if known.
@@ -94,7 +94,7 @@ class Frames:
         if self.out.exists() and not self.out.is_dir():
             raise InputError("is not a directory", file=self.out, fix="name a directory for the frames")
 
-    def run(self, pool: WorkerPool, told: ProgressCallback = lambda _done, _of, _what: None) -> Written:
+    def run(self, pool: WorkerPool, told: ProgressCallback = lambda _done, _of, _what: None) -> FramesWritten:
         """Simulate and write what is not there yet; `told` hears frames done, of how many, and the last one's name.
 
         The same bytes for every crew. On an error or interrupt the frames that were written stay.
@@ -109,7 +109,7 @@ class Frames:
                 write_bytes(place, content)
                 echoes += count
                 told(kept + done, len(tasks), place.name)
-        return Written(len(left), kept, echoes)
+        return FramesWritten(len(left), kept, echoes)
 
     def _tasks(self) -> Iterator[_Task]:
         for ideal in self.ideals:

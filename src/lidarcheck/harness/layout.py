@@ -15,7 +15,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config_words import nearest
 
-__all__ = ["Layout", "Selection", "layout_of", "make_directory", "select"]
+__all__ = ["Layout", "ScenarioSelection", "layout_of", "make_directory", "select"]
 
 _SCENARIOS = "scenarios"
 
@@ -78,7 +78,7 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class Selection:
+class ScenarioSelection:
     """The scenario files of a run, in order, and the projects of which every scenario was asked for."""
 
     files: tuple[Path, ...]
@@ -101,7 +101,7 @@ def layout_of(scenario: Path) -> Layout:
     return Layout(directory.parent if directory.name == _SCENARIOS else directory, directory)
 
 
-def select(paths: Sequence[Path | str]) -> Selection:
+def select(paths: Sequence[Path | str]) -> ScenarioSelection:
     """The scenario files that `paths` mean: files, directories of them, or names in `scenarios/`.
 
     Without paths: `scenarios/` of the current directory or of the nearest above that has one. `InputError` for a path
@@ -116,7 +116,7 @@ def select(paths: Sequence[Path | str]) -> Selection:
             whole[layout_of(directory / "any.toml")] = None
         else:
             files[_scenario_file(path)] = None
-    return Selection(tuple(files), tuple(whole))
+    return ScenarioSelection(tuple(files), tuple(whole))
 
 
 def _scenario_file(path: Path) -> Path:

@@ -121,12 +121,12 @@ class ScenarioFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """A test that the golden is of this scenario, and one for each KPI of the scenario or of its golden."""
-        from lidarcheck.harness.case import open_case
         from lidarcheck.harness.reports.annotations import scenario_lines
         from lidarcheck.harness.reports.junit import GOLDEN_CASE
+        from lidarcheck.harness.scenario_run import open_run
 
         try:
-            case = open_case(self.path.resolve(), self._model())
+            case = open_run(self.path.resolve(), self._model())
         except LidarcheckError as error:
             raise self.CollectError(str(error)) from None
         if self.config.pluginmanager.hasplugin("xdist"):

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile, target_offset
-from lidarcheck.kpi.comparison import Comparison, FeatureGap, Paired, Row, SurfaceGap, TargetGap
+from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, SurfaceGap, TargetGap
 from lidarcheck.kpi.detection import detection_probability, false_alarms
 from lidarcheck.kpi.distances import energy, js, ks, ordered, wasserstein
 from lidarcheck.kpi.ghost import Ghost, ghost, ghost_partners
@@ -24,7 +24,7 @@ from lidarcheck.scan import IdealScan, Scan
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
 
-__all__ = ["COLUMNS", "STAND_INS", "Comparison", "Row", "compare", "feature_column", "feature_gap"]
+__all__ = ["COLUMNS", "STAND_INS", "Comparison", "KpiRow", "compare", "feature_column", "feature_gap"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

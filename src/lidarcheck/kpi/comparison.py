@@ -15,7 +15,7 @@ from lidarcheck.kpi.ghost import Ghost
 from lidarcheck.kpi.overlap import Overlap
 from lidarcheck.kpi.walk import WalkOffset
 
-__all__ = ["Comparison", "FeatureGap", "Paired", "Row", "SurfaceGap", "TargetGap"]
+__all__ = ["Comparison", "FeatureGap", "KpiRow", "Paired", "SurfaceGap", "TargetGap"]
 
 NAN = float("nan")
 
@@ -77,7 +77,7 @@ class TargetGap:
     horizontal: BloomingProfile
 
 
-class Row(NamedTuple):
+class KpiRow(NamedTuple):
     """A line of the table.
 
     `of`: feature, range bin or decade; `value`: the KPI, or measured minus simulated. NaN: not defined.
@@ -126,20 +126,20 @@ class Comparison:
             kpis["blooming_profile"] = axes
         return {name: plain(kpi) for name, kpi in {**kpis, "left_out": self.left_out}.items() if kpi is not None}
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[KpiRow]:
         """The comparison as a table, in the order of reading."""
-        found = [Row("echoes", "", self.n_measured, self.n_simulated, self.n_measured - self.n_simulated, "")]
+        found = [KpiRow("echoes", "", self.n_measured, self.n_simulated, self.n_measured - self.n_simulated, "")]
         for name, gap in self.features.items():
             found.extend(_feature_rows(name, gap))
         if self.surfaces is not None:
             found.extend(_surface_rows(self.surfaces))
         if self.target is not None:
             found.extend(_target_rows(self.target))
-        found.append(Row("paired_range", "median", NAN, NAN, self.paired.median_m, "m"))
-        found.append(Row("paired_range", "spread", NAN, NAN, self.paired.spread_m, "m"))
+        found.append(KpiRow("paired_range", "median", NAN, NAN, self.paired.median_m, "m"))
+        found.append(KpiRow("paired_range", "spread", NAN, NAN, self.paired.spread_m, "m"))
         shares = self.overlap.measured_share, self.overlap.simulated_share
-        found.append(Row("overlap", f"within {self.overlap.radius_m:g} m", *shares, NAN, ""))
-        found.append(Row("chamfer", "", NAN, NAN, self.overlap.chamfer_m, "m"))
+        found.append(KpiRow("overlap", f"within {self.overlap.radius_m:g} m", *shares, NAN, ""))
+        found.append(KpiRow("chamfer", "", NAN, NAN, self.overlap.chamfer_m, "m"))
         return found
 
 
@@ -147,35 +147,35 @@ def _sides(measured: object, simulated: object) -> dict[str, object]:
     return {"measured": measured, "simulated": simulated}
 
 
-def _feature_rows(name: str, gap: FeatureGap) -> Iterator[Row]:
+def _feature_rows(name: str, gap: FeatureGap) -> Iterator[KpiRow]:
     root = f"√{gap.unit}" if gap.unit else ""
-    yield Row("dvm_bias", name, gap.mean_measured, gap.mean_simulated, gap.dvm_bias, gap.unit)
-    yield Row("dvm_scatter", name, NAN, NAN, gap.dvm_scatter, gap.unit)
-    yield Row("wasserstein", name, NAN, NAN, gap.wasserstein, gap.unit)
-    yield Row("ks", name, NAN, NAN, gap.ks, "")
-    yield Row("energy", name, NAN, NAN, gap.energy, root)
-    yield Row("js", name, NAN, NAN, gap.js, "bits")
+    yield KpiRow("dvm_bias", name, gap.mean_measured, gap.mean_simulated, gap.dvm_bias, gap.unit)
+    yield KpiRow("dvm_scatter", name, NAN, NAN, gap.dvm_scatter, gap.unit)
+    yield KpiRow("wasserstein", name, NAN, NAN, gap.wasserstein, gap.unit)
+    yield KpiRow("ks", name, NAN, NAN, gap.ks, "")
+    yield KpiRow("energy", name, NAN, NAN, gap.energy, root)
+    yield KpiRow("js", name, NAN, NAN, gap.js, "bits")
 
 
-def _surface_rows(gap: SurfaceGap) -> Iterator[Row]:
+def _surface_rows(gap: SurfaceGap) -> Iterator[KpiRow]:
     m, s = gap.detection_measured, gap.detection_simulated
-    yield Row("detection_probability", "all", m.overall, s.overall, m.overall - s.overall, "")
+    yield KpiRow("detection_probability", "all", m.overall, s.overall, m.overall - s.overall, "")
     for i in np.flatnonzero(m.beams).tolist():
         of = f"{m.edges_m[i]:g}–{m.edges_m[i + 1]:g} m"
         p, q = float(m.probability[i]), float(s.probability[i])
-        yield Row("detection_probability", of, p, q, p - q, "")
+        yield KpiRow("detection_probability", of, p, q, p - q, "")
     a, b = gap.false_alarms_measured.per_beam, gap.false_alarms_simulated.per_beam
-    yield Row("false_alarms", "per beam", a, b, a - b, "")
+    yield KpiRow("false_alarms", "per beam", a, b, a - b, "")
     if gap.walk is not None:
         w = gap.walk
         for i, low in enumerate((10.0**w.decade).tolist()):
             of = f"AREA {low:g}–{10.0 * low:g}"
-            yield Row("walk_offset", of, float(w.measured_m[i]), float(w.simulated_m[i]), float(w.offset_m[i]), "m")
+            yield KpiRow("walk_offset", of, float(w.measured_m[i]), float(w.simulated_m[i]), float(w.offset_m[i]), "m")
 
 
-def _target_rows(gap: TargetGap) -> Iterator[Row]:
+def _target_rows(gap: TargetGap) -> Iterator[KpiRow]:
     for name in ("count_ratio", "area_ratio", "peak_ratio", "range_ratio", "size_ratio"):
         m, s = getattr(gap.ghost_measured, name), getattr(gap.ghost_simulated, name)
-        yield Row("ghost", name, m, s, m - s, "")
-    yield Row("blooming_profile", "vertical", NAN, NAN, gap.vertical.rms_log10, "log10")
-    yield Row("blooming_profile", "horizontal", NAN, NAN, gap.horizontal.rms_log10, "log10")
+        yield KpiRow("ghost", name, m, s, m - s, "")
+    yield KpiRow("blooming_profile", "vertical", NAN, NAN, gap.vertical.rms_log10, "log10")
+    yield KpiRow("blooming_profile", "horizontal", NAN, NAN, gap.horizontal.rms_log10, "log10")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from lidarcheck.calibration.blooming.lut_edit import Change, changes, set_rows, shifted, smoothed
+from lidarcheck.calibration.blooming.lut_edit import LutChange, changes, set_rows, shifted, smoothed
 from lidarcheck.formats.lut import Axis, LutFile, load_lut, parse_lut
 from lidarcheck.session.file_session import ChangedOnDisk, FileSession
 
@@ -37,7 +37,7 @@ class LutSession(FileSession[LutFile]):
     def _parse(self, content: bytes) -> LutFile:
         return parse_lut(content, self.path)
 
-    def _differences(self, before: LutFile, after: LutFile) -> list[Change]:
+    def _differences(self, before: LutFile, after: LutFile) -> list[LutChange]:
         return changes(before, after)
 
     def _alike(self, one: LutFile, other: LutFile) -> bool:

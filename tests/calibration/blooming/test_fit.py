@@ -11,7 +11,14 @@ from lidarcheck.calibration.blooming.fit import FreeLight
 from lidarcheck.calibration.blooming.operator import light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light
-from lidarcheck.calibration.blooming.workflow import Measured, bench_of, calibrate, fitted_model, gather, rms_of
+from lidarcheck.calibration.blooming.workflow import (
+    BloomingMeasurement,
+    bench_of,
+    calibrate,
+    fitted_model,
+    gather,
+    rms_of,
+)
 from lidarcheck.effects.base import Curve, make
 from lidarcheck.errors import InputError
 from lidarcheck.formats import save_ideal, save_scan
@@ -151,7 +158,7 @@ def test_the_measured_sign():
     profile = shared_path("data/sign_blooming/vertical_157m.csv")
     lut = load_lut(shared_path("samples/vertical_lut.ini"))
     bench = bench_of(sign_model("SLIM"), "vertical")
-    cells = gather([Measured(profile)], bench)
+    cells = gather([BloomingMeasurement(profile)], bench)
     result = calibrate(cells, bench, lut, free=FreeLight(pulse=True))
     off = rms_of(result.measured[0], result.expected[0])
     fwhm = result.fit.parameters[0]
@@ -210,7 +217,7 @@ def test_without_an_ideal_scan_the_target_is_found_by_its_echoes(tmp_path, dista
     scan, ideal = sign_frame(distance_m, "SLIM", 9)
     path = saved(tmp_path, scan)
     save_ideal(ideal, tmp_path / "ideal.txt")
-    alone, told = (gather([Measured(path, None, i)], one_sign())[0] for i in (None, tmp_path / "ideal.txt"))
+    alone, told = (gather([BloomingMeasurement(path, None, i)], one_sign())[0] for i in (None, tmp_path / "ideal.txt"))
     assert alone.distance_m == pytest.approx(told.distance_m, abs=0.5)
     assert np.subtract(alone.extent, told.extent).tolist() == pytest.approx([0, 0], abs=3.1)
     assert abs(len(alone.sources[0].offset) - len(told.sources[0].offset)) <= 1
@@ -220,20 +227,20 @@ def test_a_target_at_the_end_of_the_view(tmp_path):
     scan, _ = sign_frame(69.0, "SLIM", 9)
     path = saved(tmp_path, scan.take(scan.layer >= 260))
     with pytest.raises(InputError, match="target is cut by the end of the scan: it covers layers 260"):
-        gather([Measured(path)], one_sign())
+        gather([BloomingMeasurement(path)], one_sign())
 
 
 def test_no_bright_target(tmp_path):
     scan, _ = sign_frame(69.0, "SLIM", 9)
     path = saved(tmp_path, scan.take(scan.peak < 100))
     with pytest.raises(InputError, match=r"no echo saturates \(AREA 2835, .*\): the largest AREA is \d+"):
-        gather([Measured(path)], one_sign())
+        gather([BloomingMeasurement(path)], one_sign())
 
 
 def test_another_distance_than_named(tmp_path):
     path = saved(tmp_path, sign_frame(69.0, "SLIM", 9)[0])
     with pytest.raises(InputError, match=r"nothing saturates within 3 m of 120 m; echoes saturate at 6\d\.\d m"):
-        gather([Measured(path, 120.0)], one_sign())
+        gather([BloomingMeasurement(path, 120.0)], one_sign())
 
 
 def test_a_table_that_does_not_cover_the_offsets():

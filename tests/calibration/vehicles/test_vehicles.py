@@ -8,7 +8,7 @@ import pytest
 
 from hidden.rays import Beams, Scene
 from lidarcheck.calibration.vehicles.compare import Pair, compare_vehicles
-from lidarcheck.calibration.vehicles.cut import Box, Cut, Source, cut_vehicle, find_object, xyz_of
+from lidarcheck.calibration.vehicles.cut import Cut, CutBox, CutSource, cut_vehicle, find_object, xyz_of
 from lidarcheck.calibration.vehicles.kinds import VEHICLES, Extent, extent_of, suggested_offset, vehicle_named
 from lidarcheck.calibration.vehicles.merge import MARK, merge_vehicles
 from lidarcheck.errors import InputError, UsageError
@@ -46,7 +46,7 @@ def test_the_cluster_is_the_vehicle(near_m, turn, slope):
     ideal = ideal_of(hits_of(scene, BEAMS), BEAMS)
     scan = measured(scene, 3, beams=BEAMS)
     true = on_vehicle(ideal, scan)
-    cut = cut_vehicle(scan, VEHICLES["car"], Source())
+    cut = cut_vehicle(scan, VEHICLES["car"], CutSource())
     key = scan.layer.astype(np.int64) * 1000 + scan.point
     found = np.isin(key, cut.scan.layer.astype(np.int64) * 1000 + cut.scan.point)
     # What is lower than the cut above the ground is lost, and hardly anything else is taken.
@@ -60,11 +60,11 @@ def test_object_and_box_cut_the_same_echoes(at_20m):
     true = on_vehicle(ideal, scan)
     car = VEHICLES["car"]
     assert find_object(ideal, car, None) == 2
-    by_object = cut_vehicle(scan, car, Source(ideal, 2))
+    by_object = cut_vehicle(scan, car, CutSource(ideal, 2))
     assert len(by_object.scan) == true.sum()
     xyz = xyz_of(scan)[true]
-    box = Box(tuple(xyz.min(axis=0) - 1e-6), tuple(xyz.max(axis=0) + 1e-6))
-    by_box = cut_vehicle(scan, None, Source(box=box))
+    box = CutBox(tuple(xyz.min(axis=0) - 1e-6), tuple(xyz.max(axis=0) + 1e-6))
+    by_box = cut_vehicle(scan, None, CutSource(box=box))
     assert set(zip(by_object.scan.layer, by_object.scan.point, strict=True)) <= set(
         zip(by_box.scan.layer, by_box.scan.point, strict=True)
     )
@@ -74,7 +74,7 @@ def test_a_file_of_the_vehicle_alone_is_taken_whole(at_20m):
     _, ideal, scan, _ = at_20m
     alone = scan.take(on_vehicle(ideal, scan))
     for vehicle in (VEHICLES["car"], None):
-        cut = cut_vehicle(alone, vehicle, Source())
+        cut = cut_vehicle(alone, vehicle, CutSource())
         assert cut.how == "the whole file"
         assert len(cut.scan) == len(alone)
 
@@ -84,10 +84,10 @@ def test_a_known_distance_chooses_among_several():
     both = Scene((*near.rectangles, *(replace(r, object_id=9) for r in far.rectangles if r.object_id == 2)), "street")
     scan = measured(both, 2, beams=BEAMS)
     car = VEHICLES["car"]
-    assert cut_vehicle(scan, car, Source()).distance_m == pytest.approx(15.0, abs=1.5)
-    assert cut_vehicle(scan, car, Source(distance_m=27.0)).distance_m == pytest.approx(27.0, abs=1.5)
+    assert cut_vehicle(scan, car, CutSource()).distance_m == pytest.approx(15.0, abs=1.5)
+    assert cut_vehicle(scan, car, CutSource(distance_m=27.0)).distance_m == pytest.approx(27.0, abs=1.5)
     with pytest.raises(InputError, match=r"the name says 80 m, but what may be a car is at 1[4-6], 2[6-8] m"):
-        cut_vehicle(scan, car, Source(distance_m=80.0))
+        cut_vehicle(scan, car, CutSource(distance_m=80.0))
     ideal = ideal_of(hits_of(both, BEAMS), BEAMS)
     assert find_object(ideal, car, None) == 2
     assert find_object(ideal, car, 27.0) == 9
@@ -96,7 +96,7 @@ def test_a_known_distance_chooses_among_several():
 def test_a_missing_vehicle_is_said_with_what_is_there(at_20m):
     _, ideal, scan, _ = at_20m
     with pytest.raises(InputError) as caught:
-        cut_vehicle(scan, VEHICLES["truck"], Source(file="real.pcd"))
+        cut_vehicle(scan, VEHICLES["truck"], CutSource(file="real.pcd"))
     text = str(caught.value)
     assert text.startswith("error: real.pcd: there is no truck (5.5 to 19 m long, 2 to 2.7 m wide, 2.4 to 4.2 m high)")
     assert "closest in size" in text
@@ -109,14 +109,14 @@ def test_too_few_points_are_said(at_20m):
     _, ideal, scan, _ = at_20m
     few = scan.take(np.flatnonzero(on_vehicle(ideal, scan))[:7])
     with pytest.raises(InputError, match="it has 7 echoes; at least 20 are needed"):
-        cut_vehicle(few, None, Source())
-    nowhere = Box((0.0, 0.0, 50.0), (1.0, 1.0, 51.0))
+        cut_vehicle(few, None, CutSource())
+    nowhere = CutBox((0.0, 0.0, 50.0), (1.0, 1.0, 51.0))
     with pytest.raises(InputError, match=r"the box holds 0 of the \d+ echoes, which span X"):
-        cut_vehicle(scan, VEHICLES["car"], Source(box=nowhere))
+        cut_vehicle(scan, VEHICLES["car"], CutSource(box=nowhere))
     with pytest.raises(InputError, match="holds no echoes"):
-        cut_vehicle(scan.take(np.zeros(len(scan), dtype=bool)), VEHICLES["car"], Source())
+        cut_vehicle(scan.take(np.zeros(len(scan), dtype=bool)), VEHICLES["car"], CutSource())
     with pytest.raises(InputError, match="more than a vehicle"):
-        cut_vehicle(scan, None, Source())
+        cut_vehicle(scan, None, CutSource())
 
 
 def test_without_ground_the_message_says_so():
@@ -125,7 +125,7 @@ def test_without_ground_the_message_says_so():
     zeros = np.zeros(500)
     scan = Scan(*xyz.T, zeros, zeros, zeros + 1, zeros, zeros, zeros)
     with pytest.raises(InputError, match="there is no ground"):
-        cut_vehicle(scan, VEHICLES["car"], Source())
+        cut_vehicle(scan, VEHICLES["car"], CutSource())
 
 
 def test_extent_is_that_of_a_turned_box():
@@ -158,7 +158,7 @@ def pair_of(scene, seed: int, model, *, table=None, with_ideal: bool = True, var
     ideal = ideal_of(hits_of(scene, BEAMS), BEAMS)
     options = {} if table is None else {"table": table}
     real = measured(scene, seed, variant, beams=BEAMS, **options)
-    named = (Source(file="real.pcd"), Source(file="sim.pcd"))
+    named = (CutSource(file="real.pcd"), CutSource(file="sim.pcd"))
     return Pair(real, simulate(ideal, model, seed=seed), *named, ideal=ideal if with_ideal else None)
 
 
@@ -179,7 +179,7 @@ def test_half_the_reflectance_shows_in_area_and_by_as_much(at_20m):
     dark, table = halved(scene, 2)
     at = compare_vehicles(VEHICLES["car"], [pair_of(scene, 5, model, table=None)]).distances[0]
     real = measured(dark, 5, table=table, beams=BEAMS)
-    pair = Pair(real, simulate(ideal, model, seed=5), Source(), Source(), ideal=ideal)
+    pair = Pair(real, simulate(ideal, model, seed=5), CutSource(), CutSource(), ideal=ideal)
     less = compare_vehicles(VEHICLES["car"], [pair]).distances[0]
     real_area, simulated_area = less.samples["AREA"]
     gap = less.features["AREA"]
@@ -213,7 +213,7 @@ def test_frames_that_do_not_match_are_refused(at_20m):
     thin = ideal.take(ideal.layer % 4 == 2)
     with pytest.raises(InputError, match="real echoes are on beams that the ideal scan does not have"):
         compare_vehicles(car, [replace(far, ideal=thin)])
-    source = Source(object_id=77, file="real.pcd")
+    source = CutSource(object_id=77, file="real.pcd")
     with pytest.raises(InputError, match="no beam meets object 77; it has 1, 2, 3, 4"):
         compare_vehicles(car, [Pair(scan, far.simulated, source, source, ideal)])
     with pytest.raises(InputError, match="has no ObjectID, so no object 77"):

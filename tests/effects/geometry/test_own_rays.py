@@ -10,7 +10,7 @@ from lidarcheck import effects
 from lidarcheck.effects.geometry.beam_grid import _stride, nearest_marked
 from lidarcheck.effects.geometry.own_rays import rays_of, second_rows, shares_that_end
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
-from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
+from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import Model, light_of, simulate
 from lidarcheck.rays import Rays, sweep_time_s
@@ -24,8 +24,8 @@ MATERIALS = {i: Material(f"m{i}", 0.3) for i in range(10)}
 def test_an_echo_of_a_beam_that_meets_nothing_is_no_ghost_of_another_beam_s_surface():
     ideal = IdealScan([100, 100], [10, 400], [0.0, 25.0], [1, 1], [0.0, 0.0])
     scan = Scan.from_beams(np.array([100]), np.array([10]), np.array([50.2]))
-    fired = Fired.of(ideal)
-    seen = Selection(fired, np.ones(2, bool), 0.5).seen(SelectedEchoes.of(scan, pair_with_ideal(ideal, scan)))
+    fired = FiredBeams.of(ideal)
+    seen = KpiSelection(fired, np.ones(2, bool), 0.5).seen(SelectedEchoes.of(scan, pair_with_ideal(ideal, scan)))
     assert seen.stray.tolist() == [0]
     assert seen.ghosts.tolist() == []
     assert fired.off_surfaces_around_m(np.array([0]), np.array([25.0])).tolist() == [np.inf]

@@ -8,7 +8,7 @@ import pytest
 from lidarcheck.effects import make
 from lidarcheck.harness.kpis.base import slope, spread_between
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
+from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.model.spec import Model
@@ -38,7 +38,7 @@ def scan_of(ideal: IdealScan, rows, range_m, *, area=50.0, peak=10.0, width_ns=7
 def value(kind: str, ideal: IdealScan, *scans: Scan, rows=None, window_m=0.5, zone_m=None) -> float:
     """The KPI of one seed whose frames are `scans`."""
     mask = np.ones(len(ideal), dtype=bool) if rows is None else np.asarray(rows)
-    selection = Selection(Fired.of(ideal), mask, window_m, zone_m)
+    selection = KpiSelection(FiredBeams.of(ideal), mask, window_m, zone_m)
     parts = [SelectedEchoes.of(scan, pair_with_ideal(ideal, scan), frame) for frame, scan in enumerate(scans)]
     compute = KINDS[kind].value
     assert compute is not None
@@ -124,12 +124,12 @@ def edge() -> IdealScan:
 
 
 def test_only_beams_beside_both_surfaces_are_at_an_edge():
-    selection = Selection(Fired.of(edge()), np.ones(90, dtype=bool), 0.5)
+    selection = KpiSelection(FiredBeams.of(edge()), np.ones(90, dtype=bool), 0.5)
     points = np.unique(edge().point[np.flatnonzero(selection.at_edge)])
     assert points.tolist() == [403, 404]
     assert np.count_nonzero(selection.at_edge) == 20
     # Where the windows of the two surfaces meet, nothing fits between them.
-    assert not Selection(Fired.of(edge()), np.ones(90, dtype=bool), 5.0).at_edge.any()
+    assert not KpiSelection(FiredBeams.of(edge()), np.ones(90, dtype=bool), 5.0).at_edge.any()
 
 
 def test_mixed_pixels_lie_between_the_surfaces_of_an_edge():
@@ -143,7 +143,7 @@ def test_mixed_pixels_lie_between_the_surfaces_of_an_edge():
     assert value("mixed_pixel_share", ideal, scan, window_m=0.1) == 3 / 20
     trials = KINDS["mixed_pixel_share"].trials
     assert trials is not None
-    seen = Selection(Fired.of(ideal), ideal.layer == 100, 0.5).seen(
+    seen = KpiSelection(FiredBeams.of(ideal), ideal.layer == 100, 0.5).seen(
         SelectedEchoes.of(scan, pair_with_ideal(ideal, scan)), 3
     )
     assert trials(seen) == 6
@@ -367,7 +367,7 @@ def test_spread_between_needs_groups_and_scatter():
 
 def test_every_proportion_is_a_count_of_its_trials():
     scan = scan_of(edge(), [0, 3, 3, 4, 40], [20.0, 25.0, 20.1, 30.0, 26.0])
-    seen = Selection(Fired.of(edge()), np.ones(90, dtype=bool), 0.5).seen(
+    seen = KpiSelection(FiredBeams.of(edge()), np.ones(90, dtype=bool), 0.5).seen(
         SelectedEchoes.of(scan, pair_with_ideal(edge(), scan))
     )
     for kind in (kind for kind in KINDS.values() if kind.gate == "proportion"):

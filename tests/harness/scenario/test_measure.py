@@ -11,8 +11,8 @@ import pytest
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import save_scan
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
-from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
+from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.scenario import measure as measuring
 from lidarcheck.harness.scenario.measure import measure
 from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
@@ -42,12 +42,12 @@ def scan_of(echoes: list[tuple[int, float, float]]) -> Scan:
 SCAN = scan_of([(0, 10.1, 50.0), (1, 19.8, 70.0), (1, 25.0, 20.0), (2, 31.0, 30.0), (4, 12.0, 40.0), (4, 15.0, 40.0)])
 
 
-def select(rows: list[bool], window_m: float = 0.5, ideal: IdealScan = IDEAL) -> Selection:
+def select(rows: list[bool], window_m: float = 0.5, ideal: IdealScan = IDEAL) -> KpiSelection:
     """A selection of rows of an ideal scan."""
-    return Selection(Fired.of(ideal), np.array(rows), window_m)
+    return KpiSelection(FiredBeams.of(ideal), np.array(rows), window_m)
 
 
-def value(kind: str, selection: Selection, scan: Scan = SCAN) -> float:
+def value(kind: str, selection: KpiSelection, scan: Scan = SCAN) -> float:
     echoes = SelectedEchoes.of(scan, pair_with_ideal(IDEAL, scan))
     compute = KINDS[kind].value
     assert compute is not None
@@ -291,11 +291,11 @@ def shipped(name: str) -> Scenario:
 
 
 @cache
-def baseline(name: str) -> list[Measurement]:
+def baseline(name: str) -> list[SeedMeasurement]:
     return [measure(shipped(name), shipped(name).model, seed) for seed in range(SEEDS)]
 
 
-def changes(name: str, changed: list[Measurement]) -> dict[str, tuple[float, float]]:
+def changes(name: str, changed: list[SeedMeasurement]) -> dict[str, tuple[float, float]]:
     """By KPI that is no distance: the change of its mean in tolerances, and what chance makes of it with 16 seeds."""
     found = {}
     for kpi in shipped(name).kpis:

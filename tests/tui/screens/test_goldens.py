@@ -9,7 +9,7 @@ import pytest
 from lidarcheck.errors import InputError
 from lidarcheck.harness import check as check_module
 from lidarcheck.harness.goldens.file import load_golden
-from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.review import review as review_module
 from lidarcheck.harness.review.accept import ALL, accept
 from lidarcheck.harness.review.review import review
@@ -58,7 +58,7 @@ class Bench:
         self.seeds += 1
         values = np.random.default_rng([seed, len(scenario.name)]).normal(100.0, 0.3, 2)
         found = {"area_mean": float(values[0]) + self.shift, "peak_mean": float(values[1]) + self.lift}
-        return Measurement(found, {}, {}, sha256(repr(found).encode())[:16])
+        return SeedMeasurement(found, {}, {}, sha256(repr(found).encode())[:16])
 
     def golden(self, name):
         return self.root / f"goldens/{name}.toml"

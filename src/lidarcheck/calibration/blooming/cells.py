@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.response import FEATURES, GATE_M
-from lidarcheck.calibration.blooming.target import STEP, Own, Target, lines_and_places
+from lidarcheck.calibration.blooming.target import STEP, BrightTarget, OwnLight, lines_and_places
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
@@ -106,7 +106,9 @@ def _mean(where: IntArray, value: FloatArray, weight: IntArray, n: int) -> Float
     return np.asarray(np.divide(total, count, out=np.full(n, np.nan), where=count > 0))
 
 
-def cells_of_scan(scan: Scan, target: Target, axis: Axis, *, own: Own | None = None, name: str = "the scan") -> Cells:
+def cells_of_scan(
+    scan: Scan, target: BrightTarget, axis: Axis, *, own: OwnLight | None = None, name: str = "the scan"
+) -> Cells:
     """The cells on the target's lines. Beams are those of `own`, the ideal scan's; else all within the scan's bounds.
 
     Beams that see the same light go together. `InputError`: the target reaches the end of the field of view or of the
@@ -151,7 +153,7 @@ def cells_of_scan(scan: Scan, target: Target, axis: Axis, *, own: Own | None = N
     )  # fmt: skip
 
 
-def _fired(scan: Scan, target: Target, axis: Axis, lines: npt.NDArray[np.int32]) -> Own:
+def _fired(scan: Scan, target: BrightTarget, axis: Axis, lines: npt.NDArray[np.int32]) -> OwnLight:
     """All beams of the lines within the scan's bounds, with the target's light where it saturates."""
     _, places = lines_and_places(scan, axis)
     low, high = int(places.min()), int(places.max())
@@ -159,10 +161,10 @@ def _fired(scan: Scan, target: Target, axis: Axis, lines: npt.NDArray[np.int32])
     place = np.tile(np.arange(low, high + 1, dtype=np.int32), len(lines))
     light = np.zeros(len(line))
     light[np.searchsorted(lines, target.line) * (high - low + 1) + target.place - low] = target.signal
-    return Own(line, place, light, np.zeros(len(line)), np.zeros(len(line), dtype=bool))
+    return OwnLight(line, place, light, np.zeros(len(line)), np.zeros(len(line), dtype=bool))
 
 
-def _check_field(target: Target, own: Own, axis: Axis, name: str, *, told: bool) -> None:
+def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, told: bool) -> None:
     """Refuse a target at the first or last beam that was fired; `told`: by an ideal scan, not by where echoes are."""
     low, high = int(own.place.min()), int(own.place.max())
     at_end = (target.place <= low) | (target.place >= high)
@@ -180,7 +182,7 @@ def _check_field(target: Target, own: Own, axis: Axis, name: str, *, told: bool)
         raise InputError(what, file=name, fix=fix)
 
 
-def _echo_of_beam(scan: Scan, target: Target, axis: Axis, own: Own) -> IntArray:
+def _echo_of_beam(scan: Scan, target: BrightTarget, axis: Axis, own: OwnLight) -> IntArray:
     """The row of the strongest echo of each beam at the target's range, -1 for none."""
     lines, places = lines_and_places(scan, axis)
     near = np.flatnonzero((np.abs(scan.range_m - target.distance_m) <= GATE_M) & np.isin(lines, own.line))
@@ -191,7 +193,7 @@ def _echo_of_beam(scan: Scan, target: Target, axis: Axis, own: Own) -> IntArray:
     return np.asarray(table[own.line.astype(np.int64) * span + own.place])
 
 
-def _sources(target: Target, lines: npt.NDArray[np.int32], axis: Axis) -> tuple[tuple[Sources, ...], IntArray]:
+def _sources(target: BrightTarget, lines: npt.NDArray[np.int32], axis: Axis) -> tuple[tuple[Sources, ...], IntArray]:
     """The distinct patterns of bright beams, and which of them each line has, shape (lines,)."""
     patterns: dict[tuple[bytes, bytes], int] = {}
     found: list[list[Sources]] = []

@@ -18,13 +18,13 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes
-from lidarcheck.calibration.blooming.problem import Problem
+from lidarcheck.calibration.blooming.problem import TableProblem
 from lidarcheck.calibration.blooming.pulses import FreeLight
 from lidarcheck.calibration.blooming.residuals import huber_cost, huber_weight
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["SMOOTHNESS", "Fit", "FreeLight", "Parameter", "Score", "fit_table"]
+__all__ = ["SMOOTHNESS", "FittedNumber", "FreeLight", "SmoothnessScore", "TableFit", "fit_table"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -42,7 +42,7 @@ _MOST = 9.0
 """Decades beyond which an interval says nothing."""
 
 
-class Score(NamedTuple):
+class SmoothnessScore(NamedTuple):
     """How well tables of one smoothness predict cells that were left out: the mean loss, how far it is above the least,
     and the standard error of that difference, cell by cell.
     """
@@ -54,7 +54,7 @@ class Score(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FittedNumber:
     """A fitted number with its 95 % interval."""
 
     name: str
@@ -65,7 +65,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Fit:
+class TableFit:
     """A fitted table. Shapes (k,) over its nodes.
 
     `active`: nodes that were fitted. `log_y`, `sigma`: log10 Y and its standard deviation. `data_sigma`: that by the
@@ -84,11 +84,11 @@ class Fit:
     limit: FloatArray
     dark: BoolArray
     clear: BoolArray
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FittedNumber, ...]
     shape: PulseShape
     brightness: float
     smoothness: float
-    scores: tuple[Score, ...]
+    scores: tuple[SmoothnessScore, ...]
     left_out: str
     misfit: float
     light: tuple[FloatArray, ...] = field(repr=False)
@@ -104,18 +104,18 @@ def fit_table(
     free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
     told: Told = lambda _what: None,
-) -> Fit:
+) -> TableFit:
     """The table that the cells of all distances show; `smoothness` None: chosen by leaving one out.
 
     `shape`: the model's pulse, the sensor's own where None; its length is where a free pulse starts. `told` hears what
     is being done.
     """
-    problem = Problem(cells, nodes, sensor, shape=shape or PulseShape(sensor.pulse_fwhm_ns), free=free)
+    problem = TableProblem(cells, nodes, sensor, shape=shape or PulseShape(sensor.pulse_fwhm_ns), free=free)
     told("first fit")
     theta = problem.start()
     for _ in range(_ROUNDS if len(problem.pulses) else 1):
         theta = problem.solve(theta, smoothness or SMOOTHNESS[len(SMOOTHNESS) // 2])
-    scores: tuple[Score, ...] = ()
+    scores: tuple[SmoothnessScore, ...] = ()
     if smoothness is None:
         told("leaving out each distance")
         scores = _scores(problem, theta)
@@ -126,7 +126,7 @@ def fit_table(
     return _result(problem, theta, smoothness, scores)
 
 
-def _folds(problem: Problem) -> tuple[str, list[BoolArray]]:
+def _folds(problem: TableProblem) -> tuple[str, list[BoolArray]]:
     """What is left out in turn: a distance, or every fourth offset where there is but one."""
     if len(problem.cells) > 1:
         return "a distance", [problem.used & (problem.set_of == i) for i in range(len(problem.cells))]
@@ -134,7 +134,7 @@ def _folds(problem: Problem) -> tuple[str, list[BoolArray]]:
     return "every fourth offset", [problem.used & (rank % 4 == i) for i in range(4)]
 
 
-def _scores(problem: Problem, theta: FloatArray) -> tuple[Score, ...]:
+def _scores(problem: TableProblem, theta: FloatArray) -> tuple[SmoothnessScore, ...]:
     """The loss of left-out cells by the tables that the others give; all but the table stays as fitted to all.
 
     Only cells count of whose light the others know nine tenths: of the rest no smoothness could know anything.
@@ -150,14 +150,14 @@ def _scores(problem: Problem, theta: FloatArray) -> tuple[Score, ...]:
     joined = [np.concatenate([*parts, [0.0]]) for parts in losses]  # never empty
     best = joined[int(np.argmin([loss.mean() for loss in joined]))]
     return tuple(
-        Score(
+        SmoothnessScore(
             smoothness, float(loss.mean()), float((loss - best).mean()), float((loss - best).std() / np.sqrt(len(loss)))
         )
         for smoothness, loss in zip(SMOOTHNESS, joined, strict=True)
     )
 
 
-def _told_by(problem: Problem, theta: FloatArray, weight: FloatArray, use: BoolArray) -> BoolArray:
+def _told_by(problem: TableProblem, theta: FloatArray, weight: FloatArray, use: BoolArray) -> BoolArray:
     """Cells at least nine tenths of whose bloom comes by nodes that the cells in `use` tell of."""
     slopes = problem.slopes(theta, weight, use)[:, : problem.k]
     known = np.sum(slopes**2, axis=0) > _TOLD**-2
@@ -166,7 +166,9 @@ def _told_by(problem: Problem, theta: FloatArray, weight: FloatArray, use: BoolA
     return np.asarray((total > 0.0) & (bloom[:, known].sum(axis=1) >= 0.9 * total))
 
 
-def _result(problem: Problem, theta: FloatArray, smoothness: float, scores: tuple[Score, ...]) -> Fit:
+def _result(
+    problem: TableProblem, theta: FloatArray, smoothness: float, scores: tuple[SmoothnessScore, ...]
+) -> TableFit:
     """The fit with its intervals: Gauss-Newton, widened by the misfit where that exceeds chance."""
     weight, k = problem.weights(theta), problem.k
     residual, slopes = problem.residuals(theta, weight, problem.used), problem.slopes(theta, weight, problem.used)
@@ -189,7 +191,7 @@ def _result(problem: Problem, theta: FloatArray, smoothness: float, scores: tupl
         whole[problem.active] = part
         return whole
 
-    return Fit(
+    return TableFit(
         nodes=problem.nodes, active=problem.active, log_y=over_nodes(theta[:k], given),
         sigma=over_nodes(sigma[:k], np.inf), data_sigma=over_nodes(alone, np.inf),
         limit=over_nodes(_limits(problem, theta, weight), 0.0), dark=over_nodes(dark, 0.0) > 0.0,
@@ -200,16 +202,16 @@ def _result(problem: Problem, theta: FloatArray, smoothness: float, scores: tupl
     )  # fmt: skip
 
 
-def _parameters(problem: Problem, values: FloatArray, sigma: FloatArray) -> tuple[Parameter, ...]:
+def _parameters(problem: TableProblem, values: FloatArray, sigma: FloatArray) -> tuple[FittedNumber, ...]:
     half = np.minimum(_WITHIN_95 * sigma, _MOST)
     ends = (10.0 ** np.stack([values, values - half, values + half], axis=1)).tolist()
     return tuple(
-        Parameter(extra.name, extra.unit, *end) for extra, end in zip(problem.pulses.extras, ends, strict=True)
+        FittedNumber(extra.name, extra.unit, *end) for extra, end in zip(problem.pulses.extras, ends, strict=True)
     )
 
 
-def _sight(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """1 for nodes that are dark, and 1 for nodes that are clear, else 0 (see `Fit`); shape (nodes,) each."""
+def _sight(problem: TableProblem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """1 for nodes that are dark, and 1 for nodes that are clear, else 0 (see `TableFit`); shape (nodes,) each."""
     bloom = problem.matrix * 10.0 ** theta[: problem.k]
     mostly = bloom >= 0.3 * np.maximum(bloom.sum(axis=1), 1e-12)[:, None]
     beside = (problem.used & (problem.target == 0.0))[:, None] & mostly
@@ -224,7 +226,7 @@ def _sight(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]
     return (fired & ~seen).astype(np.float64), often.astype(np.float64)
 
 
-def _limits(problem: Problem, theta: FloatArray, weight: FloatArray) -> FloatArray:
+def _limits(problem: TableProblem, theta: FloatArray, weight: FloatArray) -> FloatArray:
     """The largest log10 Y of each node that the data allow (95 %, one-sided), all else as fitted."""
     limits = np.zeros(problem.k)
     for k in range(problem.k):

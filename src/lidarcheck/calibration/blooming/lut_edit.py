@@ -16,7 +16,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.formats.lut import SCALE_MAX, Axis, LutFile, scaled_of_y
 
 __all__ = [
-    "Change",
+    "LutChange",
     "changes",
     "document",
     "multiplied",
@@ -33,7 +33,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:\.\.\s*({_NUMBER}))?\s*")
 
 
 @dataclass(frozen=True)
-class Change:
+class LutChange:
     """A row that an edit changed: its X, and Y and scaled value before and after."""
 
     table: Axis
@@ -194,12 +194,12 @@ def _each(lut: LutFile, rows: Iterable[int], edit: Any) -> LutFile:
     return lut
 
 
-def changes(before: LutFile, after: LutFile) -> list[Change]:
+def changes(before: LutFile, after: LutFile) -> list[LutChange]:
     """The rows whose Y differs, in the file's order."""
     found = []
     for axis, table in before.tables.items():
         new = after.tables[axis].y.tolist()
         for row, (x, y) in enumerate(zip(table.x.tolist(), table.y.tolist(), strict=True)):
             if y != new[row]:
-                found.append(Change(axis, row, x, y, new[row]))
+                found.append(LutChange(axis, row, x, y, new[row]))
     return found

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes, spread
-from lidarcheck.calibration.blooming.pulses import FreeLight, Pulses
+from lidarcheck.calibration.blooming.pulses import FreeLight, FreePulse
 from lidarcheck.calibration.blooming.residuals import (
     detection_residual,
     huber_cost,
@@ -22,7 +22,7 @@ from lidarcheck.calibration.blooming.response import Response
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Problem"]
+__all__ = ["TableProblem"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -35,7 +35,7 @@ _FENCE = 100.0
 _STOP = {"gtol": 0.02, "maxiter": 40}
 
 
-class Problem:
+class TableProblem:
     """Parameters are log10 Y of the active nodes, then the log10 of what else is free.
 
     `matrix`: S of a cell per Y of each active node; `used`: the cells that count; `set_of`: the data set of each.
@@ -45,7 +45,7 @@ class Problem:
         self, cells: Sequence[Cells], nodes: Nodes, sensor: Sensor, *, shape: PulseShape, free: FreeLight
     ) -> None:  # fmt: skip
         self.cells, self.nodes = tuple(cells), nodes
-        self.pulses = Pulses(sensor, shape, free)
+        self.pulses = FreePulse(sensor, shape, free)
         matrix = np.concatenate([spread(part, nodes) for part in cells])
         join: Callable[[str], Any] = lambda name: np.concatenate([getattr(part, name) for part in cells])  # noqa: E731
         self.target, self.other, self.value = join("target"), join("other"), join("value")

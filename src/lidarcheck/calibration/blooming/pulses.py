@@ -11,7 +11,7 @@ from lidarcheck.calibration.blooming.response import Response, response_of
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Extra", "FreeLight", "Pulses"]
+__all__ = ["FreeLight", "FreeNumber", "FreePulse"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class FreeLight:
 
 
 @dataclass(frozen=True)
-class Extra:
+class FreeNumber:
     """A number fitted on the log scale: start, bounds and the grid on which responses are made, all log10."""
 
     name: str
@@ -44,10 +44,10 @@ class Extra:
     step: float
 
 
-_TAIL = (Extra("tail_share", "", -2.0, -5.0, -0.3, 0.1), Extra("tail_ns", "ns", 0.8, 0.0, 1.7, 0.1))
+_TAIL = (FreeNumber("tail_share", "", -2.0, -5.0, -0.3, 0.1), FreeNumber("tail_ns", "ns", 0.8, 0.0, 1.7, 0.1))
 
 
-class Pulses:
+class FreePulse:
     """The free numbers, and the response to the pulse that values of them make.
 
     Between the corners of a grid the response is linear, so that a fit has slopes without noise; made corners are kept,
@@ -57,11 +57,11 @@ class Pulses:
     def __init__(self, sensor: Sensor, shape: PulseShape, free: FreeLight) -> None:
         self.sensor, self.shape = sensor, shape
         length = float(np.log10(shape.fwhm_ns))
-        extras: tuple[Extra, ...] = (
-            (Extra("fwhm_ns", "ns", length, length - 1.0, length + 0.7, 0.04),) if free.pulse else ()
+        extras: tuple[FreeNumber, ...] = (
+            (FreeNumber("fwhm_ns", "ns", length, length - 1.0, length + 0.7, 0.04),) if free.pulse else ()
         )
         extras += _TAIL if free.tail else ()
-        self.extras = extras + ((Extra(_BRIGHTNESS, "", 0.0, -1.5, 1.5, 0.02),) if free.brightness else ())
+        self.extras = extras + ((FreeNumber(_BRIGHTNESS, "", 0.0, -1.5, 1.5, 0.02),) if free.brightness else ())
         self.shaping = [i for i, extra in enumerate(self.extras) if extra.name != _BRIGHTNESS]
         self._made: dict[tuple[int, ...], Response] = {}
 

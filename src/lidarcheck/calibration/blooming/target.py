@@ -19,7 +19,16 @@ from lidarcheck.formats.settings import Setting, Settings
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["STEP", "Own", "Target", "bright_beams", "lines_and_places", "own_light", "saturated", "target_in_scan"]
+__all__ = [
+    "STEP",
+    "BrightTarget",
+    "OwnLight",
+    "bright_beams",
+    "lines_and_places",
+    "own_light",
+    "saturated",
+    "target_in_scan",
+]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -38,7 +47,7 @@ _BESIDE_M = 4.0
 
 
 @dataclass(frozen=True)
-class Target:
+class BrightTarget:
     """Bright beams of one target: `line`, `place` and S, shape (m,) each; `center` is the place that offset 0 means.
 
     Lines and places are point columns and layers for vertical blooming, layers and points for horizontal.
@@ -53,7 +62,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Own:
+class OwnLight:
     """What beams have at the target's range without any bloom, shape (beams,): the target's light, other light, and
     whether the beam is left out for a surface near that range. `line`, `place`: which beams were fired.
     """
@@ -86,7 +95,7 @@ def target_in_scan(
     settings: Settings,
     distance_m: float | None = None,
     name: str = "the scan",
-) -> Target:
+) -> BrightTarget:
     """The target by the echoes that saturate; S = `signal_at_1m` / R^2 on each beam, edges known to a beam.
 
     The setting of its distance says where to look; defaults hold only where something saturates there. `InputError`
@@ -112,7 +121,7 @@ def target_in_scan(
     keep &= _brightest(bright.area, line, place, keep, sensor)
     signal = np.full(int(keep.sum()), signal_at_1m / at**2)
     center = float(np.median(place[keep])) if setting is None else float(setting.center)
-    return Target(at, center, line[keep], place[keep], signal, setting)
+    return BrightTarget(at, center, line[keep], place[keep], signal, setting)
 
 
 def _brightest(area: FloatArray, line: IntArray, place: IntArray, keep: BoolArray, sensor: Sensor) -> BoolArray:
@@ -196,7 +205,7 @@ def _clusters_m(range_m: FloatArray) -> Sequence[float]:
     return [float(np.median(part)) for part in sorted(parts, key=len, reverse=True)[:5]]
 
 
-def bright_beams(light: Light, axis: Axis, bright_signal: float, distance_m: float | None, name: str) -> Target:
+def bright_beams(light: Light, axis: Axis, bright_signal: float, distance_m: float | None, name: str) -> BrightTarget:
     """The target by the light of an ideal scan: pulses of S >= `bright_signal`, as the effect takes them.
 
     Without a distance there must be but one range at which such light is. `InputError` names those there are.
@@ -220,10 +229,10 @@ def bright_beams(light: Light, axis: Axis, bright_signal: float, distance_m: flo
     beam = light.pulse_beam[keep]
     order = np.lexsort((places[beam], lines[beam]))
     beam, signal = beam[order], light.pulse_signal[keep][order]
-    return Target(at, float(np.median(places[beam])), lines[beam], places[beam], signal)
+    return BrightTarget(at, float(np.median(places[beam])), lines[beam], places[beam], signal)
 
 
-def own_light(light: Light, target: Target, axis: Axis, bright_signal: float) -> Own:
+def own_light(light: Light, target: BrightTarget, axis: Axis, bright_signal: float) -> OwnLight:
     """What the beams on the target's lines have at its range before anything blooms."""
     lines, places = lines_and_places(light, axis)
     rows = np.flatnonzero(np.isin(lines, np.unique(target.line)))
@@ -240,4 +249,4 @@ def own_light(light: Light, target: Target, axis: Axis, bright_signal: float) ->
     mine = total(seen & bright & (off_m <= GATE_M))
     with_it = total(seen & ~bright & (off_m <= _MERGED_M))
     beside = total(seen & ~bright & (off_m > _MERGED_M) & (off_m <= _BESIDE_M))
-    return Own(lines[rows], places[rows], mine, with_it, beside > 0.0)
+    return OwnLight(lines[rows], places[rows], mine, with_it, beside > 0.0)

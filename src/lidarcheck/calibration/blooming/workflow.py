@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells, Profile, cells_of_scan, profile_of
 from lidarcheck.calibration.blooming.csv import is_profile, profile_axis, read_profile
-from lidarcheck.calibration.blooming.fit import Fit, FreeLight, fit_table
+from lidarcheck.calibration.blooming.fit import FreeLight, TableFit, fit_table
 from lidarcheck.calibration.blooming.operator import Nodes, light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import FEATURES, Response, response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light, target_in_scan
@@ -26,7 +26,17 @@ from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Light, PulseShape
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Calibration", "Measured", "ModelSide", "Row", "bench_of", "calibrate", "fitted_model", "gather", "rms_of"]
+__all__ = [
+    "BloomingCalibration",
+    "BloomingMeasurement",
+    "ModelSide",
+    "TableRow",
+    "bench_of",
+    "calibrate",
+    "fitted_model",
+    "gather",
+    "rms_of",
+]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str], object]
@@ -41,7 +51,7 @@ standard deviation up to which data that several rows share tell of each."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class BloomingMeasurement:
     """A measured scan or profile, where its target stands, and its ideal scan; None where not known."""
 
     path: Path
@@ -68,7 +78,7 @@ class ModelSide:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of the fitted table: Y as given, as written, its 95 % interval and how it was found.
 
     `status`: `fitted` by the data, its light above the threshold; `smooth`, told by its neighbours or by faint
@@ -85,13 +95,13 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class BloomingCalibration:
     """A fitted table, what it rests on and how it holds; `expected`: profiles as the written table gives them."""
 
     axis: Axis
-    fit: Fit
+    fit: TableFit
     lut: LutFile
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     cells: tuple[Cells, ...]
     measured: tuple[Profile, ...]
     expected: tuple[Profile, ...]
@@ -142,7 +152,9 @@ def _target_signal(model: Model, wanted: int | None) -> tuple[int | None, float 
     return number, model.sensor.signal_at_1m * retros[number].reflectance * retros[number].retro_gain
 
 
-def gather(measured: Sequence[Measured], bench: ModelSide, reach: tuple[float, float] | None = None) -> list[Cells]:
+def gather(
+    measured: Sequence[BloomingMeasurement], bench: ModelSide, reach: tuple[float, float] | None = None
+) -> list[Cells]:
     """The cells of all measurements, within `reach` of offsets where it is given. Errors name the file."""
     found = [_cells(one, bench) for one in measured]
     if reach is not None:
@@ -150,7 +162,7 @@ def gather(measured: Sequence[Measured], bench: ModelSide, reach: tuple[float, f
     return found
 
 
-def _cells(measured: Measured, bench: ModelSide) -> Cells:
+def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
     name, axis = str(measured.path), bench.axis
     if is_profile(measured.path):
         if profile_axis(measured.path) != axis:
@@ -196,7 +208,7 @@ def calibrate(
     free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
     told: Told = lambda _what: None,
-) -> Calibration:
+) -> BloomingCalibration:
     """Fit the table of `lut` to all measurements and give the file with it; its X stay as they are."""
     table = lut.tables.get(bench.axis)
     if table is None:
@@ -215,7 +227,7 @@ def calibrate(
     final = nodes_of(new.tables[bench.axis], bench.axis)
     expected = tuple(expected_profile(cells, final, response, fit.brightness) for cells in measured)
     profiles = tuple(profile_of(cells) for cells in measured)
-    return Calibration(bench.axis, fit, new, rows, tuple(measured), profiles, expected)
+    return BloomingCalibration(bench.axis, fit, new, rows, tuple(measured), profiles, expected)
 
 
 def _check_cover(cells: Cells, nodes: Nodes, lut: LutFile) -> None:
@@ -247,22 +259,22 @@ def _check_number(measured: Sequence[Cells], nodes: Nodes) -> None:
         raise InputError(what, file=measured[0].name, fix="add scans at other distances")
 
 
-def _rows(fit: Fit, table: LutTable) -> tuple[Row, ...]:
+def _rows(fit: TableFit, table: LutTable) -> tuple[TableRow, ...]:
     half = np.minimum(1.96 * fit.sigma, 9.0)
     rows = []
     for x, before, k in zip(table.x.tolist(), table.y.tolist(), fit.nodes.row.tolist(), strict=True):
         y, low, high = (float(np.clip(10.0 ** (fit.log_y[k] + s * half[k]), 0.0, 1.0)) for s in (0.0, -1.0, 1.0))
         limit = float(10.0 ** fit.limit[k])
         if not fit.active[k]:
-            rows.append(Row(x, before, before, np.nan, np.nan, "held"))
+            rows.append(TableRow(x, before, before, np.nan, np.nan, "held"))
         elif fit.clear[k] and half[k] <= _FITTED and 1.96 * fit.data_sigma[k] <= _FITTED:
-            rows.append(Row(x, before, y, low, high, "fitted"))
+            rows.append(TableRow(x, before, y, low, high, "fitted"))
         elif fit.dark[k] and limit < 1.0:
-            rows.append(Row(x, before, min(before, limit), 0.0, limit, "limit"))
+            rows.append(TableRow(x, before, min(before, limit), 0.0, limit, "limit"))
         elif half[k] <= _SMOOTH or fit.data_sigma[k] <= _TOLD:
-            rows.append(Row(x, before, y, low, high, "smooth"))
+            rows.append(TableRow(x, before, y, low, high, "smooth"))
         else:
-            rows.append(Row(x, before, before, low, high, "held"))
+            rows.append(TableRow(x, before, before, low, high, "held"))
     return tuple(rows)
 
 
@@ -288,7 +300,7 @@ def rms_of(measured: Profile, expected: Profile) -> dict[str, float]:
     return found
 
 
-def fitted_model(model: Model, bench: ModelSide, result: Calibration, file: Path, free: FreeLight) -> Model:
+def fitted_model(model: Model, bench: ModelSide, result: BloomingCalibration, file: Path, free: FreeLight) -> Model:
     """The model with the table, which `file` holds, and with the pulse and the target's brightness that were free."""
     table = result.lut.tables[bench.axis]
     curve = Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(file))

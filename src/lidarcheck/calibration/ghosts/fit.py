@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.ghosts.data import SignBeams, sign_beams, with_ghost
-from lidarcheck.calibration.ghosts.library import Library, library_of
+from lidarcheck.calibration.ghosts.library import FaintPulseLibrary, library_of
 from lidarcheck.calibration.ghosts.likelihood import (
     FARTHEST_OFF,
     REFERENCE_M,
     TOLD,
-    Doubt,
+    IntervalWidening,
     Region,
     best_setting,
     doubt_of,
@@ -35,7 +35,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
-__all__ = ["DatasetFit", "Estimate", "GhostFit", "fit_ghosts"]
+__all__ = ["DatasetFit", "GhostFit", "GhostParameter", "fit_ghosts"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -48,7 +48,7 @@ BACKGROUND_DIGITS = 7
 
 
 @dataclass(frozen=True)
-class Estimate:
+class GhostParameter:
     """A parameter's value and its 95 % interval; `fitted` False: these data do not tell it, and it was not moved."""
 
     value: float
@@ -87,7 +87,7 @@ class GhostFit:
     `scatter`: spread of the ghosts' log AREA over what the sensor alone gives.
     """
 
-    parameters: dict[str, Estimate]
+    parameters: dict[str, GhostParameter]
     datasets: tuple[DatasetFit, ...]
     beams: tuple[SignBeams, ...]
     model: Model
@@ -141,7 +141,7 @@ def _check_enough(beams: Sequence[SignBeams]) -> None:
         )
 
 
-def _library(b: SignBeams, seed: int) -> Library:
+def _library(b: SignBeams, seed: int) -> FaintPulseLibrary:
     """The library of a dataset; those that see alike share one."""
     return library_of(b.sensor, b.shape, round(b.background_per_ns, BACKGROUND_DIGITS), seed=seed)
 
@@ -152,7 +152,7 @@ def _tells_exponent(beams: Sequence[SignBeams]) -> bool:
     return max(ranges) / min(ranges) >= SPREAD_OF_RANGES
 
 
-def _extra(beams: Sequence[SignBeams], libraries: Sequence[Library], region: Region) -> Estimate:
+def _extra(beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], region: Region) -> GhostParameter:
     """The extra way from where the ghosts stand, given how early the sensor sees pulses of their strength."""
     best = (float(region.log_strength[0]), float(region.exponent[0]))
     value, error, chi = _extra_at(beams, libraries, *best)
@@ -162,11 +162,11 @@ def _extra(beams: Sequence[SignBeams], libraries: Sequence[Library], region: Reg
         for s, p in zip(region.log_strength[::step], region.exponent[::step], strict=True)
     ]
     half = float(np.hypot(TOLD * error * np.sqrt(max(chi, 1.0)), max(abs(o - value) for o in others)))
-    return Estimate(value, value - half, value + half, "m")
+    return GhostParameter(value, value - half, value + half, "m")
 
 
 def _extra_at(
-    beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float
+    beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], log_strength: float, exponent: float
 ) -> tuple[float, float, float]:
     """Weighted mean of the extra way, its error, and the scatter around it in units of the expected."""
     values, weights = [], []
@@ -183,12 +183,12 @@ def _extra_at(
     return mean, float(weight[near].sum() ** -0.5) if near.any() else float("inf"), chi
 
 
-def _estimate(allowed: FloatArray, unit: str, fitted: bool = True) -> Estimate:
+def _estimate(allowed: FloatArray, unit: str, fitted: bool = True) -> GhostParameter:
     """The first value, and the extremes of all."""
-    return Estimate(float(allowed[0]), float(allowed.min()), float(allowed.max()), unit, fitted)
+    return GhostParameter(float(allowed[0]), float(allowed.min()), float(allowed.max()), unit, fitted)
 
 
-def _dataset(b: SignBeams, lib: Library, parameters: dict[str, Estimate]) -> DatasetFit:
+def _dataset(b: SignBeams, lib: FaintPulseLibrary, parameters: dict[str, GhostParameter]) -> DatasetFit:
     at = (float(np.log(parameters["strength"].value)), parameters["exponent"].value)
     log_signal = log_signal_of(b, *at)
     probability, seen = lib.at(lib.probability, log_signal), log_signal[b.detected]
@@ -218,9 +218,9 @@ def _beyond_library(model: Model) -> list[str]:
 def _warnings(
     beams: Sequence[SignBeams],
     datasets: Sequence[DatasetFit],
-    parameters: dict[str, Estimate],
+    parameters: dict[str, GhostParameter],
     region: Region,
-    doubt: Doubt,
+    doubt: IntervalWidening,
     free: bool,
 ) -> list[str]:
     said = []

@@ -13,7 +13,7 @@ from lidarcheck.model.chain import echoes_of
 from lidarcheck.scan import Light, PulseShape
 from lidarcheck.sensor import POINTS, Sensor
 
-__all__ = ["Library", "library_of"]
+__all__ = ["FaintPulseLibrary", "library_of"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,7 +28,7 @@ LEAST_SPREAD, LEAST_SPREAD_M = 0.01, 0.003
 
 
 @dataclass(frozen=True)
-class Library:
+class FaintPulseLibrary:
     """Tables over `log_signal`, the natural logarithm of S; all of shape (FINE,).
 
     `probability` of an echo at the pulse's place; of those echoes mean and standard deviation of the logarithm of
@@ -47,13 +47,15 @@ class Library:
         """A column at some strengths; beyond the table its last value."""
         return np.asarray(np.interp(log_signal, self.log_signal, column))
 
-    def with_scatter(self, log_area: float) -> Library:
+    def with_scatter(self, log_area: float) -> FaintPulseLibrary:
         """The same for pulses that scatter: `log_area` is the spread that this adds to the logarithm of AREA."""
         return replace(self, log_area_spread=np.hypot(self.log_area_spread, log_area))
 
 
 @functools.lru_cache(maxsize=16)
-def library_of(sensor: Sensor, shape: PulseShape | None, background_per_ns: float, *, seed: int = 0) -> Library:
+def library_of(
+    sensor: Sensor, shape: PulseShape | None, background_per_ns: float, *, seed: int = 0
+) -> FaintPulseLibrary:
     """The library of a sensor behind a pulse shape and a background, from the exact chain.
 
     All strengths are drawn with the same random numbers, so that the tables are smooth.
@@ -66,7 +68,7 @@ def library_of(sensor: Sensor, shape: PulseShape | None, background_per_ns: floa
     table = [_smooth(log_signal, column, fine) for column in np.array(rows).T]
     probability = np.clip(table[0], RARE, 1.0 - RARE)
     spread, shift_spread = np.maximum(table[2], LEAST_SPREAD), np.maximum(table[5], LEAST_SPREAD_M)
-    return Library(fine, probability, table[1], spread, table[3], table[4], shift_spread)
+    return FaintPulseLibrary(fine, probability, table[1], spread, table[3], table[4], shift_spread)
 
 
 def _smooth(log_signal: FloatArray, column: FloatArray, fine: FloatArray) -> FloatArray:

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.ghosts.data import SignBeams
-from lidarcheck.calibration.ghosts.library import Library
+from lidarcheck.calibration.ghosts.library import FaintPulseLibrary
 
 __all__ = [
     "FARTHEST_OFF",
     "REFERENCE_M",
     "TOLD",
-    "Doubt",
+    "IntervalWidening",
     "Region",
     "best_setting",
     "doubt_of",
@@ -48,7 +48,7 @@ class Region:
     reaches_end: bool
 
 
-class Doubt(NamedTuple):
+class IntervalWidening(NamedTuple):
     """What widens intervals beyond what the likelihood says.
 
     `scatter`: spread of the ghosts' log AREA over what the sensor alone gives, 1 where that is by chance.
@@ -68,13 +68,15 @@ def log_signal_of(b: SignBeams, log_strength: float, exponent: float) -> FloatAr
     return np.asarray(np.minimum(log_ratio, 0.0) + np.log(b.unit_signal))
 
 
-def _misfit(beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float) -> float:
+def _misfit(
+    beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], log_strength: float, exponent: float
+) -> float:
     """-2 ln likelihood of what each beam shows: a ghost or none, and the ghost's log AREA."""
     return float(np.sum(_misfits(beams, libraries, log_strength, exponent)))
 
 
 def _misfits(
-    beams: Sequence[SignBeams], libraries: Sequence[Library], log_strength: float, exponent: float
+    beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], log_strength: float, exponent: float
 ) -> FloatArray:
     """The same beam by beam, those of all datasets one after the other."""
     parts = []
@@ -96,7 +98,7 @@ def _middle(beams: Sequence[SignBeams]) -> float:
 
 
 def best_setting(
-    beams: Sequence[SignBeams], libraries: Sequence[Library], exponent: float, free: bool
+    beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], exponent: float, free: bool
 ) -> tuple[float, float]:
     """Log strength and exponent that fit best: the best of a coarse search, then refined."""
     from scipy.optimize import minimize
@@ -119,7 +121,7 @@ def best_setting(
     return float(found.x[0]) - power * middle, power
 
 
-def extra_scatter(beams: Sequence[SignBeams], libraries: Sequence[Library]) -> tuple[float, float]:
+def extra_scatter(beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary]) -> tuple[float, float]:
     """Spread of the ghosts' log AREA beyond the sensor's own, and all of it over that; 0 and 1 where that is chance.
 
     Within each dataset, whatever its ghosts' strength: beside the spread that the sensor gives to echoes of such AREA.
@@ -149,17 +151,23 @@ def extra_scatter(beams: Sequence[SignBeams], libraries: Sequence[Library]) -> t
 
 
 def doubt_of(
-    beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool, scatter: float
-) -> Doubt:
+    beams: Sequence[SignBeams],
+    libraries: Sequence[FaintPulseLibrary],
+    best: tuple[float, float],
+    free: bool,
+    scatter: float,
+) -> IntervalWidening:
     """How far to trust the likelihood, at the best setting; `scatter` as `extra_scatter` gives it."""
     offs = [off_of(b, lib, *best) for b, lib in zip(beams, libraries, strict=True) if b.detected.any()]
     left = len(offs) - (2 if free else 1)
     birge = sum(float(np.mean(off)) ** 2 * len(off) for off in offs) / left if left > 0 else 1.0
     disagreement = birge if birge > OVERDISPERSED else 1.0
-    return Doubt(scatter, disagreement, max(_sandwich(beams, libraries, best, free), disagreement, 1.0))
+    return IntervalWidening(scatter, disagreement, max(_sandwich(beams, libraries, best, free), disagreement, 1.0))
 
 
-def _sandwich(beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool) -> float:
+def _sandwich(
+    beams: Sequence[SignBeams], libraries: Sequence[FaintPulseLibrary], best: tuple[float, float], free: bool
+) -> float:
     """How many times more the beams' slopes scatter than the curvature says they should, in the worst direction."""
     middle = _middle(beams)
 
@@ -179,7 +187,7 @@ def _sandwich(beams: Sequence[SignBeams], libraries: Sequence[Library], best: tu
     return float(np.max(np.linalg.eigvals(np.linalg.solve(curve, slopes @ slopes.T)).real))
 
 
-def off_of(b: SignBeams, lib: Library, log_strength: float, exponent: float) -> FloatArray:
+def off_of(b: SignBeams, lib: FaintPulseLibrary, log_strength: float, exponent: float) -> FloatArray:
     """How many standard deviations the log AREA of each ghost is off."""
     log_signal = log_signal_of(b, log_strength, exponent)[b.detected]
     return np.asarray(
@@ -188,7 +196,11 @@ def off_of(b: SignBeams, lib: Library, log_strength: float, exponent: float) -> 
 
 
 def region_of(
-    beams: Sequence[SignBeams], libraries: Sequence[Library], best: tuple[float, float], free: bool, inflation: float
+    beams: Sequence[SignBeams],
+    libraries: Sequence[FaintPulseLibrary],
+    best: tuple[float, float],
+    free: bool,
+    inflation: float,
 ) -> Region:
     """All settings that a likelihood ratio does not exclude at 95 %: their extremes are the profile's interval."""
     middle, least = _middle(beams), _misfit(beams, libraries, *best)

@@ -13,10 +13,10 @@ from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.masks import FEWEST
 from lidarcheck.calibration.panels.outline import Outline, outline_of
 from lidarcheck.calibration.panels.pieces import Piece, pieces_of
-from lidarcheck.calibration.panels.planes import Level, Plane, level_of
+from lidarcheck.calibration.panels.planes import FittedPlane, FloorOrRoof, level_of
 from lidarcheck.calibration.panels.settings import PanelSettings
 
-__all__ = ["Found", "Panel", "Reject", "find_panels"]
+__all__ = ["FoundPanels", "Panel", "Reject", "find_panels"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -47,7 +47,7 @@ class Panel:
     height_m: float
     incidence_deg: float
     material: int
-    plane: Plane
+    plane: FittedPlane
     outline_beams: int
     layer: IndexArray
     point: IndexArray
@@ -69,16 +69,16 @@ class Reject:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundPanels:
     """What a scene holds: the panels in order of range, the largest flat surfaces that are none, floor and roof."""
 
     panels: tuple[Panel, ...]
     rejects: tuple[Reject, ...]
-    floor: Level | None
-    roof: Level | None
+    floor: FloorOrRoof | None
+    roof: FloorOrRoof | None
 
 
-def find_panels(image: BeamImage, settings: PanelSettings) -> Found:
+def find_panels(image: BeamImage, settings: PanelSettings) -> FoundPanels:
     """Trim floor and roof, cut what is left into flat pieces, and tell the panels among them."""
     floor, roof = _levels(image, settings)
     taking_part = _between(image, floor, roof, settings.clearance_m)
@@ -104,7 +104,7 @@ def find_panels(image: BeamImage, settings: PanelSettings) -> Found:
     panels.sort(key=lambda panel: (panel.range_m, panel.azimuth_deg))
     rejects.sort(key=lambda reject: -reject.beams)
     numbered = tuple(replace(panel, number=i) for i, panel in enumerate(panels, start=1))
-    return Found(numbered, tuple(rejects[:MOST_REJECTS]), floor, roof)
+    return FoundPanels(numbered, tuple(rejects[:MOST_REJECTS]), floor, roof)
 
 
 def _panel(image: BeamImage, outline: Outline, trimmed: BoolArray) -> Panel:
@@ -141,16 +141,16 @@ def _angles_deg(direction: FloatArray) -> tuple[float, float]:
     return math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y)))
 
 
-def _levels(image: BeamImage, settings: PanelSettings) -> tuple[Level | None, Level | None]:
+def _levels(image: BeamImage, settings: PanelSettings) -> tuple[FloorOrRoof | None, FloorOrRoof | None]:
     """Floor and roof, as given or as the points show them."""
     seen = np.isfinite(image.range_m)
     x, y, z = (image.direction[seen] * image.range_m[seen][:, None]).T
-    floor = level_of(x, y, z) if settings.floor_m is None else Level(settings.floor_m)
-    roof = level_of(x, y, z, roof=True) if settings.roof_m is None else Level(settings.roof_m)
+    floor = level_of(x, y, z) if settings.floor_m is None else FloorOrRoof(settings.floor_m)
+    roof = level_of(x, y, z, roof=True) if settings.roof_m is None else FloorOrRoof(settings.roof_m)
     return floor, roof
 
 
-def _between(image: BeamImage, floor: Level | None, roof: Level | None, clearance_m: float) -> BoolArray:
+def _between(image: BeamImage, floor: FloorOrRoof | None, roof: FloorOrRoof | None, clearance_m: float) -> BoolArray:
     """Beams that meet something between floor and roof, shape of the image."""
     x, y, z = np.moveaxis(image.direction * image.range_m[..., None], -1, 0)
     part = np.isfinite(image.range_m)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.masks import FEWEST, closed, opened, parted_at_lines, parts_of
-from lidarcheck.calibration.panels.planes import Plane, fit_plane, planes_of, spread_of
+from lidarcheck.calibration.panels.planes import FittedPlane, fit_plane, planes_of, spread_of
 
 __all__ = ["Piece", "pieces_of"]
 
@@ -43,7 +43,7 @@ class Piece:
     `split`: only its brightness parts it from its neighbour.
     """
 
-    plane: Plane
+    plane: FittedPlane
     layers: slice
     points: slice
     mask: BoolArray
@@ -179,7 +179,7 @@ def _dead(image: BeamImage) -> tuple[BoolArray, BoolArray]:
 
 def _flat_parts(
     image: BeamImage, range_m: FloatArray, rows: IndexArray, columns: IndexArray
-) -> Iterator[tuple[Plane, BoolArray, tuple[int, int], float]]:
+) -> Iterator[tuple[FittedPlane, BoolArray, tuple[int, int], float]]:
     """Planes of a connected group, each with its mask, the patch's first layer and point, and the tolerance."""
     direction, r = image.direction[rows, columns], range_m[rows, columns]
     tolerance = _tolerance(image, range_m, rows, columns)
@@ -231,7 +231,7 @@ def _parted_at_gaps(
     yield from parts_of(cut)
 
 
-def _bodies(image: BeamImage, mask: BoolArray, corner: tuple[int, int], plane: Plane) -> Iterator[BoolArray]:
+def _bodies(image: BeamImage, mask: BoolArray, corner: tuple[int, int], plane: FittedPlane) -> Iterator[BoolArray]:
     """A part without what is as narrow as a stand."""
     from scipy.ndimage import binary_fill_holes
 
@@ -250,7 +250,9 @@ def _bodies(image: BeamImage, mask: BoolArray, corner: tuple[int, int], plane: P
     yield from parts_of(opened(whole, size))
 
 
-def _by_brightness(image: BeamImage, mask: BoolArray, corner: tuple[int, int], plane: Plane) -> Iterator[BoolArray]:
+def _by_brightness(
+    image: BeamImage, mask: BoolArray, corner: tuple[int, int], plane: FittedPlane
+) -> Iterator[BoolArray]:
     """Panels side by side on one plane differ in brightness only: the parts between lines along which it steps."""
     here = (slice(corner[0], corner[0] + mask.shape[0]), slice(corner[1], corner[1] + mask.shape[1]))
     rows, columns = np.nonzero(mask)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Level", "Plane", "fit_plane", "level_of", "planes_of", "spread_of"]
+__all__ = ["FittedPlane", "FloorOrRoof", "fit_plane", "level_of", "planes_of", "spread_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -31,7 +31,7 @@ NEAREST_LEVEL_M = 0.3
 
 
 @dataclass(frozen=True)
-class Plane:
+class FittedPlane:
     """The plane a·x = 1, x in the sensor frame [m]."""
 
     a: tuple[float, float, float]
@@ -54,7 +54,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Level:
+class FloorOrRoof:
     """A floor or a roof: height z = z_m + slope_x x + slope_y y over the sensor's position."""
 
     z_m: float
@@ -66,7 +66,7 @@ class Level:
         return self.z_m + self.slope_x * x_m + self.slope_y * y_m
 
 
-def fit_plane(direction: FloatArray, range_m: FloatArray, *, rounds: int = 5) -> Plane:
+def fit_plane(direction: FloatArray, range_m: FloatArray, *, rounds: int = 5) -> FittedPlane:
     """The plane of beams (n, 3) and their ranges (n,), n at least 3, by reweighted least squares (Tukey's biweight)."""
     if len(range_m) > MOST_FITTED:
         pick = np.linspace(0, len(range_m) - 1, MOST_FITTED).astype(np.int64)
@@ -82,7 +82,7 @@ def fit_plane(direction: FloatArray, range_m: FloatArray, *, rounds: int = 5) ->
         if np.count_nonzero(weight) < 3:
             break
         a = np.linalg.lstsq(direction * weight[:, None], inverse * weight)[0]
-    return Plane((float(a[0]), float(a[1]), float(a[2])))
+    return FittedPlane((float(a[0]), float(a[1]), float(a[2])))
 
 
 def spread_of(values: FloatArray) -> float:
@@ -92,7 +92,7 @@ def spread_of(values: FloatArray) -> float:
 
 def planes_of(
     direction: FloatArray, range_m: FloatArray, tolerance_m: float, fewest: int
-) -> Iterator[tuple[Plane, IndexArray]]:
+) -> Iterator[tuple[FittedPlane, IndexArray]]:
     """The planes that beams of one connected surface show, each with the rows on it; rows of none are left out.
 
     They are taken one after another, the one with most rows first, and each row goes to the plane it is closest to.
@@ -109,10 +109,12 @@ def planes_of(
             yield plane, rows
 
 
-def _one_after_another(direction: FloatArray, range_m: FloatArray, tolerance_m: float, fewest: int) -> list[Plane]:
+def _one_after_another(
+    direction: FloatArray, range_m: FloatArray, tolerance_m: float, fewest: int
+) -> list[FittedPlane]:
     rng = np.random.default_rng(0)
     left = np.arange(len(range_m))
-    planes: list[Plane] = []
+    planes: list[FittedPlane] = []
     while len(left) >= max(fewest, 0.02 * len(range_m)) and len(planes) < MOST_PLANES:
         guess = _best_triple(direction[left], range_m[left], tolerance_m, rng)
         if guess is None:
@@ -131,7 +133,7 @@ def _one_after_another(direction: FloatArray, range_m: FloatArray, tolerance_m: 
 
 def _best_triple(
     direction: FloatArray, range_m: FloatArray, tolerance_m: float, rng: np.random.Generator
-) -> Plane | None:
+) -> FittedPlane | None:
     """Of the planes through random triples the one with most rows (RANSAC)."""
     triples = rng.integers(len(range_m), size=(TRIPLES, 3))
     corners = direction[triples]
@@ -144,10 +146,10 @@ def _best_triple(
     with np.errstate(divide="ignore"):
         off = np.abs(1.0 / slope - range_m[judged, None])
     best = a[int(np.argmax(np.count_nonzero((off <= tolerance_m) & (slope > 0.0), axis=0)))]
-    return Plane((float(best[0]), float(best[1]), float(best[2])))
+    return FittedPlane((float(best[0]), float(best[1]), float(best[2])))
 
 
-def level_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, *, roof: bool = False) -> Level | None:
+def level_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, *, roof: bool = False) -> FloorOrRoof | None:
     """The floor 0.3 m and more below the sensor, or the roof above, from positions (n,); None where there is none.
 
     Each square metre counts once, with its lowest point, where all its points lie within 0.3 m: so walls and panels do
@@ -175,12 +177,12 @@ def level_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, *, roof: bool = 
         return None
     first = many[0]
     top = first + int(np.argmax(held[first : first + 4]))
-    level = Level(float(z.min() + (top + 0.5) * LEVEL_STEP_M))
+    level = FloorOrRoof(float(z.min() + (top + 0.5) * LEVEL_STEP_M))
     for _ in range(3):
         near = np.abs(z - level.height_m(x, y)) <= LEVEL_BAND_M
         rows = np.stack([np.ones(near.sum()), x[near], y[near]], axis=1)
         if len(rows) < 20 or np.ptp(x[near]) < 5.0 or np.ptp(y[near]) < 5.0:
             break
         fitted = np.linalg.lstsq(rows, z[near])[0]
-        level = Level(*(float(v) for v in fitted))
-    return Level(-level.z_m, -level.slope_x, -level.slope_y) if roof else level
+        level = FloorOrRoof(*(float(v) for v in fitted))
+    return FloorOrRoof(-level.z_m, -level.slope_x, -level.slope_y) if roof else level

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.panels.find import Found, Panel, Reject, find_panels
+from lidarcheck.calibration.panels.find import FoundPanels, Panel, Reject, find_panels
 from lidarcheck.calibration.panels.image import (
     BeamImage,
     StrongestEchoes,
@@ -90,7 +90,7 @@ class PanelsResult:
 class _Part:
     """One arrangement's share of the result."""
 
-    found: Found
+    found: FoundPanels
     measured: tuple[PanelSamples, ...]
     simulated: tuple[PanelSamples, ...] | None
     notes: tuple[str, ...]
@@ -188,7 +188,7 @@ def _check_still(image: BeamImage, echo: StrongestEchoes, shared: npt.NDArray[np
 
 
 def _sampled(
-    frames: Sequence[PanelFrame], found: Found, image: BeamImage, settings: PanelSettings, progress: Progress,
+    frames: Sequence[PanelFrame], found: FoundPanels, image: BeamImage, settings: PanelSettings, progress: Progress,
     held: dict[int, Scan],
 ) -> tuple[tuple[PanelSamples, ...], tuple[str, ...]]:  # fmt: skip
     """The echoes on panels of every frame, and a note on each frame that shows far less than the others."""
@@ -223,7 +223,7 @@ def _loaded(frame: PanelFrame) -> Scan:
 _REMEDY = "if one of these is a panel, widen --size, --range or --max-incidence"
 
 
-def _instead(found: Found) -> str:
+def _instead(found: FoundPanels) -> str:
     """What a scene without panels holds, in a line."""
     levels = [
         f"{name} {abs(level.z_m):.2f} m {side} the sensor"
@@ -250,7 +250,7 @@ def _check_expected(parts: Sequence[_Part], settings: PanelSettings) -> None:
     )
 
 
-def _nothing_on_panels(arrangement: Arrangement, found: Found, settings: PanelSettings) -> InputError:
+def _nothing_on_panels(arrangement: Arrangement, found: FoundPanels, settings: PanelSettings) -> InputError:
     """What the first frame shows on the beams that should hit panels."""
     frame = arrangement.measured[0]
     sampler = Sampler(found.panels, np.inf, (1 << 10, 1 << 10))

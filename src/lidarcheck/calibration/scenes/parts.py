@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.scenes.groups import Kind, Sectors, sector_of
+from lidarcheck.calibration.scenes.groups import Division, Sectors, sector_of
 from lidarcheck.calibration.scenes.rank import Ranking
 from lidarcheck.calibration.scenes.units import FEATURES, NOTHING, Units, Values
 from lidarcheck.kpi.distances import wasserstein
@@ -89,7 +89,7 @@ class _Means:
         return np.where(n > 0, total / np.maximum(n, 1), np.nan)
 
 
-def parts_of(kind: Kind, units: Units, m: Values, a: Values, ranking: Ranking) -> tuple[Part, ...]:
+def parts_of(kind: Division, units: Units, m: Values, a: Values, ranking: Ranking) -> tuple[Part, ...]:
     """KPIs of every object, the largest first."""
     means = _Means(kind.index, len(kind.names), m, a)
     order = np.argsort(kind.index, kind="stable")

@@ -30,10 +30,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.scenes.groups import Kind
+from lidarcheck.calibration.scenes.groups import Division
 from lidarcheck.calibration.scenes.units import FEATURES, Values
 
-__all__ = ["FALSE_ALARMS", "MOST_LISTED", "Finding", "Ranking", "rank"]
+__all__ = ["FALSE_ALARMS", "MOST_LISTED", "DisagreeingGroup", "Ranking", "rank"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -53,7 +53,7 @@ SHRINKAGE = 20.0
 
 
 @dataclass(frozen=True)
-class Finding:
+class DisagreeingGroup:
     """A group that disagrees, by the feature in which it does most.
 
     `kind`, `group`: which; `units`: a mask of those that were still there, shape (n,); `strength` and `z`: see the
@@ -78,7 +78,7 @@ class Ranking:
     largest disagreement over the features; shape (n_groups,), 0 where a group does not stand out.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[DisagreeingGroup, ...]
     more: int
     bound_z: float
     tests: int
@@ -116,7 +116,7 @@ class _Terms:
     scatter: FloatArray
     twice: FloatArray
 
-    def sums(self, kind: Kind, some: slice | BoolArray = slice(None)) -> _Sums:
+    def sums(self, kind: Division, some: slice | BoolArray = slice(None)) -> _Sums:
         index, most = kind.index[self.rows[some]], len(kind.names)
         inside = index >= 0
         index = index if inside.all() else index[inside]
@@ -131,7 +131,7 @@ class _Terms:
         return _Sums(count, *(total(column) for column in columns))
 
 
-def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[Kind]) -> Ranking:
+def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[Division]) -> Ranking:
     """The disagreements of measured against simulated values, largest first.
 
     `again`: the simulation with other random numbers. Without it every difference of a unit counts as its own scatter.
@@ -147,7 +147,7 @@ def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[
     bound = _bound(tests)
     search = _Search(terms, kinds, sums, inflation, bound)
     strength = {kind.name: search.strength(kind) for kind in kinds}
-    findings: list[Finding] = []
+    findings: list[DisagreeingGroup] = []
     while len(findings) < MOST_LISTED and (found := search.next()) is not None:
         findings.append(found)
         search = search.after(found)
@@ -184,7 +184,7 @@ def _compressed(change: FloatArray, usual: FloatArray, counts: bool) -> FloatArr
     return np.asarray(scatter * np.arcsinh(change / scatter)) if scatter > 0.0 else change
 
 
-def _inflation(terms: list[_Terms], kinds: list[Kind]) -> dict[tuple[str, str], float]:
+def _inflation(terms: list[_Terms], kinds: list[Division]) -> dict[tuple[str, str], float]:
     """By how much z of the model against itself scatters more than 1, for each kind and feature; 1 or more."""
     found = {}
     for term in terms:
@@ -219,14 +219,14 @@ class _Search:
     """What is left to be found: the sums of the units that no finding has taken out."""
 
     terms: list[_Terms]
-    kinds: list[Kind]
+    kinds: list[Division]
     sums: dict[tuple[str, str], _Sums]
     inflation: dict[tuple[str, str], float]
     bound: float
     left: BoolArray | None = None
     whole: bool = False
 
-    def next(self) -> Finding | None:
+    def next(self) -> DisagreeingGroup | None:
         """The largest disagreement that is left, or None."""
         best: list[tuple[float, int, str, int]] = []
         for kind in self.kinds:
@@ -240,18 +240,18 @@ class _Search:
         _, group, name, _ = min((b for b in best if b[0] >= enough), key=lambda b: (b[3], -b[0]))
         return self._finding(next(kind for kind in self.kinds if kind.name == name), group)
 
-    def _order(self, kind: Kind) -> int:
+    def _order(self, kind: Division) -> int:
         return [k.name for k in self.kinds].index(kind.name)
 
-    def _finding(self, kind: Kind, group: int) -> Finding:
+    def _finding(self, kind: Division, group: int) -> DisagreeingGroup:
         judged = {term.name: tuple(float(x[group]) for x in self._judged(kind, term)) for term in self.terms}
         names = sorted((name for name, (_, s) in judged.items() if s > 0.0), key=lambda name: -judged[name][1])
         z, strength = judged[names[0]]
         units = kind.index == group
         units = units if self.left is None else units & self.left
-        return Finding(kind.name, group, kind.names[group], names[0], strength, z, tuple(names), units)
+        return DisagreeingGroup(kind.name, group, kind.names[group], names[0], strength, z, tuple(names), units)
 
-    def after(self, found: Finding) -> _Search:
+    def after(self, found: DisagreeingGroup) -> _Search:
         """What is left behind a finding."""
         if found.kind == "frame":
             return replace(self, whole=True)
@@ -267,11 +267,11 @@ class _Search:
         """How many groups still stand out."""
         return sum(int(np.count_nonzero(self.strength(kind))) for kind in self.kinds if kind.name != "frame")
 
-    def strength(self, kind: Kind) -> FloatArray:
+    def strength(self, kind: Division) -> FloatArray:
         """The largest disagreement of each group over the features, shape (n_groups,)."""
         return np.asarray(np.max([self._judged(kind, term)[1] for term in self.terms], axis=0))
 
-    def _judged(self, kind: Kind, term: _Terms) -> tuple[FloatArray, FloatArray]:
+    def _judged(self, kind: Division, term: _Terms) -> tuple[FloatArray, FloatArray]:
         """z and strength of each group; the strength is 0 where the group does not stand out."""
         s = self.sums[kind.name, term.name]
         z, strength = self._score(s, kind, term)
@@ -297,7 +297,7 @@ class _Search:
         share = sectors.change[some] / sectors.count[some] / mean if mean else np.zeros(1)
         return bool(np.mean(share >= 0.5) >= 0.75)
 
-    def _score(self, s: _Sums, kind: Kind, term: _Terms) -> tuple[FloatArray, FloatArray]:
+    def _score(self, s: _Sums, kind: Division, term: _Terms) -> tuple[FloatArray, FloatArray]:
         """z and strength of each group, shape (n_groups,)."""
         inflation = self.inflation.get((kind.name, term.name), 1.0)
         z = np.where(s.variance > 1e-12, s.change / np.sqrt(np.maximum(s.variance, 1e-12)), 0.0) / inflation

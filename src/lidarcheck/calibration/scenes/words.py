@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.scenes.rank import Finding
+from lidarcheck.calibration.scenes.rank import DisagreeingGroup
 from lidarcheck.calibration.scenes.units import NOTHING, Units, Values
 from lidarcheck.sensor import azimuth_deg, elevation_deg
 
@@ -42,7 +42,7 @@ class Disagreement:
 
 
 def disagreement(
-    found: Finding, units: Units, measured: Values, simulated: Values, again: Values | None
+    found: DisagreeingGroup, units: Units, measured: Values, simulated: Values, again: Values | None
 ) -> Disagreement:
     """A finding in words and numbers."""
     own = found.units

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.scenes.checks import check_beams
-from lidarcheck.calibration.vehicles.cut import Cut, Source, cut_vehicle, find_object
-from lidarcheck.calibration.vehicles.kinds import Extent, Vehicle
+from lidarcheck.calibration.vehicles.cut import Cut, CutSource, cut_vehicle, find_object
+from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.compare import COLUMNS, STAND_INS, feature_column, feature_gap
@@ -42,13 +42,13 @@ class Pair:
 
     real: Scan
     simulated: Scan
-    real_source: Source
-    simulated_source: Source
+    real_source: CutSource
+    simulated_source: CutSource
     ideal: IdealScan | None = None
 
 
 @dataclass(frozen=True)
-class Side:
+class VehicleSide:
     """A vehicle in one scan: echoes, beams with one, size, centroid [m], and how it was cut out."""
 
     echoes: int
@@ -69,8 +69,8 @@ class AtDistance:
     """
 
     distance_m: float
-    real: Side
-    simulated: Side
+    real: VehicleSide
+    simulated: VehicleSide
     detection_ratio: float
     detection_real: float
     detection_simulated: float
@@ -102,7 +102,7 @@ class VehicleComparison:
         return {"vehicle": self.vehicle, "distances": distances, "left_out": plain(self.left_out)}
 
 
-def compare_vehicles(vehicle: Vehicle, pairs: Sequence[Pair]) -> VehicleComparison:
+def compare_vehicles(vehicle: VehicleKind, pairs: Sequence[Pair]) -> VehicleComparison:
     """Compare a vehicle, cut out of each frame, real against simulated, at every distance.
 
     `InputError` names the file in which the vehicle is not found, has too few echoes, or stands elsewhere than in the
@@ -122,7 +122,7 @@ def joined(parts: Sequence[VehicleComparison]) -> VehicleComparison:
     return VehicleComparison(parts[0].vehicle, tuple(distances), left_out)
 
 
-def _at_distance(vehicle: Vehicle, pair: Pair, left_out: dict[str, str]) -> AtDistance:
+def _at_distance(vehicle: VehicleKind, pair: Pair, left_out: dict[str, str]) -> AtDistance:
     pair = _with_object(vehicle, pair)
     real = cut_vehicle(pair.real, vehicle, pair.real_source)
     simulated = cut_vehicle(pair.simulated, vehicle, pair.simulated_source)
@@ -143,15 +143,15 @@ def _at_distance(vehicle: Vehicle, pair: Pair, left_out: dict[str, str]) -> AtDi
     )
 
 
-def _sides(pair: Pair) -> tuple[tuple[Source, Scan], tuple[Source, Scan]]:
+def _sides(pair: Pair) -> tuple[tuple[CutSource, Scan], tuple[CutSource, Scan]]:
     return (pair.real_source, pair.real), (pair.simulated_source, pair.simulated)
 
 
-def _side(cut: Cut) -> Side:
-    return Side(len(cut.scan), cut.beams, cut.extent, cut.centroid_m, cut.how)
+def _side(cut: Cut) -> VehicleSide:
+    return VehicleSide(len(cut.scan), cut.beams, cut.extent, cut.centroid_m, cut.how)
 
 
-def _with_object(vehicle: Vehicle, pair: Pair) -> Pair:
+def _with_object(vehicle: VehicleKind, pair: Pair) -> Pair:
     """The pair with the vehicle's object in the ideal scan, where that numbers its objects and no box is given."""
     for (source, scan), side in zip(_sides(pair), ("real", "simulated"), strict=True):
         if pair.ideal is not None:
@@ -227,7 +227,7 @@ def _files(pair: Pair) -> tuple[str, str]:
     return pair.real_source.file or "the real scan", pair.simulated_source.file or "the simulated scan"
 
 
-def _detected(ideal: IdealScan | None, source: Source, scan: Scan) -> float:
+def _detected(ideal: IdealScan | None, source: CutSource, scan: Scan) -> float:
     """Share of the beams that meet the vehicle's object with an echo from it (2 m)."""
     if ideal is None or ideal.object_id is None or source.object_id is None:
         return math.nan

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.vehicles.kinds import Extent, Vehicle, extent_of
+from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind, extent_of
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import beam_directions
 
-__all__ = ["FEWEST_ECHOES", "Box", "Cut", "Source", "cut_vehicle", "find_object", "xyz_of"]
+__all__ = ["FEWEST_ECHOES", "Cut", "CutBox", "CutSource", "cut_vehicle", "find_object", "xyz_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -40,7 +40,7 @@ TOP_M = 0.5
 
 
 @dataclass(frozen=True)
-class Box:
+class CutBox:
     """A box along the axes of the sensor frame [m]."""
 
     low_m: tuple[float, float, float]
@@ -52,12 +52,12 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Source:
+class CutSource:
     """What a vehicle may be cut out by. `distance_m`: where it is known to be; `file`: for messages."""
 
     ideal: IdealScan | None = None
     object_id: int | None = None
-    box: Box | None = None
+    box: CutBox | None = None
     distance_m: float | None = None
     file: str = ""
 
@@ -92,7 +92,7 @@ def xyz_of(scan: Scan) -> FloatArray:
     return np.stack([scan.x_m, scan.y_m, scan.z_m], axis=-1)
 
 
-def cut_vehicle(scan: Scan, vehicle: Vehicle | None, source: Source) -> Cut:
+def cut_vehicle(scan: Scan, vehicle: VehicleKind | None, source: CutSource) -> Cut:
     """The vehicle's echoes; `InputError` says what was found where there is none, or too little of it.
 
     By the box, else by the object, else as a cluster; a scan no larger than such a vehicle is taken whole. Without a
@@ -132,7 +132,7 @@ def _spans(xyz: FloatArray) -> str:
     return ", ".join(f"{axis} {a:.1f} to {b:.1f} m" for axis, a, b in zip("XYZ", low, high, strict=True))
 
 
-def _is_whole(xyz: FloatArray, vehicle: Vehicle | None) -> bool:
+def _is_whole(xyz: FloatArray, vehicle: VehicleKind | None) -> bool:
     """Whether all points together are no larger than a vehicle."""
     extent = extent_of(xyz)
     if vehicle is None:
@@ -140,7 +140,7 @@ def _is_whole(xyz: FloatArray, vehicle: Vehicle | None) -> bool:
     return vehicle.fits(extent, whole=True)
 
 
-def _on_object(scan: Scan, source: Source) -> BoolArray:
+def _on_object(scan: Scan, source: CutSource) -> BoolArray:
     """Echoes from the object's surface."""
     assert source.ideal is not None
     assert source.ideal.object_id is not None
@@ -149,7 +149,7 @@ def _on_object(scan: Scan, source: Source) -> BoolArray:
     return np.asarray(pairing.of_surface & (pairing.surface >= 0) & (number == source.object_id))
 
 
-def find_object(ideal: IdealScan, vehicle: Vehicle, distance_m: float | None, file: str = "") -> int:
+def find_object(ideal: IdealScan, vehicle: VehicleKind, distance_m: float | None, file: str = "") -> int:
     """The object of an ideal scan that has the vehicle's size: the nearest, or the one nearest to a known distance.
 
     `InputError` lists what there is instead.
@@ -173,7 +173,7 @@ class _Seen:
     distance_m: float
 
 
-def _things(xyz: FloatArray, height: FloatArray, label: IndexArray, vehicle: Vehicle) -> list[_Seen]:
+def _things(xyz: FloatArray, height: FloatArray, label: IndexArray, vehicle: VehicleKind) -> list[_Seen]:
     """What the points of each label make up; sizes along the axes where they are far from a vehicle's anyway."""
     order = np.argsort(label, kind="stable")
     numbers, starts, counts = np.unique(label[order], return_index=True, return_counts=True)
@@ -194,7 +194,7 @@ def _things(xyz: FloatArray, height: FloatArray, label: IndexArray, vehicle: Veh
     return seen
 
 
-def _chosen(seen: Sequence[_Seen], vehicle: Vehicle, distance_m: float | None, file: str, what: str) -> _Seen:
+def _chosen(seen: Sequence[_Seen], vehicle: VehicleKind, distance_m: float | None, file: str, what: str) -> _Seen:
     """The candidate that is the vehicle; `InputError` where none is."""
     least = LEAST_UPRIGHT * vehicle.least_m[2]
     fitting = [one for one in seen if one.upright_m >= least and vehicle.fits(one.extent)]
@@ -216,13 +216,13 @@ def _chosen(seen: Sequence[_Seen], vehicle: Vehicle, distance_m: float | None, f
     return best
 
 
-def _misfit(extent: Extent, vehicle: Vehicle) -> float:
+def _misfit(extent: Extent, vehicle: VehicleKind) -> float:
     sizes = np.array([extent.long_m, extent.height_m])
     usual = np.array([vehicle.usual_m[1], vehicle.usual_m[2]])
     return float(np.abs(np.log(np.maximum(sizes, 0.05) / usual)).sum())
 
 
-def _cluster(xyz: FloatArray, vehicle: Vehicle, source: Source) -> tuple[BoolArray, str]:
+def _cluster(xyz: FloatArray, vehicle: VehicleKind, source: CutSource) -> tuple[BoolArray, str]:
     """Points of the vehicle's cluster, and what was done in words."""
     height = xyz[:, 2] - _ground(xyz, source.file)
     some = np.flatnonzero((height > ABOVE_GROUND_M) & (height < vehicle.most_m[2] + 2.0 * TOP_M))

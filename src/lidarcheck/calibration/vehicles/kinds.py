@@ -14,7 +14,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.formats.config_words import nearest
 from lidarcheck.scenes.vehicles import CAR_M, TRUCK_M, VAN_M
 
-__all__ = ["VEHICLES", "Extent", "Vehicle", "distance_in_name", "extent_of", "suggested_offset", "vehicle_named"]
+__all__ = ["VEHICLES", "Extent", "VehicleKind", "distance_in_name", "extent_of", "suggested_offset", "vehicle_named"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ BESIDE, GAP_M, STEP_M = 1.25, 0.5, 0.5
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class VehicleKind:
     """A kind of vehicle: usual length, width and height [m], and the smallest and largest there are."""
 
     name: str
@@ -63,9 +63,9 @@ _SIDES = ("long", "wide", "high")
 VEHICLES = {
     vehicle.name: vehicle
     for vehicle in (
-        Vehicle("car", CAR_M, (3.0, 1.5, 1.1), (5.4, 2.1, 1.8)),
-        Vehicle("van", VAN_M, (4.3, 1.7, 1.8), (7.5, 2.5, 3.0)),
-        Vehicle("truck", TRUCK_M, (5.5, 2.0, 2.4), (19.0, 2.7, 4.2)),
+        VehicleKind("car", CAR_M, (3.0, 1.5, 1.1), (5.4, 2.1, 1.8)),
+        VehicleKind("van", VAN_M, (4.3, 1.7, 1.8), (7.5, 2.5, 3.0)),
+        VehicleKind("truck", TRUCK_M, (5.5, 2.0, 2.4), (19.0, 2.7, 4.2)),
     )
 }
 """The kinds by name."""
@@ -90,7 +90,7 @@ def distance_in_name(path: Path) -> float | None:
     return float(found[0]) if len(found) == 1 and float(found[0]) > 0.0 else None
 
 
-def vehicle_named(name: str) -> Vehicle:
+def vehicle_named(name: str) -> VehicleKind:
     """The kind of that name; `UsageError` with the nearest one otherwise."""
     if name not in VEHICLES:
         near = nearest(name, VEHICLES)
@@ -114,7 +114,7 @@ def _span(along: FloatArray) -> FloatArray:
     return np.asarray(high - low)
 
 
-def suggested_offset(vehicle: Vehicle | None, real_m: FloatArray, simulated_m: FloatArray) -> tuple[float, float]:
+def suggested_offset(vehicle: VehicleKind | None, real_m: FloatArray, simulated_m: FloatArray) -> tuple[float, float]:
     """By how much to move the simulated vehicle along X and Y [m], once the centroids of both, shapes (n, 3), agree.
 
     To the right, so -Y, by 1.25 times the width and half a metre, rounded up to half a metre; the width is that of the

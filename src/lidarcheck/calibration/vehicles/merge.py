@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.calibration.vehicles.compare import stand_apart
 from lidarcheck.calibration.vehicles.cut import Cut
-from lidarcheck.calibration.vehicles.kinds import Vehicle, suggested_offset
+from lidarcheck.calibration.vehicles.kinds import VehicleKind, suggested_offset
 from lidarcheck.errors import InputError
 from lidarcheck.formats.scans import SCAN_COLUMNS
 from lidarcheck.formats.table import Table as Columns
@@ -69,7 +69,7 @@ class Placed:
 
 
 def place_vehicles(
-    real: Cut, simulated: Cut, vehicle: Vehicle | None = None, *, x_m: float | None = None, y_m: float | None = None
+    real: Cut, simulated: Cut, vehicle: VehicleKind | None = None, *, x_m: float | None = None, y_m: float | None = None
 ) -> Placed:
     """Lay the simulated vehicle's centroid on the real one's and move it by the offset, as `merge_vehicles` says."""
     suggested = suggested_offset(vehicle, real.xyz_m, simulated.xyz_m)
@@ -81,7 +81,7 @@ def place_vehicles(
 def merge_vehicles(
     real: Cut,
     simulated: Cut,
-    vehicle: Vehicle | None = None,
+    vehicle: VehicleKind | None = None,
     *,
     x_m: float | None = None,
     y_m: float | None = None,

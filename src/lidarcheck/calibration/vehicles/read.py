@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.calibration.vehicles.compare import Pair
-from lidarcheck.calibration.vehicles.cut import Box, Source
+from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
 from lidarcheck.errors import UsageError
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.kpi.variant import check_variant, check_variants
@@ -32,7 +32,7 @@ def read_pair(
     distance_m: float | None = None,
     variant: str | None = None,
     object_id: int | None = None,
-    box: Box | None = None,
+    box: CutBox | None = None,
     seed: int = 0,
     number: int = 0,
 ) -> Pair:
@@ -56,8 +56,8 @@ def read_pair(
         for side, file in ((scan, str(real)), (shown, other)):
             check_variant(side, Sensor.of(variant), file, "variant")
     check_variants(scan, shown, real)
-    own = Source(meets, object_id, box, distance_m, str(real))
-    return Pair(scan, shown, own, Source(meets, object_id, box, distance_m, other), meets)
+    own = CutSource(meets, object_id, box, distance_m, str(real))
+    return Pair(scan, shown, own, CutSource(meets, object_id, box, distance_m, other), meets)
 
 
 def provenance_of(

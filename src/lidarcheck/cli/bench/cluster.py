@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import partial
 
-from lidarcheck.cli.bench.kit import Figure, Other, times
+from lidarcheck.cli.bench.kit import Alternative, Figure, times
 from lidarcheck.workers import Processes, Shared, WorkerPool
 from lidarcheck.workers.cluster import Cluster
 
@@ -55,5 +55,5 @@ def _held(pool: WorkerPool, size: int) -> None:
 
 def _beside(name: str, found: list[list[float]]) -> Figure:
     mine, other = (sorted(one) for one in found)
-    against = (Other("the same on local processes", other[0], other[0] / mine[0]),)
+    against = (Alternative("the same on local processes", other[0], other[0] / mine[0]),)
     return Figure(name, "ms", mine[0], mine[len(mine) // 2], len(mine), against)

@@ -13,7 +13,7 @@ from lidarcheck.cli.core.terminal import Column, emit, hush, note, progress, tab
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.cli.bench.kit import Figure, Other
+    from lidarcheck.cli.bench.kit import Alternative, Figure
 
 __all__ = ["bench"]
 
@@ -90,7 +90,7 @@ def _scaling(json: bool, quick: bool, out: Path | None) -> int:
     return 0
 
 
-def _row(figure: Figure, other: Other | None) -> tuple[str, ...]:
+def _row(figure: Figure, other: Alternative | None) -> tuple[str, ...]:
     """A figure beside one of the others; its own numbers stand in the first of its rows."""
     first = other is None or figure.against[0] is other
     own = (figure.name, f"{figure.best:.4g}", f"{figure.median:.4g}", figure.unit, str(figure.repeats))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.cli.bench import scene as bench_scene
-from lidarcheck.cli.bench.kit import MEGA, Figure, Other, duration, rate, times_in_turn
+from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times_in_turn
 from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["fast_figures", "pcd_figures", "plain_keys"]
@@ -37,7 +37,7 @@ def fast_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
 
         seconds, others = times_in_turn((fast,) * FASTER, exact, repeats)
         amount, name = len(frame) / MEGA, f"simulate_fast_{variant.lower()}_{threads}_mpts_s"
-        against = Other("the exact chain", amount / min(others), min(others) / min(seconds))
+        against = Alternative("the exact chain", amount / min(others), min(others) / min(seconds))
         figures.append(rate(name, "Mpoints/s", amount, seconds, (against,)))
     return figures
 
@@ -57,7 +57,7 @@ def pcd_figures(repeats: int, quick: bool) -> list[Figure]:
             lambda: save_scan(simulate(frame, model, seed=1), path),
         ]
         seconds, others = times_in_turn(ways[:1], ways[1], repeats)
-    against = Other("with the exact chain", min(others), min(others) / min(seconds))
+    against = Alternative("with the exact chain", min(others), min(others) / min(seconds))
     return [duration("frame_to_pcd_s", seconds, (against,))]
 
 

@@ -15,7 +15,7 @@ from lidarcheck.cli.bench.cluster import cluster_figures
 from lidarcheck.cli.bench.explain import explain_figures
 from lidarcheck.cli.bench.fast import fast_figures, pcd_figures
 from lidarcheck.cli.bench.frames import effects_figures, raycast_figures
-from lidarcheck.cli.bench.kit import MEGA, Figure, Other, duration, rate, times
+from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times
 from lidarcheck.errors import UsageError
 from lidarcheck.workers.cores import usable_cores
 
@@ -86,12 +86,12 @@ def _on_gpu(repeats: int, quick: bool) -> list[Figure]:
             for device in ("cuda", "cpu")
         )
         speeds = [len(frame) / MEGA / min(one) for one in (seconds, own)]
-        others = (Other("the processor, all cores", speeds[1], speeds[0] / speeds[1]),)
+        others = (Alternative("the processor, all cores", speeds[1], speeds[0] / speeds[1]),)
         figures.append(rate(f"simulate_cuda_{variant.lower()}_mpts_s", "Mpoints/s", len(frame) / MEGA, seconds, others))
     return figures
 
 
-def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Other, ...]:
+def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Alternative, ...]:
     """Plain numpy on one core, on fewer beams of the same frame."""
     from lidarcheck.cli.bench.reference import count_chain, every_detector, rates, sim_sipm_seconds
     from lidarcheck.cli.bench.scene import lab_frame, lab_model
@@ -107,10 +107,10 @@ def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Other, ...]:
         start = time.perf_counter()
         chain(rates(few, model), model.sensor, draw)
         speed = beams / MEGA / (time.perf_counter() - start)
-        others.append(Other(name, speed, mpts / speed))
+        others.append(Alternative(name, speed, mpts / speed))
     waveform = sim_sipm_seconds(model.sensor, 50 if quick else 500)
     if waveform is not None:
-        others.append(Other("SimSiPM, a waveform a beam", 1.0 / MEGA / waveform, mpts * MEGA * waveform))
+        others.append(Alternative("SimSiPM, a waveform a beam", 1.0 / MEGA / waveform, mpts * MEGA * waveform))
     return tuple(others)
 
 
@@ -132,7 +132,10 @@ def _read_text(repeats: int, quick: bool) -> list[Figure]:
         parse = csv.ParseOptions(delimiter=" ")
         arrow = size / min(times(lambda: csv.read_csv(path, options, parse), repeats))
     best = size / min(seconds)
-    against = (Other("numpy.loadtxt", loadtxt, best / loadtxt), Other("pyarrow.csv, one core", arrow, best / arrow))
+    against = (
+        Alternative("numpy.loadtxt", loadtxt, best / loadtxt),
+        Alternative("pyarrow.csv, one core", arrow, best / arrow),
+    )
     return [rate("read_text_mb_s", "MB/s", size, seconds, against)]
 
 
@@ -146,7 +149,7 @@ def _wasserstein(repeats: int, quick: bool) -> list[Figure]:
     measured, simulated = draw.normal(10.0, 1.0, size), draw.normal(10.1, 1.0, size)
     seconds = times(lambda: wasserstein(measured, simulated), repeats)
     scipy_seconds = min(times(lambda: wasserstein_distance(measured, simulated), repeats))
-    against = (Other("scipy.stats", size / MEGA / scipy_seconds, scipy_seconds / min(seconds)),)
+    against = (Alternative("scipy.stats", size / MEGA / scipy_seconds, scipy_seconds / min(seconds)),)
     return [rate("kpi_wasserstein_mpts_s", "Mpoints/s", size / MEGA, seconds, against)]
 
 

@@ -7,7 +7,7 @@ from importlib import resources
 
 import numpy as np
 
-from lidarcheck.cli.bench.kit import MEGA, Figure, Other, duration, rate, times
+from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times
 from lidarcheck.cli.bench.scene import hills, lab_model, signs_frame
 from lidarcheck.sensor import Sensor
 
@@ -35,7 +35,7 @@ def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
         for effect, settings in effects.items():
             model = model.with_(make(effect, settings))
         seconds = times(lambda model=model: simulate(frame, model, seed=1), repeats)  # type: ignore[misc]
-        against = Other("the same frame without", without, without / min(seconds))
+        against = Alternative("the same frame without", without, without / min(seconds))
         figures.append(duration(f"frame_{name}_{variant.lower()}_s", seconds, (against,)))
     return figures
 
@@ -62,5 +62,5 @@ def raycast_figures(repeats: int, quick: bool) -> list[Figure]:
     directions = np.random.default_rng(0).normal(size=(len(frame), 3))
     origins = np.zeros_like(directions)
     other = len(frame) / MEGA / min(times(lambda: mesh.ray.intersects_location(origins, directions, False), 1))
-    against = (Other("trimesh with embree, locations alone", other, best / other),)
+    against = (Alternative("trimesh with embree, locations alone", other, best / other),)
     return [rate("raycast_mrays_s", "Mrays/s", len(frame) / MEGA, seconds, against)]

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["MEGA", "Figure", "Other", "duration", "rate", "times", "times_in_turn"]
+__all__ = ["MEGA", "Alternative", "Figure", "duration", "rate", "times", "times_in_turn"]
 
 MEGA = 1e6
 
 
 @dataclass(frozen=True, slots=True)
-class Other:
+class Alternative:
     """Another way to the same: what it reached, in the figure's unit, and how many times better the figure is."""
 
     name: str
@@ -30,7 +30,7 @@ class Figure:
     best: float
     median: float
     repeats: int
-    against: tuple[Other, ...] = ()
+    against: tuple[Alternative, ...] = ()
 
 
 def times(work: Callable[[], object], repeats: int, *, warm: bool = True) -> list[float]:
@@ -61,11 +61,11 @@ def times_in_turn(
     return ours, others
 
 
-def rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
+def rate(name: str, unit: str, amount: float, seconds: list[float], against: tuple[Alternative, ...] = ()) -> Figure:
     """A figure where more is better."""
     return Figure(name, unit, amount / min(seconds), amount / statistics.median(seconds), len(seconds), against)
 
 
-def duration(name: str, seconds: list[float], against: tuple[Other, ...] = ()) -> Figure:
+def duration(name: str, seconds: list[float], against: tuple[Alternative, ...] = ()) -> Figure:
     """A figure where less is better."""
     return Figure(name, "s", min(seconds), statistics.median(seconds), len(seconds), against)

@@ -10,7 +10,7 @@ from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells
-    from lidarcheck.calibration.blooming.workflow import Measured, ModelSide
+    from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, ModelSide
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
 
@@ -30,9 +30,9 @@ _SAME_M = 3.0
 FREE = ("pulse", "tail", "brightness")
 
 
-def measured_of(scans: Sequence[str], ideals: Sequence[Path] | None) -> list[Measured]:
+def measured_of(scans: Sequence[str], ideals: Sequence[Path] | None) -> list[BloomingMeasurement]:
     """The measurements that the arguments name, each with its ideal scan."""
-    from lidarcheck.calibration.blooming.workflow import Measured
+    from lidarcheck.calibration.blooming.workflow import BloomingMeasurement
 
     if ideals and len(ideals) not in (1, len(scans)):
         raise UsageError(
@@ -42,7 +42,7 @@ def measured_of(scans: Sequence[str], ideals: Sequence[Path] | None) -> list[Mea
     for number, text in enumerate(scans):
         path, distance_m = _at_distance(text)
         ideal = None if not ideals else ideals[number if len(ideals) > 1 else 0]
-        found.append(Measured(path, distance_m, ideal))
+        found.append(BloomingMeasurement(path, distance_m, ideal))
     return found
 
 
@@ -60,7 +60,7 @@ def _at_distance(text: str) -> tuple[Path, float | None]:
     return Path(name), value
 
 
-def axis_of(axis: Axis | None, measured: Sequence[Measured]) -> Axis:
+def axis_of(axis: Axis | None, measured: Sequence[BloomingMeasurement]) -> Axis:
     """The axis that was asked for, else that of the first profile, else vertical."""
     from lidarcheck.calibration.blooming.csv import is_profile, profile_axis
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.calibration.vehicles_files import Named, boxes, check_compare, check_merge, named
+from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, named
 from lidarcheck.cli.core.options import JsonFile, Quiet, Seed, Whole
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
@@ -16,7 +16,7 @@ from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import Pair
-    from lidarcheck.calibration.vehicles.cut import Box, Source
+    from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
     from lidarcheck.scan import IdealScan
 
 __all__ = ["compare", "merge"]
@@ -83,13 +83,13 @@ def compare(
 
 
 def _read_pairs(
-    real: Sequence[Named],
-    simulated: Sequence[Named],
+    real: Sequence[NamedFrame],
+    simulated: Sequence[NamedFrame],
     model: Path | None,
     ideal: Sequence[Path],
     variant: str | None,
     object_: int | None,
-    box: Sequence[Box],
+    box: Sequence[CutBox],
     seed: int,
 ) -> list[Pair]:
     from lidarcheck.calibration.vehicles.read import check_model, read_pair
@@ -182,12 +182,12 @@ _SIDES = ("real", "simulated")
 
 
 def _merge_sources(
-    files: Sequence[Named], meets: IdealScan | None, kind: Any, object_: int | None, box: Sequence[Box]
-) -> list[Source]:
-    from lidarcheck.calibration.vehicles.cut import Source, find_object
+    files: Sequence[NamedFrame], meets: IdealScan | None, kind: Any, object_: int | None, box: Sequence[CutBox]
+) -> list[CutSource]:
+    from lidarcheck.calibration.vehicles.cut import CutSource, find_object
 
     distance = files[0].distance_m or files[1].distance_m
     if meets is not None and object_ is None and meets.object_id is not None and not box:
         object_ = find_object(meets, kind, distance, meets.file)
     boxes = [box[0], box[-1]] if box else [None, None]
-    return [Source(meets, object_, b, distance, str(file.path)) for file, b in zip(files, boxes, strict=True)]
+    return [CutSource(meets, object_, b, distance, str(file.path)) for file, b in zip(files, boxes, strict=True)]

@@ -11,19 +11,19 @@ from lidarcheck.cli.core.outputs import check_twice
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.vehicles.cut import Box
+    from lidarcheck.calibration.vehicles.cut import CutBox
 
-__all__ = ["Named", "boxes", "check_compare", "check_merge", "named"]
+__all__ = ["NamedFrame", "boxes", "check_compare", "check_merge", "named"]
 
 
-class Named(NamedTuple):
+class NamedFrame(NamedTuple):
     """A file, and the distance that its name says."""
 
     path: Path
     distance_m: float | None
 
 
-def named(text: str) -> Named:
+def named(text: str) -> NamedFrame:
     """FILE or FILE@25; a number before an m in the name, as in car_25m.pcd, is a distance too."""
     name, at, distance = text.rpartition("@")
     if at and not Path(text).exists():
@@ -31,10 +31,10 @@ def named(text: str) -> Named:
         if not name or not 0.0 < value <= 300.0:
             what = f"{text} names no distance" if math.isnan(value) else f"{distance} m is out of range"
             raise UsageError(what, fix="write FILE@25, a distance above 0, up to 300 m")
-        return Named(Path(name), value)
+        return NamedFrame(Path(name), value)
     from lidarcheck.calibration.vehicles.kinds import distance_in_name
 
-    return Named(Path(text), distance_in_name(Path(text)))
+    return NamedFrame(Path(text), distance_in_name(Path(text)))
 
 
 def _number(text: str) -> float:
@@ -44,9 +44,9 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def boxes(texts: Sequence[str]) -> list[Box]:
+def boxes(texts: Sequence[str]) -> list[CutBox]:
     """Boxes of `x0,x1,y0,y1,z0,z1`."""
-    from lidarcheck.calibration.vehicles.cut import Box
+    from lidarcheck.calibration.vehicles.cut import CutBox
 
     found = []
     for text in texts:
@@ -55,7 +55,7 @@ def boxes(texts: Sequence[str]) -> list[Box]:
             fix = "use --box x0,x1,y0,y1,z0,z1 in metres, the smaller of each pair first"
             raise UsageError(f"--box {text} is no box", fix=fix)
         (x0, x1), (y0, y1), (z0, z1) = _pairs(values)
-        found.append(Box((x0, y0, z0), (x1, y1, z1)))
+        found.append(CutBox((x0, y0, z0), (x1, y1, z1)))
     return found
 
 
@@ -64,13 +64,13 @@ def _pairs(values: Sequence[float]) -> list[tuple[float, float]]:
 
 
 def check_compare(
-    real: Sequence[Named],
-    simulated: Sequence[Named],
+    real: Sequence[NamedFrame],
+    simulated: Sequence[NamedFrame],
     model: Path | None,
     ideal: Sequence[Path],
     variant: str | None,
     object_: int | None,
-    box: Sequence[Box],
+    box: Sequence[CutBox],
 ) -> None:
     """Refuse what does not fit together, before anything is read."""
     if not real:
@@ -107,12 +107,12 @@ def _check_variant_name(variant: str) -> None:
 
 
 def check_merge(
-    files: Sequence[Named],
+    files: Sequence[NamedFrame],
     out: Path,
     vehicle: str | None,
     ideal: Path | None,
     object_: int | None,
-    box: Sequence[Box],
+    box: Sequence[CutBox],
     x: float | None,
     y: float | None,
 ) -> None:

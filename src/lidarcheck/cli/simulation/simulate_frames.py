@@ -44,12 +44,12 @@ def simulate_frames(
 ) -> int:
     """Simulate what is not in the directory yet, and say what was done."""
     from lidarcheck.formats.table import counted
-    from lidarcheck.harness.frames import Frames
+    from lidarcheck.harness.frames import FrameBatch
     from lidarcheck.model import load_model
     from lidarcheck.workers import Processes
     from lidarcheck.workers.cores import usable_cores
 
-    frames = Frames(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity, device)
+    frames = FrameBatch(ideals, load_model(model), out, count, f".{suffix.lstrip('.')}", seed, scene, fidelity, device)
     frames.check(here=scheduler is None)
     external = frames.model.external is not None
     if external and scheduler is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarcheck.calibration.blooming.cells import Cells, Profile
 from lidarcheck.calibration.blooming.response import FEATURES
-from lidarcheck.calibration.blooming.workflow import Calibration, rms_of
+from lidarcheck.calibration.blooming.workflow import BloomingCalibration, rms_of
 from lidarcheck.figures.data import Course, Curve, Page, Section, Table
 from lidarcheck.formats.lut import Axis
 
@@ -24,7 +24,7 @@ _FAILS = 4.0
 _HEADER = ("target at [m]", "offsets", "echoes", "PEAK off [%]", "AREA off [%]", "WIDTH off [ns]")
 
 
-def calibration_page(result: Calibration, provenance: Mapping[str, str]) -> Page:
+def calibration_page(result: BloomingCalibration, provenance: Mapping[str, str]) -> Page:
     """The page of a fit."""
     fit = result.fit
     fitted = sum(row.status == "fitted" for row in result.rows)
@@ -80,7 +80,7 @@ def profiles_page(
     return Page(f"Blooming profiles, {axis}", summary, tuple(sections), provenance)
 
 
-def _rows_table(result: Calibration) -> Table:
+def _rows_table(result: BloomingCalibration) -> Table:
     rows = tuple((f"{r.x:g}", f"{r.before:.3g}", f"{r.y:.3g}", _interval(r.low, r.high), r.status) for r in result.rows)
     return Table("", ("X", "Y before", "Y", "95 %", "status"), rows, ("X", "Y before", "Y"))
 
@@ -89,7 +89,7 @@ def _interval(low: float, high: float) -> str:
     return "" if np.isnan(low) else f"{low:.3g} ... {high:.3g}"
 
 
-def _parameter_table(result: Calibration) -> tuple[Table, ...]:
+def _parameter_table(result: BloomingCalibration) -> tuple[Table, ...]:
     rows = tuple((p.name, f"{p.value:.4g}", f"{p.low:.4g} ... {p.high:.4g}", p.unit) for p in result.fit.parameters)
     return (Table("Also free", ("name", "value", "95 %", "unit"), rows, ("value",)),) if rows else ()
 
@@ -114,7 +114,7 @@ def _at(profile: Profile, offset: Any) -> Profile:
     return Profile(np.asarray(offset), range_m, value, profile.echoes[place] * same, profile.on_target[place] & same)
 
 
-def _table_figure(result: Calibration) -> Course:
+def _table_figure(result: BloomingCalibration) -> Course:
     rows = [row for row in result.rows if row.x != 0.0]
     x, before, y = (np.array([getattr(row, name) for row in rows]) for name in ("x", "before", "y"))
     low, high = (np.array([getattr(row, name) for row in rows]) for name in ("low", "high"))
@@ -125,7 +125,7 @@ def _table_figure(result: Calibration) -> Course:
     return Course("The table", f"X [{_UNIT[result.axis]}]", "Y", (fitted, given), log_y=True)
 
 
-def _score_figure(result: Calibration) -> tuple[Course, ...]:
+def _score_figure(result: BloomingCalibration) -> tuple[Course, ...]:
     scores = sorted(result.fit.scores)
     if not scores:
         return ()
@@ -198,7 +198,7 @@ def _profile_document(profile: Profile) -> dict[str, Any]:
     }
 
 
-def calibration_document(result: Calibration) -> dict[str, Any]:
+def calibration_document(result: BloomingCalibration) -> dict[str, Any]:
     """The fit as JSON has it."""
     fit = result.fit
     pairs = zip(result.cells, result.measured, result.expected, strict=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.calibration.ghosts.fit import DatasetFit, Estimate, GhostFit
+from lidarcheck.calibration.ghosts.fit import DatasetFit, GhostFit, GhostParameter
 from lidarcheck.calibration.ghosts.workflow import GhostScan
 from lidarcheck.figures.data import Course, Curve, Distribution, Figure, Page, Section, Table
 from lidarcheck.kpi.detection import wilson
@@ -48,7 +48,7 @@ def _parameters(fit: GhostFit) -> Table:
     return Table(f"{fit.effect.name}, with 95 % intervals", header, tuple(rows), header[1:4])
 
 
-def _remark(estimate: Estimate) -> str:
+def _remark(estimate: GhostParameter) -> str:
     return "" if estimate.fitted else "not told by these data"
 
 

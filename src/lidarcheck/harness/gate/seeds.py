@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.harness.gate import gate
-from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.model.external import stop_external_models
 from lidarcheck.workers import Shared, Threads, WorkerPool, one_blas_thread
 from lidarcheck.workers.cores import usable_cores
@@ -25,9 +25,9 @@ __all__ = [
     "GOLDEN_SEEDS",
     "QUANTILE_LEVELS",
     "REFERENCE_SEEDS",
-    "Job",
     "Progress",
     "Runner",
+    "ScenarioJob",
     "SeedRecord",
     "distance",
     "fresh_seeds",
@@ -56,11 +56,11 @@ class SeedRecord:
     digest: str
 
 
-class Job(NamedTuple):
+class ScenarioJob(NamedTuple):
     """A scenario to be run: its name, what runs a seed of it, and the list that its records are appended to."""
 
     label: str
-    run: Callable[[int], Measurement]
+    run: Callable[[int], SeedMeasurement]
     records: list[SeedRecord]
 
 
@@ -78,10 +78,10 @@ class Runner:
         self._jobs = jobs or usable_cores()
         self._progress = progress or (lambda done, total, label: None)
         self._crew = pool
-        self._held: dict[int, Shared[Callable[[int], Measurement]]] = {}
+        self._held: dict[int, Shared[Callable[[int], SeedMeasurement]]] = {}
         self._done = 0
 
-    def seeds(self, jobs: Sequence[Job], seeds: Sequence[int]) -> None:
+    def seeds(self, jobs: Sequence[ScenarioJob], seeds: Sequence[int]) -> None:
         """Run `seeds` of every job and append their records, in the order of the seeds."""
         tasks = [(job, seed) for job in jobs for seed in seeds]
         if not tasks:
@@ -99,12 +99,12 @@ class Runner:
         for (job, _), record in zip(tasks, found, strict=True):
             job.records.append(record)
 
-    def _holding(self, job: Job) -> Shared[Callable[[int], Measurement]]:
+    def _holding(self, job: ScenarioJob) -> Shared[Callable[[int], SeedMeasurement]]:
         """What runs a seed, the same thing for all seeds of a scenario."""
         return self._held.setdefault(id(job.run), Shared(job.run))
 
 
-def _run(run: Callable[[int], Measurement], seed: int) -> SeedRecord:
+def _run(run: Callable[[int], SeedMeasurement], seed: int) -> SeedRecord:
     return record_of(run(seed))
 
 
@@ -136,7 +136,7 @@ def distance(quantiles: FloatArray, reference: FloatArray) -> float:
     return float(np.abs(quantiles - reference).mean())
 
 
-def record_of(measurement: Measurement) -> SeedRecord:
+def record_of(measurement: SeedMeasurement) -> SeedRecord:
     """The measurement without its samples, which are large."""
     return SeedRecord(
         values={name: float(value) for name, value in measurement.values.items()},

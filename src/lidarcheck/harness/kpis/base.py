@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.harness.kpis.selection import Seen
+from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.harness.kpis.spec import Direction, GateKind
 
 __all__ = ["KpiKind", "distance_kind", "quantile", "share", "slope", "spread_between", "standard_deviation"]
@@ -32,13 +32,13 @@ class KpiKind:
     unit: str
     direction: Direction = "target"
     gate: GateKind = "mean"
-    value: Callable[[Seen], float] | None = None
-    trials: Callable[[Seen], int] | None = None
-    sample: Callable[[Seen], FloatArray] | None = None
+    value: Callable[[KpiInput], float] | None = None
+    trials: Callable[[KpiInput], int] | None = None
+    sample: Callable[[KpiInput], FloatArray] | None = None
     needs: Needs = "surface"
 
 
-def distance_kind(meaning: str, unit: str, sample: Callable[[Seen], FloatArray]) -> KpiKind:
+def distance_kind(meaning: str, unit: str, sample: Callable[[KpiInput], FloatArray]) -> KpiKind:
     """The distance of a feature's distribution from the golden's."""
     return KpiKind(f"1-Wasserstein distance of the {meaning} distribution", unit, "lower", "distance", sample=sample)
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.harness.kpis.base import KpiKind, quantile, share, standard_deviation
-from lidarcheck.harness.kpis.selection import Seen
+from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.ghost import Ghost, ghost
 from lidarcheck.kpi.validation import mean
 from lidarcheck.sensor import beam_directions
@@ -116,7 +116,7 @@ GHOST_KINDS: Mapping[str, KpiKind] = {
 """Echoes at twice the range of the surface on their beam."""
 
 
-def _ghost(seen: Seen) -> Ghost:
+def _ghost(seen: KpiInput) -> Ghost:
     echoes, targets, ghosts = seen.echoes, seen.on, seen.ghosts
     return ghost(
         _positions(seen, targets),
@@ -128,5 +128,5 @@ def _ghost(seen: Seen) -> Ghost:
     )
 
 
-def _positions(seen: Seen, which: IndexArray) -> FloatArray:
+def _positions(seen: KpiInput, which: IndexArray) -> FloatArray:
     return beam_directions(seen.layer(which), seen.point(which)) * seen.echoes.range_m[which, None]

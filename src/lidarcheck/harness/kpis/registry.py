@@ -1,6 +1,6 @@
 """The kinds of KPI that a scenario may ask for, in one table.
 
-A new kind is a small function of `Seen` and an entry in the table of its family.
+A new kind is a small function of `KpiInput` and an entry in the table of its family.
 """
 
 from __future__ import annotations

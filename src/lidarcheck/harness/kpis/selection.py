@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.kpi.pairing import Pairing, beam_keys, nearest_on_line, ranges
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["Fired", "Seen", "SelectedEchoes", "Selection", "Window"]
+__all__ = ["FiredBeams", "KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -59,7 +59,7 @@ def _names(table: type[SelectedEchoes]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Fired:
+class FiredBeams:
     """The beams of a scenario in ascending (layer, point), and what they meet.
 
     `layer`, `point`: of the beams, shape (n_beams,); of the ideal scan's rows, shape (n_rows,): `beam_of_row`,
@@ -73,7 +73,7 @@ class Fired:
     incidence_deg: FloatArray
 
     @classmethod
-    def of(cls, ideal: IdealScan) -> Fired:
+    def of(cls, ideal: IdealScan) -> FiredBeams:
         """The beams of an ideal scan, whose rows may be sub-beams in any order."""
         keys = beam_keys(ideal.layer, ideal.point)
         _, first, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
@@ -132,14 +132,14 @@ class Fired:
 
 
 @dataclass(frozen=True)
-class Selection:
+class KpiSelection:
     """The part of a scenario that one KPI looks at.
 
     `rows`: mask over the ideal scan's rows. `window_m`: an echo within it of a surface lies on that surface. `zone_m`:
     only echoes whose range lies in it are seen at all; None: all of them.
     """
 
-    fired: Fired
+    fired: FiredBeams
     rows: Mask
     window_m: float
     zone_m: Window | None = None
@@ -159,16 +159,16 @@ class Selection:
         """The selected beams beside whose surface there is another at a different range, shape (n_beams,)."""
         return self.beams & self.fired.at_edge(self.window_m)
 
-    def seen(self, echoes: SelectedEchoes, frames: int = 1) -> Seen:
+    def seen(self, echoes: SelectedEchoes, frames: int = 1) -> KpiInput:
         """What is seen of those echoes."""
-        return Seen(self, echoes, frames)
+        return KpiInput(self, echoes, frames)
 
     def _beams_of(self, rows: Mask) -> Mask:
         return np.bincount(self.fired.beam_of_row, weights=rows, minlength=len(self.fired)) > 0.0
 
 
 @dataclass(frozen=True)
-class Seen:
+class KpiInput:
     """What one KPI is computed from: the echoes of the selected beams, worked out as far as the KPI asks.
 
     Counts of beams count them in each of the `frames`. `every`, `on`, `stray`, `mixed`, `ghosts` are indices of
@@ -178,7 +178,7 @@ class Seen:
     surfaces, shape (n,) each.
     """
 
-    selection: Selection
+    selection: KpiSelection
     echoes: SelectedEchoes
     frames: int = 1
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Direction", "GateKind", "KpiSpec", "Measurement"]
+__all__ = ["Direction", "GateKind", "KpiSpec", "SeedMeasurement"]
 
 GateKind = Literal["mean", "proportion", "distance"]
 Direction = Literal["higher", "lower", "target"]
@@ -21,11 +21,11 @@ class KpiSpec:
 
     `name`: unique within the scenario, as `area_mean.panels_50`.
     `kind`: how the gate treats it. "mean": one number per seed, about normal over seeds; "proportion": successes over
-    `Measurement.trials`; "distance": of the sample `feature` from the golden's, never negative.
+    `SeedMeasurement.trials`; "distance": of the sample `feature` from the golden's, never negative.
     `direction`: which way is better; "target": any departure is worse.
     `tolerance`: a change up to this does not matter in practice, in `unit`.
     `low`, `high`: absolute limits on the value, the sensor's requirement; None where there is none.
-    `feature`: for a distance, the key of its sample in `Measurement.samples`; None otherwise.
+    `feature`: for a distance, the key of its sample in `SeedMeasurement.samples`; None otherwise.
     """
 
     name: str
@@ -39,7 +39,7 @@ class KpiSpec:
 
 
 @dataclass(frozen=True, slots=True)
-class Measurement:
+class SeedMeasurement:
     """One seed of one scenario.
 
     `values`: by KPI name; nan where it could not be computed (no echo in the selection). Distances are absent.

@@ -16,7 +16,7 @@ from lidarcheck.harness.kpis.base import (
     spread_between,
     standard_deviation,
 )
-from lidarcheck.harness.kpis.selection import Seen
+from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.validation import mean
 
 __all__ = ["DISTANCE_KINDS", "SURFACE_KINDS", "TREND_KINDS"]
@@ -111,27 +111,27 @@ DISTANCE_KINDS: Mapping[str, KpiKind] = {
 """The distributions that a golden, or a measured file, may be compared by."""
 
 
-def _lines(seen: Seen, line: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
+def _lines(seen: KpiInput, line: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     """A number for each line of each frame: what shakes is another from frame to frame."""
     return seen.echoes.frame[seen.on] * 2**32 + line
 
 
-def _walk(seen: Seen) -> float:
+def _walk(seen: KpiInput) -> float:
     some = seen.area > 0.0
     return slope(np.log10(seen.area[some]), seen.residual_m[some])
 
 
-def _loss(seen: Seen) -> float:
+def _loss(seen: KpiInput) -> float:
     some = seen.area > 0.0
     return -slope(seen.distance_m[some], _log_signal(seen)[some])
 
 
-def _falloff(seen: Seen) -> float:
+def _falloff(seen: KpiInput) -> float:
     cosine = np.cos(np.deg2rad(seen.incidence_deg))
     some = (seen.area > 0.0) & (cosine > _LEAST_COSINE)
     return slope(np.log(cosine[some]), _log_signal(seen)[some])
 
 
-def _log_signal(seen: Seen) -> FloatArray:
+def _log_signal(seen: KpiInput) -> FloatArray:
     """ln(AREA R²), which does not depend on range in a clear atmosphere; of no use where AREA is 0."""
     return np.asarray(np.log(np.maximum(seen.area, 1e-300)) + 2.0 * np.log(seen.distance_m))

@@ -12,7 +12,7 @@ from typing import Any
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.atomic import write_bytes, write_text
 from lidarcheck.harness.layout import make_directory
-from lidarcheck.harness.propose.trial import Catch, Trial
+from lidarcheck.harness.propose.trial import Catch, KpiTrial
 from lidarcheck.model.files.model_file import save_model
 from lidarcheck.model.spec import Model
 
@@ -30,7 +30,7 @@ def ideal_file(scenario: Path, source: Path) -> Path:
 
 
 def write_files(
-    trial: Trial, catches: Mapping[str, tuple[Catch, ...]], tolerances: Mapping[str, float], description: str
+    trial: KpiTrial, catches: Mapping[str, tuple[Catch, ...]], tolerances: Mapping[str, float], description: str
 ) -> list[Path]:
     """Write all of them and return their paths, the scenario's last; where that fails, none of them is left."""
     scenario = trial.scenario.path
@@ -75,7 +75,7 @@ def _with_tables_beside(model: Model, file: Path, files: list[Path]) -> Model:
     return dataclasses.replace(model, effects=tuple(effects))
 
 
-def _kpi_lines(trial: Trial, kpi: str, tolerance: float, catches: Mapping[str, tuple[Catch, ...]]) -> list[str]:
+def _kpi_lines(trial: KpiTrial, kpi: str, tolerance: float, catches: Mapping[str, tuple[Catch, ...]]) -> list[str]:
     """One `[[kpis]]` table, and what it catches as comments."""
     seen = [(effect, catch) for effect, found in catches.items() for catch in found if catch.kpi == kpi]
     said = [

@@ -19,11 +19,11 @@ from lidarcheck.errors import UsageError
 from lidarcheck.harness.gate import gate
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, record_of
 from lidarcheck.harness.goldens.file import load_golden
-from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.propose.candidates import WATCHERS
 from lidarcheck.harness.propose.files import ideal_file, model_file, write_files
-from lidarcheck.harness.propose.trial import LOST_SEEDS, SHARE, Catch, Trial
+from lidarcheck.harness.propose.trial import LOST_SEEDS, SHARE, Catch, KpiTrial
 from lidarcheck.harness.review.review import review
 from lidarcheck.harness.scenario.measure import measure
 from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
@@ -91,10 +91,10 @@ def propose_scenario(
     _refuse(file, layout, model, effects)
     without = {name: (lost or {}).get(name, model.without(name)) for name in effects}
     runner = Runner(jobs, progress)
-    looked: list[tuple[int, Trial, dict[str, list[str]]]] = []
+    looked: list[tuple[int, KpiTrial, dict[str, list[str]]]] = []
     for ideal in ideals:
         _refuse_there(ideal_file(file, Path(ideal)))
-        trial = Trial.of(Path(ideal), file, model, without)
+        trial = KpiTrial.of(Path(ideal), file, model, without)
         trial.run(runner, GOLDEN_SEEDS[: gate.PAIRED_SEEDS])
         chosen = {name: _best(trial, name, per_effect) for name in without}
         looked.append((sum(map(bool, chosen.values())), trial, chosen))
@@ -145,7 +145,7 @@ def _nothing_caught(effects: Sequence[str]) -> UsageError:
     return UsageError(f"no KPI catches the loss of {', '.join(effects)} on these beams", fix=fix)
 
 
-def _best(trial: Trial, effect: str, count: int) -> list[str]:
+def _best(trial: KpiTrial, effect: str, count: int) -> list[str]:
     """The KPIs that seem to catch the loss, one a kind: of the kinds that the effect is known by, else of others."""
     kinds: dict[str, Catch] = {}
     for kpi in trial.asked_for[effect]:
@@ -157,7 +157,7 @@ def _best(trial: Trial, effect: str, count: int) -> list[str]:
     return [catch.kpi for catch in ranked[:count]]
 
 
-def _catches(trial: Trial, chosen: Mapping[str, Sequence[str]]) -> dict[str, tuple[Catch, ...]]:
+def _catches(trial: KpiTrial, chosen: Mapping[str, Sequence[str]]) -> dict[str, tuple[Catch, ...]]:
     """By effect those of its KPIs that catch its loss, the clearest first."""
     seen = {effect: [trial.catch(effect, kpi) for kpi in kpis] for effect, kpis in chosen.items()}
     caught = {effect: [catch for catch in found if catch and catch.margin > 1.0] for effect, found in seen.items()}
@@ -165,7 +165,7 @@ def _catches(trial: Trial, chosen: Mapping[str, Sequence[str]]) -> dict[str, tup
 
 
 def _written(
-    trial: Trial, catches: Mapping[str, tuple[Catch, ...]], layout: Layout, description: str, jobs: int | None
+    trial: KpiTrial, catches: Mapping[str, tuple[Catch, ...]], layout: Layout, description: str, jobs: int | None
 ) -> Proposed:
     """Write the files and leave the proposal; what was measured is said of what lies on disk."""
     kept = dict.fromkeys(catch.kpi for found in catches.values() for catch in found)
@@ -187,12 +187,12 @@ def _written(
     return Proposed(scenario.path, tuple(files), proposal, {k: v for k, v in confirmed.items() if v}, uncaught)
 
 
-def _propose(scenario: Scenario, measured: Mapping[int, Measurement], jobs: int | None) -> None:
+def _propose(scenario: Scenario, measured: Mapping[int, SeedMeasurement], jobs: int | None) -> None:
     """Let a review leave the proposal; seeds that were measured are not run again if the files give the same echoes."""
     first = measure(scenario, scenario.model, GOLDEN_SEEDS[0], threads=1)
     known = measured if first.digest == measured[GOLDEN_SEEDS[0]].digest else {}
 
-    def again(asked: Scenario, model: Model, seed: int) -> Measurement:
+    def again(asked: Scenario, model: Model, seed: int) -> SeedMeasurement:
         return known[seed] if seed in known else measure(asked, model, seed, threads=1)
 
     review([scenario.path], jobs=jobs, measure=again)

@@ -15,15 +15,15 @@ import numpy.typing as npt
 
 from lidarcheck.formats import load_ideal
 from lidarcheck.harness.gate import gate
-from lidarcheck.harness.gate.seeds import Job, Runner, SeedRecord
+from lidarcheck.harness.gate.seeds import Runner, ScenarioJob, SeedRecord
 from lidarcheck.harness.gate.sensitivity import resolution
-from lidarcheck.harness.kpis.spec import KpiSpec, Measurement
+from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
 from lidarcheck.harness.propose.candidates import Watch, watches
 from lidarcheck.harness.scenario.measure import measure
 from lidarcheck.harness.scenario.scenario import Scenario
 from lidarcheck.model.spec import Model
 
-__all__ = ["LOST_SEEDS", "SHARE", "Catch", "Trial"]
+__all__ = ["LOST_SEEDS", "SHARE", "Catch", "KpiTrial"]
 
 SHARE = gate.error_share(500)
 """The error that one KPI may make in a suite of 500, in which a proposal must still hold."""
@@ -51,7 +51,7 @@ class Catch:
 
 
 @dataclass
-class Trial:
+class KpiTrial:
     """An ideal scan with the KPIs that are tried on it, and what was measured so far.
 
     `lost`: by effect, the model that lacks it; `tables`: what a scenario's file says of each KPI; `asked_for`: the KPIs
@@ -63,11 +63,11 @@ class Trial:
     lost: Mapping[str, Model]
     tables: Mapping[str, dict[str, Any]]
     asked_for: Mapping[str, Sequence[str]]
-    with_all: dict[int, Measurement] = field(default_factory=dict)
+    with_all: dict[int, SeedMeasurement] = field(default_factory=dict)
     without: dict[str, list[SeedRecord]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, ideal_file: Path, scenario_file: Path, model: Model, lost: Mapping[str, Model]) -> Trial:
+    def of(cls, ideal_file: Path, scenario_file: Path, model: Model, lost: Mapping[str, Model]) -> KpiTrial:
         """An ideal scan with every KPI that might see one of the effects."""
         ideal = load_ideal(ideal_file)
         found: dict[str, Watch] = {}
@@ -81,7 +81,7 @@ class Trial:
         scenario = Scenario(scenario_file.stem, "", scenario_file, model, ideal, asked)
         return cls(ideal_file, scenario, lost, {name: table for name, (table, _) in found.items()}, asked_for)
 
-    def only(self, names: Sequence[str]) -> Trial:
+    def only(self, names: Sequence[str]) -> KpiTrial:
         """The same trial of these KPIs alone."""
         asked = tuple(kpi for kpi in self.scenario.asked if kpi.spec.name in names)
         return dataclasses.replace(self, scenario=dataclasses.replace(self.scenario, asked=asked))
@@ -90,15 +90,15 @@ class Trial:
         """Measure those of the seeds that are lacking with all effects, and, the first time, a few without each."""
         label, model = self.scenario.name, self.scenario.model
 
-        def kept(seed: int) -> Measurement:
+        def kept(seed: int) -> SeedMeasurement:
             self.with_all[seed] = measure(self.scenario, model, seed, threads=1)
             return self.with_all[seed]
 
-        runner.seeds([Job(label, kept, [])], [seed for seed in seeds if seed not in self.with_all])
+        runner.seeds([ScenarioJob(label, kept, [])], [seed for seed in seeds if seed not in self.with_all])
         for name, lost in self.lost.items():
             if name not in self.without:
                 records: list[SeedRecord] = []
-                job = Job(f"{label} without {name}", partial(measure, self.scenario, lost, threads=1), records)
+                job = ScenarioJob(f"{label} without {name}", partial(measure, self.scenario, lost, threads=1), records)
                 runner.seeds([job], LOST_SEEDS)
                 self.without[name] = records
 

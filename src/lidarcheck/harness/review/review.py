@@ -18,14 +18,14 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.plain import plain
-from lidarcheck.harness.case import Case, Load, Measure, open_case, provenance_now, suite_size
 from lidarcheck.harness.gate import gate
 from lidarcheck.harness.gate.gate import Verdict
-from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Job, Progress, Runner, SeedRecord
+from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Progress, Runner, ScenarioJob, SeedRecord
 from lidarcheck.harness.goldens.file import load_golden, save_golden
 from lidarcheck.harness.goldens.git_state import uncommitted
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, paired_identical, sample_of, thresholds_changed
 from lidarcheck.harness.layout import Layout, make_directory, select
+from lidarcheck.harness.scenario_run import Load, Measure, ScenarioRun, open_run, provenance_now, suite_size
 
 __all__ = ["KpiReview", "ReviewReport", "ScenarioReview", "file_hash", "review"]
 
@@ -120,7 +120,7 @@ def review(
     selection = select(paths)
     for text in (text for layout in selection.whole for text in layout.orphans_in_words()):
         logger.warning("%s", text)
-    cases = [open_case(file, None, measure, load, tolerate_damage=True) for file in selection.files]
+    cases = [open_run(file, None, measure, load, tolerate_damage=True) for file in selection.files]
     bases = [file_hash(case.layout.golden(case.scenario.name)) for case in cases]
     run = Runner(jobs, progress)
     run.seeds([case.paired_job for case in cases], _PAIRED)
@@ -130,7 +130,8 @@ def review(
     references: dict[Path, list[SeedRecord]] = {case.scenario.path: [] for case in lacking if _has_distance(case)}
     distances = [case for case in lacking if _has_distance(case)]
     run.seeds(
-        [Job(case.scenario.name, case.run, references[case.scenario.path]) for case in distances], REFERENCE_SEEDS
+        [ScenarioJob(case.scenario.name, case.run, references[case.scenario.path]) for case in distances],
+        REFERENCE_SEEDS,
     )
 
     share = gate.error_share(suite_size(cases))
@@ -147,11 +148,11 @@ def file_hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
-def _has_distance(case: Case) -> bool:
+def _has_distance(case: ScenarioRun) -> bool:
     return any(spec.kind == "distance" for spec in case.scenario.kpis)
 
 
-def _known_proposal(case: Case, base: str) -> Golden | None:
+def _known_proposal(case: ScenarioRun, base: str) -> Golden | None:
     """A proposal that needs no more seeds: the golden itself if the echoes are its own, or one that is complete."""
     golden, asked = case.golden, {spec.name: spec for spec in case.scenario.kpis}
     if golden and golden.kpis.keys() == asked.keys() and _all_identical(case, golden):
@@ -170,7 +171,7 @@ def _known_proposal(case: Case, base: str) -> Golden | None:
     return proposal if same and proposal.complete and _all_identical(case, proposal) else None
 
 
-def _all_identical(case: Case, golden: Golden) -> bool:
+def _all_identical(case: ScenarioRun, golden: Golden) -> bool:
     same_features = all(
         golden.kpis[spec.name].spec.feature == spec.feature and golden.kpis[spec.name].spec.kind == spec.kind
         for spec in case.scenario.kpis
@@ -179,7 +180,7 @@ def _all_identical(case: Case, golden: Golden) -> bool:
     return same_features and all(paired_identical(golden, kpi, case.paired) for kpi in golden.kpis.values())
 
 
-def _proposal(case: Case, reference: Sequence[SeedRecord], base: str, share: float) -> Golden:
+def _proposal(case: ScenarioRun, reference: Sequence[SeedRecord], base: str, share: float) -> Golden:
     """The proposal from the seeds that were run, with the gate's verdict on each KPI and the last run's."""
     records = [*case.paired, *case.fresh]
     provenance = dataclasses.replace(
@@ -196,7 +197,7 @@ def _proposal(case: Case, reference: Sequence[SeedRecord], base: str, share: flo
     return dataclasses.replace(built, kpis=kpis)
 
 
-def _verdict(case: Case, new: KpiGolden, records: Sequence[SeedRecord], share: float) -> Verdict:
+def _verdict(case: ScenarioRun, new: KpiGolden, records: Sequence[SeedRecord], share: float) -> Verdict:
     old = case.golden.kpis.get(new.spec.name) if case.golden else None
     if old is None or case.golden is None:
         return Verdict.MISSING
@@ -205,7 +206,7 @@ def _verdict(case: Case, new: KpiGolden, records: Sequence[SeedRecord], share: f
     return gate.judge(old.spec, old.reference, sample_of(old, records, case.paired), share).verdict
 
 
-def _last_verdicts(case: Case) -> Mapping[str, Verdict]:
+def _last_verdicts(case: ScenarioRun) -> Mapping[str, Verdict]:
     """What the last check of the same model said, on other seeds."""
     try:
         proposal = load_golden(case.layout.proposal(case.scenario.name))
@@ -216,7 +217,7 @@ def _last_verdicts(case: Case) -> Mapping[str, Verdict]:
     return {name: Verdict(kpi.verdict) for name, kpi in proposal.kpis.items() if kpi.verdict}
 
 
-def _scenario_review(case: Case, proposal: Golden, base: str) -> ScenarioReview:
+def _scenario_review(case: ScenarioRun, proposal: Golden, base: str) -> ScenarioReview:
     golden = case.golden
     old = golden.kpis if golden else {}
     names = dict.fromkeys([*proposal.kpis, *old])
@@ -237,7 +238,7 @@ def _scenario_review(case: Case, proposal: Golden, base: str) -> ScenarioReview:
     return ScenarioReview(case.scenario.name, case.layout, golden, base, proposal, kpis, tuple(reasons), notes, settled)
 
 
-def _kpi_review(case: Case, old: KpiGolden | None, new: KpiGolden | None, share: float) -> KpiReview:
+def _kpi_review(case: ScenarioRun, old: KpiGolden | None, new: KpiGolden | None, share: float) -> KpiReview:
     if new is None:
         name = old.spec.name if old else ""
         asked = any(spec.name == name for spec in case.scenario.kpis)

@@ -13,7 +13,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.config_words import shown
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import Fired, SelectedEchoes, Selection
+from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.file import WINDOW_M, KpiTable
 from lidarcheck.kpi.pairing import pair_with_ideal
@@ -34,7 +34,7 @@ class AskedKpi:
 
     kind: str
     spec: KpiSpec
-    selection: Selection
+    selection: KpiSelection
     measured: npt.NDArray[np.float64] | None = None
 
 
@@ -42,7 +42,7 @@ def ask(
     tables: Sequence[KpiTable], ideal: IdealScan, measured: Scan | None, lines: LineIndex, faults: list[InputError]
 ) -> tuple[AskedKpi, ...]:
     """The KPIs; to `faults` come names that occur twice and selections that cannot show what is asked."""
-    fired = Fired.of(ideal)
+    fired = FiredBeams.of(ideal)
     asked: list[AskedKpi] = []
     for index, table in enumerate(tables):
         try:
@@ -63,7 +63,7 @@ def hashed(table: KpiTable) -> dict[str, Any]:
     return {key: value for key, value in values.items() if value is not None or key not in _LATER_KEYS}
 
 
-def _one(kpi: KpiTable, ideal: IdealScan, fired: Fired, measured: Scan | None) -> AskedKpi:
+def _one(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
     kind = KINDS[kpi.kpi]
     selection = _selection(kpi, ideal, fired)
     name = kpi.name or ".".join([kpi.kpi, *_label(kpi)])
@@ -86,7 +86,7 @@ def _one(kpi: KpiTable, ideal: IdealScan, fired: Fired, measured: Scan | None) -
     return AskedKpi(kpi.kpi, spec, selection, sample)
 
 
-def _selection(kpi: KpiTable, ideal: IdealScan, fired: Fired) -> Selection:
+def _selection(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams) -> KpiSelection:
     """The part of the scenario that a KPI looks at; windows include both ends."""
     rows = np.ones(len(ideal), dtype=np.bool_)
     if kpi.object is not None:
@@ -107,7 +107,7 @@ def _selection(kpi: KpiTable, ideal: IdealScan, fired: Fired) -> Selection:
     if not rows.any():
         fix = "check its object, material, layers, points, range_m and incidence_deg"
         raise UsageError("the KPI selects no beams", fix=fix)
-    selection = Selection(fired, rows, kpi.window_m, kpi.echo_range_m)
+    selection = KpiSelection(fired, rows, kpi.window_m, kpi.echo_range_m)
     needs = KINDS[kpi.kpi].needs
     if needs == "surface" and not selection.meeting.any():
         raise UsageError(f"{kpi.kpi} needs a surface, and no selected beam meets one", fix="select other beams")

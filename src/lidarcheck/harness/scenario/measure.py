@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import SelectedEchoes
-from lidarcheck.harness.kpis.spec import Measurement
+from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.scenario.scenario import Scenario
 from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.pairing import pair_with_ideal
@@ -21,7 +21,7 @@ from lidarcheck.scan import Scan
 __all__ = ["measure"]
 
 
-def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None = None) -> Measurement:
+def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None = None) -> SeedMeasurement:
     """One seed of a scenario with `model`, which may be another than the scenario's own.
 
     The same arguments give the same numbers. Raises what `lidarcheck.model.simulate` raises, and `UsageError` when an
@@ -37,7 +37,7 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     return _measured(scenario, SelectedEchoes.joined(parts), digest.hexdigest())
 
 
-def _measured(scenario: Scenario, echoes: SelectedEchoes, digest: str) -> Measurement:
+def _measured(scenario: Scenario, echoes: SelectedEchoes, digest: str) -> SeedMeasurement:
     """All KPIs of one seed's echoes."""
     values: dict[str, float] = {}
     trials: dict[str, int] = {}
@@ -53,7 +53,7 @@ def _measured(scenario: Scenario, echoes: SelectedEchoes, digest: str) -> Measur
             values[name] = wasserstein(asked.measured, kind.sample(seen))
         elif kind.sample is not None and asked.spec.feature is not None:
             samples[asked.spec.feature] = kind.sample(seen)
-    return Measurement(values, trials, samples, digest)
+    return SeedMeasurement(values, trials, samples, digest)
 
 
 def _feed(digest: hashlib._Hash, scan: Scan) -> None:

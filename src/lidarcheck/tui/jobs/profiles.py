@@ -131,10 +131,10 @@ class Profiles:
 
     def _read(self, choice: Choice) -> ProfileData:
         from lidarcheck.calibration.blooming.cells import profile_of
-        from lidarcheck.calibration.blooming.workflow import Measured, gather
+        from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, gather
 
         dataset = choice.dataset
-        cells = gather([Measured(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
+        cells = gather([BloomingMeasurement(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
         return ProfileData(cells, profile_of(cells))
 
     def expected(self, choice: Choice, shown: ProfileData, table: LutTable) -> Profile:

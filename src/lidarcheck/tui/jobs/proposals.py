@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import GoldenError
-from lidarcheck.harness.case import kpis_in_goldens
 from lidarcheck.harness.gate import gate
 from lidarcheck.harness.gate.gate import Verdict
 from lidarcheck.harness.goldens.file import load_golden
@@ -18,6 +17,7 @@ from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
 from lidarcheck.harness.review.wording import verdict_word
+from lidarcheck.harness.scenario_run import kpis_in_goldens
 from lidarcheck.tui.jobs.checks import Cancelled, KpiLine, ProgressCallback, known, limits_of, unit_of
 
 __all__ = ["Review", "Waiting", "changes", "kpi_line", "reasons", "reviewed", "run_reviews", "waiting"]

@@ -9,24 +9,24 @@ from functools import partial
 from pathlib import Path
 
 from lidarcheck.errors import GoldenError
-from lidarcheck.harness.gate.seeds import REFERENCE_SEEDS, Job, SeedRecord
+from lidarcheck.harness.gate.seeds import REFERENCE_SEEDS, ScenarioJob, SeedRecord
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, thresholds_changed
 from lidarcheck.harness.goldens.provenance import Provenance, provenance_of
-from lidarcheck.harness.kpis.spec import KpiSpec, Measurement
+from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Case", "Load", "Measure", "kpis_in_goldens", "open_case", "provenance_now", "suite_size"]
+__all__ = ["Load", "Measure", "ScenarioRun", "kpis_in_goldens", "open_run", "provenance_now", "suite_size"]
 
-Measure = Callable[[Scenario, Model, int], Measurement]
+Measure = Callable[[Scenario, Model, int], SeedMeasurement]
 Load = Callable[[Path], Scenario]
 
 
 @dataclass
-class Case:
+class ScenarioRun:
     """A scenario being checked. `paired`, `fresh`: the records so far; `skipped`: why it is not run, empty if it is.
 
     `foreign`: another model than the scenario's own is asked; `damage`: why the golden could not be read, if tolerated.
@@ -34,7 +34,7 @@ class Case:
 
     scenario: Scenario
     model: Model
-    run: Callable[[int], Measurement]
+    run: Callable[[int], SeedMeasurement]
     layout: Layout
     golden: Golden | None
     release: Golden | None
@@ -45,14 +45,14 @@ class Case:
     fresh: list[SeedRecord] = field(default_factory=list)
 
     @property
-    def paired_job(self) -> Job:
+    def paired_job(self) -> ScenarioJob:
         """What runs the paired seeds."""
-        return Job(self.scenario.name, self.run, self.paired)
+        return ScenarioJob(self.scenario.name, self.run, self.paired)
 
     @property
-    def fresh_job(self) -> Job:
+    def fresh_job(self) -> ScenarioJob:
         """What runs further seeds."""
-        return Job(self.scenario.name, self.run, self.fresh)
+        return ScenarioJob(self.scenario.name, self.run, self.fresh)
 
     def comparisons(self) -> list[tuple[Golden, KpiGolden, KpiSpec]]:
         """(reference, its KPI, what is asked of it) of every KPI of the last golden, and of the release's that it has.
@@ -117,14 +117,14 @@ class Case:
         return dataclasses.replace(proposal, kpis=kpis)
 
 
-def open_case(
+def open_run(
     file: Path,
     model: Model | Path | str | None = None,
     measure: Measure | None = None,
     load: Load | None = None,
     *,
     tolerate_damage: bool = False,
-) -> Case:
+) -> ScenarioRun:
     """Read a scenario, its goldens, and the model that is asked; `LidarcheckError` for the first that is at fault.
 
     `tolerate_damage`: a golden that cannot be read counts as none, and the case says why.
@@ -136,7 +136,7 @@ def open_case(
     release, _ = _golden(layout.release(scenario.name), tolerate_damage, release=True)
     if release and release.provenance.scenario != scenario.content_hash:
         release = None
-    return Case(
+    return ScenarioRun(
         scenario=scenario,
         model=asked,
         run=partial(measure or _measure, scenario, asked),
@@ -149,7 +149,7 @@ def open_case(
     )
 
 
-def suite_size(cases: Sequence[Case]) -> int:
+def suite_size(cases: Sequence[ScenarioRun]) -> int:
     """The number of KPIs of the whole suite, whichever part of it is run, so that verdicts do not depend on that."""
     total = sum(kpis_in_goldens(layout) for layout in {case.layout for case in cases})
     return total + sum(len(case.scenario.kpis) for case in cases if case.golden is None)
@@ -166,7 +166,7 @@ def provenance_now(scenario: Scenario, model: Model, *, seeds: str = "", referen
     return provenance_of(scenario, model, seeds=seeds or f"0-{REFERENCE_SEEDS[0] - 1}", reference_seeds=reference)
 
 
-def _measure(scenario: Scenario, model: Model, seed: int) -> Measurement:
+def _measure(scenario: Scenario, model: Model, seed: int) -> SeedMeasurement:
     from lidarcheck.harness.scenario.measure import measure
 
     return measure(scenario, model, seed, threads=1)  # seeds run side by side instead
