@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Quiet
+from lidarcheck.cli.core.options import Flag, Quiet
 from lidarcheck.cli.core.terminal import hush
 from lidarcheck.errors import InputError, UsageError
 
@@ -28,9 +28,7 @@ def tui(
         Literal["dark", "light", "high-contrast", "plain"] | None,
         Parameter(help="dark, light, high-contrast, or plain: the terminal's own 16 colours; by default the last one."),
     ] = None,
-    no_mouse: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Leave the mouse to the terminal, to select text with.")
-    ] = False,
+    no_mouse: Annotated[bool, Flag, Parameter(help="Leave the mouse to the terminal, to select text with.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Open the terminal interface on a project."""

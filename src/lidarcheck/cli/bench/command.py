@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet
 from lidarcheck.cli.core.outputs import json_text
-from lidarcheck.cli.core.terminal import Column, emit, hush, note, progress, table
+from lidarcheck.cli.core.terminal import columns, emit, hush, note, progress, table
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,17 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["bench"]
 
-Quick = Annotated[
-    bool, Parameter(negative=(), show_default=False, help="Less input, fewer repeats: a first impression.")
-]
-COLUMNS = (
-    Column("figure"),
-    Column("best", right=True),
-    Column("median", right=True),
-    Column("unit"),
-    Column("n", right=True),
-    Column("times faster than"),
-)
+Quick = Annotated[bool, Flag, Parameter(help="Less input, fewer repeats: a first impression.")]
+COLUMNS = columns("figure", "best", "median", "unit", "n", "times faster than", right=("best", "median", "n"))
 
 
 def bench(
@@ -36,7 +27,8 @@ def bench(
     quick: Quick = False,
     scaling: Annotated[
         bool,
-        Parameter(negative=(), show_default=False, help="Curves over beams, pulses, frames and cores instead."),
+        Flag,
+        Parameter(help="Curves over beams, pulses, frames and cores instead."),
     ] = False,
     out: Annotated[Path | None, Parameter(help="Directory for the curves as PNG, with --scaling.")] = None,
     quiet: Quiet = False,

@@ -20,10 +20,10 @@ from lidarcheck.cli.calibration.bloom_inputs import (
     reach_of,
     table_of,
 )
-from lidarcheck.cli.core.options import JsonFile, Quiet, Whole
+from lidarcheck.cli.core.options import Files, Flag, JsonFile, Quiet, Several, Whole
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
-from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -46,11 +46,9 @@ AxisName = Annotated[
 ]
 ModelFile = Annotated[Path, Parameter(help="The sensor model, TOML: variant, pulse and the target's material.")]
 Ideals = Annotated[
-    list[Path] | None,
+    Files | None,
     Parameter(
-        consume_multiple=True,
-        negative=(),
-        help="The ideal scan of each scan, in their order, or one for all: tells the target's light beam by beam.",
+        help="The ideal scan of each scan, in their order, or one for all: tells the target's light beam by beam."
     ),
 ]
 SettingsPath = Annotated[
@@ -75,9 +73,8 @@ def show(
     model: ModelFile,
     simulated: Annotated[
         list[str] | None,
-        Parameter(
-            consume_multiple=True, negative=(), help="Simulated scans, one for each measured one, in their order."
-        ),
+        Several,
+        Parameter(help="Simulated scans, one for each measured one, in their order."),
     ] = None,
     lut: Annotated[Path | None, Parameter(help="A table: what the model is expected to show with it.")] = None,
     axis: AxisName = None,
@@ -215,13 +212,9 @@ def settings(
     remove: Annotated[
         list[float] | None, Parameter(negative=(), help="Take out the settings of this distance [m].")
     ] = None,
-    defaults: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Begin with the defaults again.")
-    ] = False,
+    defaults: Annotated[bool, Flag, Parameter(help="Begin with the defaults again.")] = False,
     axis: AxisName = None,
-    dry_run: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Show the result and write nothing.")
-    ] = False,
+    dry_run: Annotated[bool, Flag, Parameter(help="Show the result and write nothing.")] = False,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
@@ -295,7 +288,4 @@ def _check_outputs(
     out: Path | None, json: str | None, inputs: Sequence[str | Path | None], names: Sequence[str] = ()
 ) -> None:
     files = [None if one is None else str(one).rpartition("@")[0] or str(one) for one in inputs]
-    if out is not None:
-        check_out_dir(out, besides=[*files, json], files=names)
-    if json is not None:
-        check_writable(json, option="--json", besides=files)
+    check_places(out, json, files, names)

@@ -9,11 +9,11 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -32,13 +32,6 @@ __all__ = ["calibrate"]
 KEPT = ".calibrate"
 """Where an interrupted run keeps what was done, in the output directory."""
 MOST_ROUNDS = 50
-
-
-def _rounds(_type: Any, tokens: Sequence[Any]) -> int:
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal() and len(text) <= 3 and 1 <= int(text) <= MOST_ROUNDS):
-        raise UsageError(f"--rounds {text} is out of range", fix=f"use a whole number from 1 to {MOST_ROUNDS}")
-    return int(text)
 
 
 def calibrate(
@@ -67,7 +60,9 @@ def calibrate(
             help="NAME or NAME=VALUE: not to be moved, though --free has it or its effect; may be repeated.",
         ),
     ] = None,
-    rounds: Annotated[int, Parameter(converter=_rounds, help="Most rounds before the last fit, 1 to 50.")] = 8,
+    rounds: Annotated[
+        int, Parameter(converter=up_to(MOST_ROUNDS), help="Most rounds before the last fit, 1 to 50.")
+    ] = 8,
     seed: Seed = 0,
     jobs: Jobs | None = None,
     scheduler: Scheduler | None = None,

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Quiet, Seed
-from lidarcheck.cli.core.outputs import check_twice, check_writable
+from lidarcheck.cli.core.options import Flag, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.outputs import check_twice
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
-from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ def find(
     bright: Annotated[
         float | None, Parameter(help="The least AREA (else INTENSITY, ...) of a sign; by the sensor if not given.")
     ] = None,
-    steps: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Also show what each step of the extraction holds.")
-    ] = False,
+    steps: Annotated[bool, Flag, Parameter(help="Also show what each step of the extraction holds.")] = False,
     seed: Seed = 0,
     plot: Plot | None = None,
     json: JsonFile | None = None,
@@ -63,7 +61,7 @@ def find(
     from lidarcheck.calibration.ghosts.files import dataset_names, stripped_files, stripped_name
     from lidarcheck.figures.pages.ghosts import find_document, find_page
 
-    _check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
+    check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
     found = _found(scans, scenes, sensor_model, range_m, bright)
@@ -97,7 +95,7 @@ def fit(
     _check_numbers(scans, ideal=ideal)
     check_twice(scans)
     _check_options(scans, (), bright, ideal, model, ())
-    _check_places(out, json, (*scans, *ideal, model), [MODEL])
+    check_places(out, json, (*scans, *ideal, model), [MODEL])
     from lidarcheck.calibration.ghosts.fit import fit_ghosts
     from lidarcheck.figures.pages.ghost_fit import fit_document, fit_page
     from lidarcheck.model.files.write import write_model
@@ -147,15 +145,6 @@ def _check_options(
         )
     if ideal and simulated:
         raise UsageError("--simulated and --ideal are two ways to the same comparison", fix="give one of them")
-
-
-def _check_places(out: Path | None, json: str | None, read: Sequence[Path | None], names: Sequence[str]) -> None:
-    """Refuse what could not be written, before the work."""
-    if json is not None:
-        check_writable(json, option="--json", besides=read)
-    if out is None:
-        return
-    check_out_dir(out, besides=(*read, json), files=names)
 
 
 def _model_of(path: Path | None) -> Model | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet, Whole
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Whole
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_writable, json_text
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, table
 from lidarcheck.errors import InputError, UsageError
@@ -28,10 +28,11 @@ Table = Annotated[str | None, Parameter(name="--table", help="vertical or horizo
 Out = Annotated[
     Path | None, Parameter(help="Write the edited file here; by default it replaces FILE, which FILE.undo keeps.")
 ]
-DryRun = Annotated[bool, Parameter(negative=(), show_default=False, help="Show what would change and write nothing.")]
+DryRun = Annotated[bool, Flag, Parameter(help="Show what would change and write nothing.")]
 Keep = Annotated[
     bool,
-    Parameter(negative=(), show_default=False, help="Write the file without any edit: the same bytes."),
+    Flag,
+    Parameter(help="Write the file without any edit: the same bytes."),
 ]
 Rows = Annotated[
     list[str] | None,
@@ -72,9 +73,7 @@ def set(
         ),
     ] = None,
     table: Table = None,
-    true_y: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Values are Y, 0 to 1, not scaled 0 to 1000.")
-    ] = False,
+    true_y: Annotated[bool, Flag, Parameter(help="Values are Y, 0 to 1, not scaled 0 to 1000.")] = False,
     keep: Keep = False,
     out: Out = None,
     dry_run: DryRun = False,
@@ -114,9 +113,7 @@ def scale(
     rows: Rows = None,
     x: At = None,
     table: Table = None,
-    clip: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Stop at the ends of the scale instead of refusing.")
-    ] = False,
+    clip: Annotated[bool, Flag, Parameter(help="Stop at the ends of the scale instead of refusing.")] = False,
     keep: Keep = False,
     out: Out = None,
     dry_run: DryRun = False,

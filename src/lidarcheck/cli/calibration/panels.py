@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Quiet, Seed, Whole
+from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed, Whole
 from lidarcheck.cli.core.outputs import check_twice, check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
@@ -26,7 +26,6 @@ __all__ = ["panels"]
 
 DIRECTORY = "panels"
 _SAVED = re.compile(r"panel_[0-9].*_.*\..*")
-Paths = Annotated[list[Path], Parameter(consume_multiple=True, negative=())]
 
 
 def _two(values: tuple[float, float]) -> str:
@@ -36,10 +35,10 @@ def _two(values: tuple[float, float]) -> str:
 def panels(
     *measured: Annotated[Path, Parameter(help="Frames of the real sensor, one file each, of a scene at rest.")],
     ideal: Annotated[
-        Paths | None,
+        Files | None,
         Parameter(help="What the beams meet: one ideal scan for all frames, or one for each frame."),
     ] = None,
-    simulated: Annotated[Paths | None, Parameter(help="Frames of the model, one file each, any number.")] = None,
+    simulated: Annotated[Files | None, Parameter(help="Frames of the model, one file each, any number.")] = None,
     model: Annotated[
         Path | None, Parameter(help="Simulate as many frames as were measured with this model; names materials.")
     ] = None,

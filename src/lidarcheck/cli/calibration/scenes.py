@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed
 from lidarcheck.cli.core.outputs import check_twice, check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from lidarcheck.scenes.files.file import SceneFile
 
 __all__ = ["compare"]
-
-Files = Annotated[list[Path], Parameter(consume_multiple=True, negative=())]
 
 
 def _names(_type: Any, tokens: Sequence[Any]) -> list[str]:

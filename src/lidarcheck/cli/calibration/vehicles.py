@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, named
-from lidarcheck.cli.core.options import JsonFile, Quiet, Seed, Whole
+from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed, Several, Whole
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
-from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
+from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import Pair
@@ -37,12 +37,13 @@ def compare(
     vehicle: Annotated[str, Parameter(help="car, van or truck.")],
     simulated: Annotated[
         list[str] | None,
-        Parameter(consume_multiple=True, negative=(), help="The model's frames, one for each real one."),
+        Several,
+        Parameter(help="The model's frames, one for each real one."),
     ] = None,
     model: Annotated[Path | None, Parameter(help="Simulate with this model in the place of --simulated.")] = None,
     ideal: Annotated[
-        list[Path] | None,
-        Parameter(consume_multiple=True, negative=(), help="What the beams meet, one for each: with it by ObjectID."),
+        Files | None,
+        Parameter(help="What the beams meet, one for each: with it by ObjectID."),
     ] = None,
     variant: Annotated[str | None, Parameter(help="SMART or SLIM: refuse frames of the other variant.")] = None,
     object_: Object | None = None,
@@ -61,10 +62,7 @@ def compare(
     inputs = [*(r.path for r in reals), *(s.path for s in shown), *ideals, model]
     from lidarcheck.figures.pages.vehicle_sheet import SHEET, save_distances
 
-    if out is not None:
-        check_out_dir(out, besides=[*inputs, json], files=[SHEET])
-    if json is not None:
-        check_writable(json, option="--json", besides=inputs)
+    check_places(out, json, inputs, [SHEET])
     from lidarcheck.calibration.vehicles.compare import compare_vehicles
     from lidarcheck.calibration.vehicles.kinds import vehicle_named
     from lidarcheck.calibration.vehicles.read import provenance_of

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["MAX_SEED", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed", "Whole"]
+__all__ = ["MAX_SEED", "Files", "Flag", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed", "Several", "Whole", "up_to"]
 
 MAX_SEED = 2**64 - 1
 MAX_JOBS = 1024
@@ -24,11 +25,17 @@ def _seed(_type: Any, tokens: Sequence[Any]) -> int:
     return seed
 
 
-def _jobs(_type: Any, tokens: Sequence[Any]) -> int:
-    jobs = _whole(tokens[0].value)
-    if jobs is None or not 1 <= jobs <= MAX_JOBS:
-        raise UsageError(f"--jobs {tokens[0].value} is out of range", fix=f"use a whole number from 1 to {MAX_JOBS}")
-    return jobs
+def up_to(most: int) -> Callable[[Any, Sequence[Any]], int]:
+    """A converter for whole numbers from 1 to `most`; `UsageError` for all else."""
+
+    def converted(_type: Any, tokens: Sequence[Any]) -> int:
+        option, text = tokens[0].keyword, tokens[0].value
+        number = _whole(text)
+        if number is None or not 1 <= number <= most:
+            raise UsageError(f"{option} {text} is out of range", fix=f"use a whole number from 1 to {most}")
+        return number
+
+    return converted
 
 
 def _whole(text: str) -> int | None:
@@ -44,20 +51,19 @@ def _whole_number(_type: Any, tokens: Sequence[Any]) -> int:
     return int(text)
 
 
+Flag = Parameter(negative=(), show_default=False)
+"""An option that is given or not, without a --no- of its own."""
+Several = Parameter(consume_multiple=True, negative=())
+"""An option with any number of values behind it."""
+Files = Annotated[list[Path], Several]
 Whole = Parameter(converter=_whole_number)
 """A whole number: the parser alone would round 1.5 to 2 and say nothing."""
 Seed = Annotated[
     int, Parameter(converter=_seed, help="Seed of the random numbers, 0 to 2^64 - 1: the same seed, the same bytes.")
 ]
-Jobs = Annotated[int, Parameter(converter=_jobs, help="Cores to use, 1 to 1024; all of them by default.")]
+Jobs = Annotated[int, Parameter(converter=up_to(MAX_JOBS), help="Cores to use, 1 to 1024; all of them by default.")]
 Quiet = Annotated[
-    bool,
-    Parameter(
-        name=("--quiet", "-q"),
-        negative=(),
-        show_default=False,
-        help="Results and errors only, no progress or warnings.",
-    ),
+    bool, Flag, Parameter(name=("--quiet", "-q"), help="Results and errors only, no progress or warnings.")
 ]
 JsonFile = Annotated[str, Parameter(help="Also write the result as JSON to this file; `-` is standard output.")]
-JsonFlag = Annotated[bool, Parameter(negative=(), show_default=False, help="Print JSON instead of text.")]
+JsonFlag = Annotated[bool, Flag, Parameter(help="Print JSON instead of text.")]

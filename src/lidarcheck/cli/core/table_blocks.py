@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-__all__ = ["Column", "blocks"]
+__all__ = ["Column", "blocks", "columns", "number_text"]
 
 _GAP = 2
 _KEYS_AMONG = 3
@@ -23,6 +24,16 @@ class Column(str):
         column = super().__new__(cls, heading)
         column.right = right
         return column
+
+
+def columns(*headings: str, right: Sequence[str] = ()) -> tuple[Column, ...]:
+    """The columns of a table; those in `right` hold numbers."""
+    return tuple(Column(heading, right=heading in right) for heading in headings)
+
+
+def number_text(value: float, sign: str = "") -> str:
+    """A number to four digits, `sign` as in a format; `-` where there is none."""
+    return "-" if math.isnan(value) else f"{value:{sign}.4g}"
 
 
 def blocks(columns: Sequence[Column], rows: Sequence[Sequence[str]], width: int) -> list[Block]:

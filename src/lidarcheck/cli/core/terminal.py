@@ -15,9 +15,22 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
-from lidarcheck.cli.core.table_blocks import Column, blocks
+from lidarcheck.cli.core.table_blocks import Column, blocks, columns, number_text
 
-__all__ = ["Column", "complain", "emit", "hush", "logs_on_stderr", "note", "paragraphs", "progress", "stage", "table"]
+__all__ = [
+    "Column",
+    "columns",
+    "complain",
+    "emit",
+    "hush",
+    "logs_on_stderr",
+    "note",
+    "number_text",
+    "paragraphs",
+    "progress",
+    "stage",
+    "table",
+]
 
 _LOG = logging.getLogger("lidarcheck")
 _NARROWEST = 40

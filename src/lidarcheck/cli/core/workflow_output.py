@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.command import ARGUMENTS
-from lidarcheck.cli.core.outputs import write_result
+from lidarcheck.cli.core.outputs import check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, note, paragraphs, stage, table
 from lidarcheck.errors import UsageError
 from lidarcheck.figures.html.page_files import (
@@ -33,7 +33,7 @@ from lidarcheck.figures.html.page_files import (
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
 
-__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "drawn", "finish"]
+__all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "check_places", "drawn", "finish"]
 
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 """How a figure can be shown; but for `all`, `lidarcheck.figures.drawing.panels` has the same, which a test holds."""
@@ -58,6 +58,19 @@ Plot = Annotated[
         "clouds from top, side or front, or `all`. Pictures in --out are drawn alike.",
     ),
 ]
+
+
+def check_places(
+    out: Path | None, json: str | None, read: Sequence[str | Path | None], files: Sequence[str] = ()
+) -> None:
+    """Refuse, before the work, results that could not be written or would replace what the command reads.
+
+    `files`: names of the results in `out` that are not every workflow's.
+    """
+    if out is not None:
+        check_out_dir(out, besides=(*read, json), files=files)
+    if json is not None:
+        check_writable(json, option="--json", besides=read)
 
 
 def finish(

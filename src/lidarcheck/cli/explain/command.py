@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -29,13 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["explain"]
 
 MOST_CASES = 100_000
-
-
-def _cases(_type: Any, tokens: Sequence[Any]) -> int:
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal() and len(text) <= 9 and 1 <= int(text) <= MOST_CASES):
-        raise UsageError(f"--benchmark {text} is out of range", fix=f"use a whole number from 1 to {MOST_CASES}")
-    return int(text)
 
 
 def explain(
@@ -57,11 +50,10 @@ def explain(
         ),
     ] = None,
     json: JsonFile | None = None,
-    no_html: Annotated[
-        bool, Parameter(name="--no-html", negative=(), show_default=False, help="Write no report.html.")
-    ] = False,
+    no_html: Annotated[bool, Flag, Parameter(name="--no-html", help="Write no report.html.")] = False,
     benchmark: Annotated[
-        int | None, Parameter(converter=_cases, help="Run so many cases in which an effect is hidden instead.")
+        int | None,
+        Parameter(converter=up_to(MOST_CASES), help="Run so many cases in which an effect is hidden instead."),
     ] = None,
     generator: Annotated[
         Path | None, Parameter(help="Of --benchmark: the package that makes the cases, by default tests/hidden.")

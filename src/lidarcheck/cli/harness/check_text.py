@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
-from lidarcheck.cli.core.terminal import Column, table
+from lidarcheck.cli.core.terminal import columns, number_text, table
 from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.reports.annotations import headline
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 
 __all__ = ["report_text", "verdict_table"]
 
-COLUMNS = (
-    Column("scenario, KPI"),
-    Column("verdict"),
-    Column("golden", right=True),
-    Column("now", right=True),
-    Column("catches", right=True),
-    Column("unit"),
-)
+COLUMNS = columns("scenario, KPI", "verdict", "golden", "now", "catches", "unit", right=("golden", "now", "catches"))
 """`catches`: the smallest change that would have been caught."""
 
 
@@ -51,7 +42,7 @@ def _row(kpi: KpiResult) -> tuple[str, ...]:
     verdict = kpi.verdict.value.upper() if kpi.fails else kpi.verdict.value
     # Of an identical KPI only the paired seeds were run; the mean of these eight would look like a change.
     now = kpi.old if kpi.verdict is Verdict.IDENTICAL and not kpi.fresh else kpi.new
-    numbers = (_number(kpi.old), _number(now), _number(kpi.smallest))
+    numbers = (number_text(kpi.old), number_text(now), number_text(kpi.smallest))
     return (f"  {kpi.name}", verdict, *numbers, unit_text(kpi.spec.unit))
 
 
@@ -92,10 +83,6 @@ def _verdict(report: CheckReport) -> str:
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"
 
 
 def unit_text(unit: str) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress
 from lidarcheck.errors import UsageError
@@ -14,9 +14,7 @@ from lidarcheck.errors import UsageError
 __all__ = ["review"]
 
 Accept = Annotated[str, Parameter(help="KPIs to accept, with commas between them, or `all`.")]
-Release = Annotated[
-    bool, Parameter(negative=(), show_default=False, help="Make the goldens the last release's: the second reference.")
-]
+Release = Annotated[bool, Flag, Parameter(help="Make the goldens the last release's: the second reference.")]
 
 
 def review(

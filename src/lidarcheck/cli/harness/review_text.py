@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 
-from lidarcheck.cli.core.terminal import Column, table
+from lidarcheck.cli.core.terminal import columns, number_text, table
 from lidarcheck.cli.harness.check_text import unit_text
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview
 from lidarcheck.harness.review.wording import objections, verdict_word
 
 __all__ = ["review_text"]
 
-COLUMNS = (
-    Column("scenario, KPI"),
-    Column("verdict"),
-    Column("golden", right=True),
-    Column("proposed", right=True),
-    Column("change", right=True),
-    Column("unit"),
+COLUMNS = columns(
+    "scenario, KPI", "verdict", "golden", "proposed", "change", "unit", right=("golden", "proposed", "change")
 )
 
 
@@ -47,8 +42,4 @@ def _row(kpi: KpiReview) -> tuple[str, ...]:
     new = math.nan if kpi.new is None else kpi.new.reference.mean
     either = kpi.new or kpi.old
     unit = unit_text(either.spec.unit) if either else ""
-    return (f"  {kpi.name}", verdict_word(kpi), _number(old), _number(new), _number(kpi.delta, "+"), unit)
-
-
-def _number(value: float, sign: str = "") -> str:
-    return "-" if math.isnan(value) else f"{value:{sign}.4g}"
+    return (f"  {kpi.name}", verdict_word(kpi), number_text(old), number_text(new), number_text(kpi.delta, "+"), unit)

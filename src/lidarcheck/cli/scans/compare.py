@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import JsonFile, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
-from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
+from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.cli.scans.compare_frames import compare_frames
 from lidarcheck.errors import InputError
 
@@ -19,14 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["compare"]
 
-COLUMNS = (
-    Column("KPI"),
-    Column("of"),
-    Column("measured", right=True),
-    Column("simulated", right=True),
-    Column("value", right=True),
-    Column("unit"),
-)
+COLUMNS = columns("KPI", "of", "measured", "simulated", "value", "unit", right=("measured", "simulated", "value"))
 
 
 def compare(

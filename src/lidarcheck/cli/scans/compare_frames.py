@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.cli.core.outputs import json_text, write_result
-from lidarcheck.cli.core.terminal import Column, emit, note, progress, table
+from lidarcheck.cli.core.terminal import columns, emit, note, number_text, progress, table
 from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,15 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["compare_frames", "pairs_of"]
 
 SUFFIXES = (".txt", ".csv", ".pcd", ".las", ".laz", ".ply", ".parquet")
-COLUMNS = (
-    Column("KPI"),
-    Column("of"),
-    Column("frames", right=True),
-    Column("median", right=True),
-    Column("5 %", right=True),
-    Column("95 %", right=True),
-    Column("unit"),
-)
+COLUMNS = columns("KPI", "of", "frames", "median", "5 %", "95 %", "unit", right=("frames", "median", "5 %", "95 %"))
 
 
 def pairs_of(measured: Path, simulated: Path) -> list[tuple[Path, Path]]:
@@ -87,8 +78,4 @@ def _tell(kpis: list[FrameKpi], each: list[dict[str, Any]], json: str | None) ->
 
 
 def _row(kpi: FrameKpi) -> tuple[str, ...]:
-    return kpi.kpi, kpi.of, str(kpi.frames), *map(_number, (kpi.median, kpi.low, kpi.high)), kpi.unit
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"
+    return kpi.kpi, kpi.of, str(kpi.frames), *map(number_text, (kpi.median, kpi.low, kpi.high)), kpi.unit

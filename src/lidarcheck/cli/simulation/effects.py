@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet, Seed
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Seed
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import emit, hush, stage
 from lidarcheck.cli.simulation.effects_text import explanation, facts, listing
@@ -37,9 +37,7 @@ def effects(
     ] = None,
     variant: Annotated[str, Parameter(help="The sensor that shows it: SMART or SLIM.")] = "SMART",
     seed: Seed = 0,
-    no_plot: Annotated[
-        bool, Parameter(name="--no-plot", negative=(), show_default=False, help="Explain without showing.")
-    ] = False,
+    no_plot: Annotated[bool, Flag, Parameter(name="--no-plot", help="Explain without showing.")] = False,
     json: JsonFlag = False,
     quiet: Quiet = False,
 ) -> int:

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from lidarcheck.cli.core.terminal import Column, paragraphs, table
+from lidarcheck.cli.core.terminal import columns, paragraphs, table
 
 if TYPE_CHECKING:
     from lidarcheck.effects import Effect
@@ -32,25 +32,11 @@ TREE: Mapping[int, str] = {
 EMPIRICAL = "empirical: describes, does not explain"
 """What is said of every term that is no effect of the catalogue."""
 
-ALL = (Column("effect"), Column("stage"), Column("what it does to the data"))
-ONE = (
-    Column("parameter"),
-    Column("unit"),
-    Column("lowest", right=True),
-    Column("highest", right=True),
-    Column("typical", right=True),
-    Column("meaning"),
-)
-LISTS = (
-    Column("list"),
-    Column("unit"),
-    Column("lowest", right=True),
-    Column("highest", right=True),
-    Column("example"),
-    Column("meaning"),
-)
-WORDS = (Column("word"), Column("one of"), Column("example"), Column("meaning"))
-FILES = (Column("file"), Column("kind"), Column("meaning"))
+ALL = columns("effect", "stage", "what it does to the data")
+ONE = columns("parameter", "unit", "lowest", "highest", "typical", "meaning", right=("lowest", "highest", "typical"))
+LISTS = columns("list", "unit", "lowest", "highest", "example", "meaning", right=("lowest", "highest"))
+WORDS = columns("word", "one of", "example", "meaning")
+FILES = columns("file", "kind", "meaning")
 
 
 def facts(effect: type[Effect]) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text
-from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
+from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
@@ -21,21 +21,13 @@ if TYPE_CHECKING:
 
 __all__ = ["find_scene", "scene"]
 
-ALL = (
-    Column("scene"),
-    Column("objects", right=True),
-    Column("triangles", right=True),
-    Column("what it shows"),
-)
+ALL = columns("scene", "objects", "triangles", "what it shows", right=("objects", "triangles"))
 
 
 def _sub_beams(_type: Any, tokens: Sequence[Any]) -> int:
     from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
 
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal() and len(text) <= 9 and 1 <= int(text) <= MAX_SUB_BEAMS):
-        raise UsageError(f"--sub-beams {text} is out of range", fix=f"use a whole number from 1 to {MAX_SUB_BEAMS}")
-    return int(text)
+    return up_to(MAX_SUB_BEAMS)(_type, tokens)
 
 
 def scene(
@@ -47,9 +39,7 @@ def scene(
     out: Annotated[
         Path | None, Parameter(help="Where the ideal scan goes: .txt, .csv, .pcd, .ply or .parquet.")
     ] = None,
-    list_: Annotated[
-        bool, Parameter(name="--list", negative=(), show_default=False, help="List the built-in scenes.")
-    ] = False,
+    list_: Annotated[bool, Flag, Parameter(name="--list", help="List the built-in scenes.")] = False,
     sub_beams: Annotated[
         int | None,
         Parameter(
@@ -58,11 +48,10 @@ def scene(
     ] = None,
     swept: Annotated[
         bool,
-        Parameter(negative=(), show_default=False, help="Cast each point column at its time; objects and sensor move."),
+        Flag,
+        Parameter(help="Cast each point column at its time; objects and sensor move."),
     ] = False,
-    no_second_hits: Annotated[
-        bool, Parameter(negative=(), show_default=False, help="Leave out what mirrors and panes show.")
-    ] = False,
+    no_second_hits: Annotated[bool, Flag, Parameter(help="Leave out what mirrors and panes show.")] = False,
     json: JsonFlag = False,
     quiet: Quiet = False,
 ) -> int:

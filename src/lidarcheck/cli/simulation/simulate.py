@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, Quiet, Seed
+from lidarcheck.cli.core.options import Jobs, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler
-from lidarcheck.cli.simulation.simulate_frames import frames_number, simulate_frames
+from lidarcheck.cli.simulation.simulate_frames import MOST_FRAMES, simulate_frames
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,7 +43,9 @@ def simulate(
     seed: Seed = 0,
     frames: Annotated[
         int | None,
-        Parameter(converter=frames_number, help="So many frames of each ideal scan, with other random numbers each."),
+        Parameter(
+            converter=up_to(MOST_FRAMES), help="So many frames of each ideal scan, with other random numbers each."
+        ),
     ] = None,
     format: Annotated[
         Literal["parquet", "pcd", "txt", "csv", "las", "laz", "ply"] | None,

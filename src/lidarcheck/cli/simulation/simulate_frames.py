@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lidarcheck.cli.core.terminal import note, progress
 from lidarcheck.cli.core.workers import workers
@@ -15,17 +15,9 @@ if TYPE_CHECKING:
     from lidarcheck.model.fidelity import Device, Fidelity
     from lidarcheck.scenes.files.file import SceneFile
 
-__all__ = ["MOST_FRAMES", "frames_number", "simulate_frames"]
+__all__ = ["MOST_FRAMES", "simulate_frames"]
 
 MOST_FRAMES = 1_000_000
-
-
-def frames_number(_type: Any, tokens: Sequence[Any]) -> int:
-    """The number that `--frames` is given."""
-    text = tokens[0].value
-    if not (text.isascii() and text.isdecimal() and len(text) <= 7 and 1 <= int(text) <= MOST_FRAMES):
-        raise UsageError(f"--frames {text} is out of range", fix=f"use a whole number from 1 to {MOST_FRAMES}")
-    return int(text)
 
 
 def simulate_frames(
