@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import catalogue
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.scenario.measure import measure
 from lidarcheck.harness.scenario.scenario import load_scenario
@@ -20,7 +20,7 @@ SEEDS = range(9_000, 9_003)
 def error_share() -> float:
     """The part of the error budget that one KPI of the whole suite has."""
     files = sorted((ROOT / "scenarios").glob("*.toml"))
-    return gate.error_share(sum(file.read_text(encoding="utf-8").count("[[kpis]]") for file in files))
+    return evidence.error_share(sum(file.read_text(encoding="utf-8").count("[[kpis]]") for file in files))
 
 
 @pytest.mark.parametrize("variant", ["SMART", "SLIM"])
@@ -36,7 +36,7 @@ def test_an_effect_that_is_missing_is_caught_at_its_typical_strength(name: str, 
     for kpi in golden.kpis.values():
         values = [seed.values.get(kpi.spec.name, math.nan) for seed in without]
         if kpi.spec.kind != "distance" and np.isfinite(values).all():
-            smallest = gate.smallest_change(kpi.spec, kpi.reference, error_share())
+            smallest = sensitivity.smallest_change(kpi.spec, kpi.reference, error_share())
             caught.append(abs(np.mean(values) - kpi.reference.mean) > smallest)
     assert any(caught)
 

@@ -13,8 +13,8 @@ from lidarcheck import effects
 from lidarcheck.errors import GoldenError, InputError, UsageError
 from lidarcheck.harness import scenario_run
 from lidarcheck.harness.check import check
-from lidarcheck.harness.gate import gate, seeds
-from lidarcheck.harness.gate.gate import Verdict
+from lidarcheck.harness.gate import evidence, seeds
+from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.goldens.file import load_golden, save_golden
 from lidarcheck.harness.layout import select
 from lidarcheck.harness.reports.results import CheckReport
@@ -353,7 +353,7 @@ def test_an_error_of_the_model_ends_the_run(project: Project) -> None:
 def test_the_suite_counts_even_if_one_scenario_is_run(project: Project) -> None:
     alone = check([project.file("one")], **project.stand_ins)
     assert alone.kpis_in_suite == run(project).kpis_in_suite == 6
-    assert gate.error_share(6) == pytest.approx(alone.error_budget / (6 * 2 * 4))
+    assert evidence.error_share(6) == pytest.approx(alone.error_budget / (6 * 2 * 4))
 
 
 def test_to_dict_is_json(project: Project) -> None:

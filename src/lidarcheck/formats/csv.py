@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import re
 
-from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.table import Table, quoted
-from lidarcheck.formats.text import read_text, rows_as_text, source_as_text
+from lidarcheck.formats.table import Table
+from lidarcheck.formats.text import check_header, read_text, rows_as_text, source_as_text
 
 __all__ = ["read_csv", "write_csv"]
 
@@ -28,10 +27,7 @@ def write_csv(table: Table, path: str | os.PathLike[str]) -> None:
     if table.layout is not None and table.layout.delimiter != " ":
         content = source_as_text(table)
     else:
-        for name in table.columns:
-            if not _NAME_IN_CSV.fullmatch(name):
-                what = f"the column name {quoted(name)} cannot stand in a header separated by commas"
-                raise InputError(what, file=path, fix="rename the column, or write Parquet")
+        check_header(table, _NAME_IN_CSV, "commas", path, instead="Parquet")
         content = f"{','.join(table.columns)}\n".encode() + rows_as_text(table, ",", path)
     with atomic_write(path) as stream:
         stream.write(content)

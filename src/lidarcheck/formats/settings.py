@@ -15,7 +15,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -59,34 +59,31 @@ _Layer = Field(ge=0, le=LAYERS - 1, json_schema_extra={"unit": "layers"})
 _Point = Field(ge=0, le=POINTS - 1, json_schema_extra={"unit": "points"})
 
 
-class _Vertical(Config):
+class _Entry(Config):
     model_config = ConfigDict(extra="allow")
     Distance: float = _Distance
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        low, high = (name for name in type(self).model_fields if name.startswith("Index"))
+        first, last = getattr(self, low), getattr(self, high)
+        if first > last:
+            raise ValueError(f"{low} = {first} is above {high} = {last}; swap them")
+        return self
+
+
+class _Vertical(_Entry):
     IndexVerMin: int = _Row
     IndexVerMax: int = _Row
     SegVerCenter: int = _Layer
     SegHor: int = _Point
 
-    @model_validator(mode="after")
-    def _ordered(self) -> _Vertical:
-        if self.IndexVerMin > self.IndexVerMax:
-            raise ValueError(f"IndexVerMin = {self.IndexVerMin} is above IndexVerMax = {self.IndexVerMax}; swap them")
-        return self
 
-
-class _Horizontal(Config):
-    model_config = ConfigDict(extra="allow")
-    Distance: float = _Distance
+class _Horizontal(_Entry):
     IndexHorMin: int = _Column
     IndexHorMax: int = _Column
     SegHorCenter: int = _Point
     SegVer: int = _Layer
-
-    @model_validator(mode="after")
-    def _ordered(self) -> _Horizontal:
-        if self.IndexHorMin > self.IndexHorMax:
-            raise ValueError(f"IndexHorMin = {self.IndexHorMin} is above IndexHorMax = {self.IndexHorMax}; swap them")
-        return self
 
 
 class _VerticalFile(Config):

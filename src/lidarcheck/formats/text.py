@@ -145,14 +145,21 @@ def write_text(table: Table, path: str | os.PathLike[str]) -> None:
     if table.layout is not None and table.layout.delimiter == " ":
         content = source_as_text(table)
     else:
-        for name in table.columns:
-            if not _NAME_IN_TEXT.fullmatch(name):
-                what = f"the column name {quoted(name)} cannot stand in a header separated by blanks"
-                raise InputError(what, file=path, fix="rename the column, or write CSV or Parquet")
+        check_header(table, _NAME_IN_TEXT, "blanks", path, instead="CSV or Parquet")
         header = f"//{' '.join(table.columns)}\n{len(table)}\n"
         content = header.encode() + rows_as_text(table, " ", path)
     with atomic_write(path) as stream:
         stream.write(content)
+
+
+def check_header(
+    table: Table, name_fits: re.Pattern[str], separator: str, path: str | os.PathLike[str], *, instead: str
+) -> None:
+    """Refuse, with an `InputError`, a column name that a header with such separators cannot hold."""
+    for name in table.columns:
+        if not name_fits.fullmatch(name):
+            what = f"the column name {quoted(name)} cannot stand in a header separated by {separator}"
+            raise InputError(what, file=path, fix=f"rename the column, or write {instead}")
 
 
 def rows_as_text(table: Table, delimiter: str, path: str | os.PathLike[str]) -> bytes:

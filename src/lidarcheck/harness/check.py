@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.harness.gate import gate
-from lidarcheck.harness.gate.gate import Evidence, Verdict
+from lidarcheck.harness.gate import evidence, gate, sensitivity
+from lidarcheck.harness.gate.evidence import Evidence, Verdict
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
 from lidarcheck.harness.goldens.file import save_golden
 from lidarcheck.harness.goldens.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
@@ -27,7 +27,7 @@ __all__ = ["check"]
 
 logger = logging.getLogger(__name__)
 
-_PAIRED = GOLDEN_SEEDS[: gate.PAIRED_SEEDS]
+_PAIRED = GOLDEN_SEEDS[: evidence.PAIRED_SEEDS]
 
 
 def check(
@@ -54,7 +54,7 @@ def check(
     selection = select(paths)
     cases = [open_run(file, model, measure, load) for file in selection.files]
     kpis_in_suite = suite_size(cases)
-    share = gate.error_share(kpis_in_suite)
+    share = evidence.error_share(kpis_in_suite)
     run = Runner(jobs, progress, pool)
     active = [case for case in cases if not case.skipped]
     if pool is not None:
@@ -62,10 +62,10 @@ def check(
 
     run.seeds([case.paired_job for case in active], _PAIRED)
     compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
-    fresh = fresh_seeds(seed, gate.FULL_SEEDS)
-    run.seeds([case.fresh_job for case in compared], fresh[: gate.FIRST_SEEDS])
+    fresh = fresh_seeds(seed, evidence.FULL_SEEDS)
+    run.seeds([case.fresh_job for case in compared], fresh[: evidence.FIRST_SEEDS])
     doubtful = [case for case in compared if _in_doubt(case, share)]
-    run.seeds([case.fresh_job for case in doubtful], fresh[gate.FIRST_SEEDS :])
+    run.seeds([case.fresh_job for case in doubtful], fresh[evidence.FIRST_SEEDS :])
 
     results = tuple(_scenario_result(case, share) for case in cases)
     if model is None:
@@ -77,7 +77,7 @@ def check(
         seed=seed,
         model="" if model is None else str(model if not isinstance(model, Model) else model.file or "given"),
         kpis_in_suite=kpis_in_suite,
-        error_budget=gate.ERROR_BUDGET,
+        error_budget=evidence.ERROR_BUDGET,
         seconds=time.monotonic() - start,
         versions=versions(),
         source=source_hash(),
@@ -138,11 +138,11 @@ def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, shar
     if last.verdict.fails:
         drift_note = ""  # a change since the last golden is no slow drift
     limit = gate.beyond_limit(spec, sample.fresh or sample.paired, share)
-    verdict = gate.worst([last.verdict, *([release.verdict] if drifted and release else ())])
+    verdict = evidence.worst([last.verdict, *([release.verdict] if drifted and release else ())])
     features = [mean_quantiles(case.fresh or case.paired, spec.feature)] if spec.feature else []
     return KpiResult(
         spec=spec,
-        verdict=gate.worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
+        verdict=evidence.worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
         old=golden.reference.mean,
         new=_mean(sample.fresh) if sample.fresh else golden.reference.mean,
         golden=last,
@@ -169,10 +169,10 @@ def _why_missing(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None) -> 
     return "" if case.measures(spec) else "the run did not measure it: check the scenario's selection"
 
 
-def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: gate.Sample, identical: bool, share: float) -> Evidence:
+def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: evidence.Sample, identical: bool, share: float) -> Evidence:
     """The comparison with one reference; bit-identical paired seeds make EQUIVALENT IDENTICAL."""
     if not sample.fresh:
-        smallest = gate.smallest_change(spec, kpi.reference, share)
+        smallest = sensitivity.smallest_change(spec, kpi.reference, share)
         return Evidence(Verdict.IDENTICAL, 0.0, math.nan, smallest, 0, note="")
     evidence = gate.judge(spec, kpi.reference, sample, share)
     if identical and evidence.verdict is Verdict.EQUIVALENT:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats as scipy_stats
 
-from lidarcheck.harness.gate import gate, statistics
-from lidarcheck.harness.gate.gate import Reference, Sample, Verdict
+from lidarcheck.harness.gate import evidence, gate, sensitivity, statistics
+from lidarcheck.harness.gate.evidence import Reference, Sample, Verdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 
-SHARE = gate.error_share(120)
+SHARE = evidence.error_share(120)
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 
@@ -37,7 +37,7 @@ def reference(values: np.ndarray, trials: float = 0.0, kind: str = "mean") -> Re
         drawn=values.size,
         paired=tuple(values[:8]),
         trials=trials,
-        null=gate.null_quantiles(values) if kind == "distance" else (),
+        null=evidence.null_quantiles(values) if kind == "distance" else (),
     )
 
 
@@ -111,7 +111,7 @@ def test_sd_growth_is_fishers_f() -> None:
     assert statistics.sd_growth(1e-6, 64, 50) == pytest.approx(math.sqrt(scipy_stats.f.isf(1e-6, 63, 49)))
 
 
-def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, gate.Evidence]:
+def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, evidence.Evidence]:
     """One A/A comparison without any tolerance: whether all 64 seeds were needed, and what they say."""
     _, trials, draw = KINDS[name]
     golden = reference(draw(rng, 64), trials, kind)
@@ -120,7 +120,7 @@ def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[b
     return needs, gate.judge(spec(kind), golden, sample(fresh, paired, trials), share)
 
 
-def moved(evidence: gate.Evidence) -> bool:
+def moved(evidence: evidence.Evidence) -> bool:
     """Whether chance was ruled out, whatever the tolerance would make of it."""
     by_full = abs(evidence.delta) > evidence.margin
     return by_full or abs(evidence.paired_delta) > evidence.paired_margin
@@ -181,7 +181,7 @@ def test_smallest_change_is_caught(name: str) -> None:
     caught = []
     for _ in range(400):
         golden = reference(draw(rng, 64, 0.0), trials, asked.kind)
-        step = gate.smallest_change(asked, golden, SHARE)
+        step = sensitivity.smallest_change(asked, golden, SHARE)
         fresh = draw(rng, 64, step)
         first = gate.needs_more(asked, golden, sample(fresh[:16], trials=trials), SHARE)
         full = gate.judge(asked, golden, sample(fresh, trials=trials), SHARE).verdict is Verdict.REGRESSED
@@ -214,8 +214,8 @@ def test_verdicts_of_a_mean() -> None:
 def test_too_noisy_for_its_tolerance_is_indeterminate() -> None:
     rng = np.random.default_rng(6)
     golden = reference(rng.normal(10.0, 1.0, 64))
-    assert gate.too_coarse(spec(tolerance=1.0), golden, SHARE) == ""
-    assert "tolerance" in gate.too_coarse(spec(tolerance=0.5), golden, SHARE)
+    assert sensitivity.too_coarse(spec(tolerance=1.0), golden, SHARE) == ""
+    assert "tolerance" in sensitivity.too_coarse(spec(tolerance=0.5), golden, SHARE)
     assert (
         gate.judge(spec(tolerance=1.0), golden, sample(rng.normal(10.0, 1.0, 64)), SHARE).verdict is Verdict.EQUIVALENT
     )
@@ -230,7 +230,7 @@ def test_a_golden_at_the_edge_of_its_tolerance_stays_determinate() -> None:
     for _ in range(500):
         golden = reference(rng.normal(10.0, 1.0, 64))
         tolerance = 0.5
-        while gate.too_coarse(spec(tolerance=tolerance), golden, SHARE):
+        while sensitivity.too_coarse(spec(tolerance=tolerance), golden, SHARE):
             tolerance *= 1.001
         verdict = gate.judge(spec(tolerance=tolerance), golden, sample(rng.normal(10.0, 1.0, 64)), SHARE).verdict
         assert not verdict.fails
@@ -248,7 +248,7 @@ def test_missing_values() -> None:
     assert gate.needs_more(spec(tolerance=1.0), golden, sample(some[:16]), SHARE)
     empty = reference(np.full(64, np.nan))
     assert gate.judge(spec(), empty, sample(some), SHARE).verdict is Verdict.INDETERMINATE
-    assert "measure more beams" in gate.too_coarse(spec(), empty, SHARE)
+    assert "measure more beams" in sensitivity.too_coarse(spec(), empty, SHARE)
 
 
 def test_paired_seeds_catch_an_exact_shift() -> None:
@@ -288,7 +288,7 @@ def test_a_constant_is_constant_only_to_its_printed_digits() -> None:
 def test_all_of_n_has_an_error() -> None:
     golden = reference(np.ones(64), trials=500)
     asked = spec("proportion", tolerance=0.0005, direction="higher")
-    step = gate.smallest_change(asked, golden, SHARE)
+    step = sensitivity.smallest_change(asked, golden, SHARE)
     assert 0.0005 < step < 0.01
     few = np.ones(64)
     few[0] = 499 / 500
@@ -318,11 +318,11 @@ def test_limits() -> None:
 
 
 def test_share_falls_with_the_suite() -> None:
-    assert gate.error_share(100) == pytest.approx(1e-3 / 800)
-    assert gate.error_share(0) == gate.error_share(1)
+    assert evidence.error_share(100) == pytest.approx(1e-3 / 800)
+    assert evidence.error_share(0) == evidence.error_share(1)
 
 
 def test_worst() -> None:
-    assert gate.worst([]) is Verdict.IDENTICAL
-    assert gate.worst([Verdict.IMPROVED, Verdict.MISSING, Verdict.EQUIVALENT]) is Verdict.MISSING
+    assert evidence.worst([]) is Verdict.IDENTICAL
+    assert evidence.worst([Verdict.IMPROVED, Verdict.MISSING, Verdict.EQUIVALENT]) is Verdict.MISSING
     assert [verdict.value for verdict in Verdict if verdict.fails] == ["indeterminate", "regressed", "missing"]

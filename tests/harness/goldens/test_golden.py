@@ -15,7 +15,7 @@ from harness_fakes import SPECS, Project
 from lidarcheck.effects import catalogue, make
 from lidarcheck.effects.base import Curve, empirical_terms, find
 from lidarcheck.errors import GoldenError, InputError
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.gate.seeds import (
     GOLDEN_SEEDS,
     QUANTILE_LEVELS,
@@ -182,7 +182,7 @@ def test_the_null_of_a_distance_is_honest(tmp_path: Path) -> None:
         scenario = project.load(project.file("one"))
         made = [record_of(project.measure(scenario, project.model, seed)) for seed in range(96 + 64)]
         kpi = build("one", SPECS, made[:64], made[64:96], PROVENANCE).kpis["area_distance"]
-        edge = kpi.reference.null[gate.NULL_LEVELS.index(0.95)]
+        edge = kpi.reference.null[evidence.NULL_LEVELS.index(0.95)]
         rates.append(np.mean([value > edge for value in values_of(kpi, made[96:])]))
     assert np.mean(rates) == pytest.approx(4 / 65, abs=0.02)
 

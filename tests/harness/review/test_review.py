@@ -11,8 +11,8 @@ import pytest
 from harness_fakes import SPECS, Project
 from lidarcheck.errors import GoldenError, UsageError
 from lidarcheck.harness.check import check
-from lidarcheck.harness.gate import gate
-from lidarcheck.harness.gate.gate import Verdict
+from lidarcheck.harness.gate import evidence, sensitivity
+from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.gate.sensitivity import resolution
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.review import review as review_module
@@ -238,9 +238,9 @@ def test_some_goldens_are_never_accepted(project: Project, spec: object, what: s
 
 def test_a_golden_must_stay_fine_enough_when_the_suite_grows(project: Project) -> None:
     reference = load_golden(project.golden("one")).kpis["area_mean"].reference
-    small, grown = (resolution(gate.error_share(kpis), reference.sd) for kpis in (3, 500))
+    small, grown = (resolution(evidence.error_share(kpis), reference.sd) for kpis in (3, 500))
     asked = dataclasses.replace(SPECS[0], tolerance=(small + grown) / 2.0)
-    assert gate.too_coarse(asked, reference, gate.error_share(3)) == ""
+    assert sensitivity.too_coarse(asked, reference, evidence.error_share(3)) == ""
     project.specs = (asked, *SPECS[1:])
     with pytest.raises(UsageError, match="set the tolerance to"):
         accept(look(project), [ALL], reason="fine today")

@@ -13,44 +13,21 @@ from collections.abc import Sequence
 
 from lidarcheck.harness.gate import statistics as stats
 from lidarcheck.harness.gate.evidence import (
-    ERROR_BUDGET,
-    FIRST_SEEDS,
     FULL_SEEDS,
     GATE_LEVEL,
-    NULL_LEVELS,
     PAIRED_SEEDS,
     Evidence,
     Reference,
     Sample,
     Verdict,
-    error_share,
     mean_sd,
-    null_quantiles,
     null_rank,
     worst,
 )
-from lidarcheck.harness.gate.sensitivity import resolution, smallest_change, too_coarse
+from lidarcheck.harness.gate.sensitivity import resolution, smallest_change
 from lidarcheck.harness.kpis.spec import KpiSpec
 
-__all__ = [
-    "ERROR_BUDGET",
-    "FIRST_SEEDS",
-    "FULL_SEEDS",
-    "NULL_LEVELS",
-    "PAIRED_SEEDS",
-    "Evidence",
-    "Reference",
-    "Sample",
-    "Verdict",
-    "beyond_limit",
-    "error_share",
-    "judge",
-    "needs_more",
-    "null_quantiles",
-    "smallest_change",
-    "too_coarse",
-    "worst",
-]
+__all__ = ["beyond_limit", "judge", "needs_more"]
 
 _SCREEN_Z = 2.0
 _SCREEN_TAIL = 0.0455

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.model.external import stop_external_models
 from lidarcheck.workers import Shared, Threads, WorkerPool, one_blas_thread
@@ -35,8 +35,8 @@ __all__ = [
     "record_of",
 ]
 
-GOLDEN_SEEDS = tuple(range(gate.FULL_SEEDS))
-REFERENCE_SEEDS = tuple(range(gate.FULL_SEEDS, gate.FULL_SEEDS + 32))
+GOLDEN_SEEDS = tuple(range(evidence.FULL_SEEDS))
+REFERENCE_SEEDS = tuple(range(evidence.FULL_SEEDS, evidence.FULL_SEEDS + 32))
 QUANTILE_LEVELS = 129
 _LOWEST_FRESH, _FRESH_BITS = 1 << 20, 31
 

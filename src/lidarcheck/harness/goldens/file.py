@@ -14,7 +14,7 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
@@ -104,9 +104,9 @@ def _golden(document: Mapping[str, Any]) -> Golden:
 
 def _kpi(name: str, table: Mapping[str, Any]) -> KpiGolden:
     null = tuple(float(value) for value in table.get("null", ()))
-    if null and len(null) != len(gate.NULL_LEVELS):
-        raise ValueError(f"{name} has {len(null)} null quantiles, not {len(gate.NULL_LEVELS)}")
-    reference = gate.Reference(
+    if null and len(null) != len(evidence.NULL_LEVELS):
+        raise ValueError(f"{name} has {len(null)} null quantiles, not {len(evidence.NULL_LEVELS)}")
+    reference = evidence.Reference(
         mean=float(table["mean"]),
         sd=float(table["sd"]),
         seeds=int(table["seeds"]),
@@ -126,7 +126,7 @@ def _kpi_table(kpi: KpiGolden) -> dict[str, Any]:
     table["trials"] = kpi.reference.trials or None
     table["paired"] = list(kpi.reference.paired)
     if kpi.reference.null:
-        table["null_levels"], table["null"] = list(gate.NULL_LEVELS), list(kpi.reference.null)
+        table["null_levels"], table["null"] = list(evidence.NULL_LEVELS), list(kpi.reference.null)
     if kpi.quantiles:
         table["reference"] = list(kpi.quantiles)
     table |= {word: getattr(kpi, word) or None for word in _WORDS}

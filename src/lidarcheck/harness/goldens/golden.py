@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.gate.seeds import QUANTILE_LEVELS, FloatArray, SeedRecord, distance
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
@@ -37,7 +37,7 @@ class KpiGolden:
     """
 
     spec: KpiSpec
-    reference: gate.Reference
+    reference: evidence.Reference
     quantiles: tuple[float, ...] = ()
     reason: str = ""
     reason_date: str = ""
@@ -60,7 +60,7 @@ class Golden:
     @property
     def complete(self) -> bool:
         """Whether all 64 seeds were run for every KPI."""
-        return all(kpi.reference.drawn >= gate.FULL_SEEDS for kpi in self.kpis.values())
+        return all(kpi.reference.drawn >= evidence.FULL_SEEDS for kpi in self.kpis.values())
 
 
 def build(
@@ -75,7 +75,7 @@ def build(
     A KPI that no record holds is left out; the check then says that it is missing.
     """
     kpis = {spec.name: _kpi_golden(spec, records, reference) for spec in specs if _measured(spec, records)}
-    digests = tuple(record.digest for record in records[: gate.PAIRED_SEEDS])
+    digests = tuple(record.digest for record in records[: evidence.PAIRED_SEEDS])
     return Golden(scenario, kpis, digests, provenance)
 
 
@@ -88,9 +88,9 @@ def values_of(kpi: KpiGolden, records: Sequence[SeedRecord]) -> tuple[float, ...
     return tuple(math.nan if feature is None else distance(feature, reference) for feature in features)
 
 
-def sample_of(kpi: KpiGolden, fresh: Sequence[SeedRecord], paired: Sequence[SeedRecord]) -> gate.Sample:
+def sample_of(kpi: KpiGolden, fresh: Sequence[SeedRecord], paired: Sequence[SeedRecord]) -> evidence.Sample:
     """What the gate needs to know of a run to compare it with this golden."""
-    return gate.Sample(values_of(kpi, fresh), values_of(kpi, paired), _trials(kpi.spec, fresh))
+    return evidence.Sample(values_of(kpi, fresh), values_of(kpi, paired), _trials(kpi.spec, fresh))
 
 
 def paired_identical(golden: Golden, kpi: KpiGolden, paired: Sequence[SeedRecord]) -> bool:
@@ -118,7 +118,7 @@ def mean_quantiles(records: Sequence[SeedRecord], feature: str) -> FloatArray:
 
 
 def _kpi_golden(spec: KpiSpec, records: Sequence[SeedRecord], reference: Sequence[SeedRecord]) -> KpiGolden:
-    empty = gate.Reference(math.nan, 0.0, 0, len(records), ())
+    empty = evidence.Reference(math.nan, 0.0, 0, len(records), ())
     quantiles: tuple[float, ...] = ()
     if spec.kind == "distance":
         quantiles = tuple(mean_quantiles(reference, spec.feature or "").tolist())
@@ -126,14 +126,14 @@ def _kpi_golden(spec: KpiSpec, records: Sequence[SeedRecord], reference: Sequenc
     finite = np.array([value for value in values if math.isfinite(value)])
     return KpiGolden(
         spec,
-        gate.Reference(
+        evidence.Reference(
             mean=_round(float(finite.mean())) if finite.size else math.nan,
             sd=_round(float(finite.std(ddof=1))) if finite.size > 1 else 0.0,
             seeds=int(finite.size),
             drawn=len(values),
-            paired=tuple(_round(value) for value in values[: gate.PAIRED_SEEDS]),
+            paired=tuple(_round(value) for value in values[: evidence.PAIRED_SEEDS]),
             trials=_round(_trials(spec, records)),
-            null=tuple(_round(value) for value in gate.null_quantiles(values)) if spec.kind == "distance" else (),
+            null=tuple(_round(value) for value in evidence.null_quantiles(values)) if spec.kind == "distance" else (),
         ),
         quantiles,
     )

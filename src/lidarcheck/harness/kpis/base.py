@@ -12,7 +12,16 @@ import numpy.typing as npt
 from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.harness.kpis.spec import Direction, GateKind
 
-__all__ = ["KpiKind", "distance_kind", "quantile", "share", "slope", "spread_between", "standard_deviation"]
+__all__ = [
+    "KpiKind",
+    "distance_kind",
+    "proportion_kind",
+    "quantile",
+    "share",
+    "slope",
+    "spread_between",
+    "standard_deviation",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -41,6 +50,15 @@ class KpiKind:
 def distance_kind(meaning: str, unit: str, sample: Callable[[KpiInput], FloatArray]) -> KpiKind:
     """The distance of a feature's distribution from the golden's."""
     return KpiKind(f"1-Wasserstein distance of the {meaning} distribution", unit, "lower", "distance", sample=sample)
+
+
+def proportion_kind(
+    meaning: str, part: Callable[[KpiInput], int], whole: Callable[[KpiInput], int], *, needs: Needs = "surface"
+) -> KpiKind:
+    """The share of beams that something is true of; the whole are the trials of a binomial draw."""
+    return KpiKind(
+        meaning, "1", gate="proportion", value=lambda seen: share(part(seen), whole(seen)), trials=whole, needs=needs
+    )
 
 
 def share(part: float, whole: float) -> float:

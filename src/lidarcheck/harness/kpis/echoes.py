@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.harness.kpis.base import KpiKind, quantile, share, standard_deviation
+from lidarcheck.harness.kpis.base import KpiKind, proportion_kind, quantile, share, standard_deviation
 from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.ghost import Ghost, ghost
 from lidarcheck.kpi.validation import mean
@@ -24,20 +24,16 @@ ECHO_KINDS: Mapping[str, KpiKind] = {
     "echoes_per_beam": KpiKind(
         "echoes / fired beams", "1", value=lambda seen: share(len(seen.every), seen.beams), needs="beams"
     ),
-    "echo_share": KpiKind(
+    "echo_share": proportion_kind(
         "beams with an echo / fired beams",
-        "1",
-        gate="proportion",
-        value=lambda seen: share(seen.beams_with(seen.every), seen.beams),
-        trials=lambda seen: seen.beams,
+        lambda seen: seen.beams_with(seen.every),
+        lambda seen: seen.beams,
         needs="beams",
     ),
-    "multi_echo_share": KpiKind(
+    "multi_echo_share": proportion_kind(
         "beams with two echoes or more / fired beams",
-        "1",
-        gate="proportion",
-        value=lambda seen: share(seen.beams_with(seen.every, echoes=2), seen.beams),
-        trials=lambda seen: seen.beams,
+        lambda seen: seen.beams_with(seen.every, echoes=2),
+        lambda seen: seen.beams,
         needs="beams",
     ),
     "echo_area_mean": KpiKind(
@@ -70,12 +66,10 @@ ECHO_KINDS: Mapping[str, KpiKind] = {
         value=lambda seen: standard_deviation(seen.point(seen.every)),
         needs="beams",
     ),
-    "false_alarm_probability": KpiKind(
+    "false_alarm_probability": proportion_kind(
         "beams with an echo on no surface / fired beams",
-        "1",
-        gate="proportion",
-        value=lambda seen: share(seen.beams_with(seen.stray), seen.beams),
-        trials=lambda seen: seen.beams,
+        lambda seen: seen.beams_with(seen.stray),
+        lambda seen: seen.beams,
         needs="beams",
     ),
     "false_alarms_per_beam": KpiKind(
@@ -87,12 +81,10 @@ ECHO_KINDS: Mapping[str, KpiKind] = {
         value=lambda seen: quantile(seen.echoes.range_m[seen.stray], _ONSET),
         needs="beams",
     ),
-    "mixed_pixel_share": KpiKind(
+    "mixed_pixel_share": proportion_kind(
         "beams at an edge with an echo between its surfaces, on none of them / beams at an edge",
-        "1",
-        gate="proportion",
-        value=lambda seen: share(seen.beams_with(seen.mixed), seen.beams_at_edge),
-        trials=lambda seen: seen.beams_at_edge,
+        lambda seen: seen.beams_with(seen.mixed),
+        lambda seen: seen.beams_at_edge,
         needs="edge",
     ),
 }

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from lidarcheck.harness.kpis.base import (
     KpiKind,
     distance_kind,
+    proportion_kind,
     quantile,
-    share,
     slope,
     spread_between,
     standard_deviation,
@@ -27,12 +27,10 @@ _LEAST_COSINE = 1e-6
 """A surface seen along itself has no cosine to take the logarithm of."""
 
 SURFACE_KINDS: Mapping[str, KpiKind] = {
-    "detection_probability": KpiKind(
+    "detection_probability": proportion_kind(
         "beams with an echo on their surface / beams that meet one",
-        "1",
-        gate="proportion",
-        value=lambda seen: share(seen.beams_with(seen.on), seen.beams_meeting),
-        trials=lambda seen: seen.beams_meeting,
+        lambda seen: seen.beams_with(seen.on),
+        lambda seen: seen.beams_meeting,
     ),
     "area_mean": KpiKind("mean AREA on the surface", "counts", value=lambda seen: mean(seen.area)),
     "peak_mean": KpiKind("mean PEAK on the surface", "detectors", value=lambda seen: mean(seen.peak)),
@@ -74,22 +72,22 @@ TREND_KINDS: Mapping[str, KpiKind] = {
     "range_residual_point_spread": KpiKind(
         "standard deviation of the range residual between point columns, without the scatter within them: vibration",
         "m",
-        value=lambda seen: spread_between(seen.residual_m, _lines(seen, seen.point(seen.on))),
+        value=lambda seen: _point_spread(seen, seen.residual_m),
     ),
     "range_residual_layer_spread": KpiKind(
         "standard deviation of the range residual between layers, without the scatter within them",
         "m",
-        value=lambda seen: spread_between(seen.residual_m, _lines(seen, seen.layer(seen.on))),
+        value=lambda seen: _layer_spread(seen, seen.residual_m),
     ),
     "area_point_spread": KpiKind(
         "standard deviation of AREA between point columns, without the scatter within them: dirt",
         "counts",
-        value=lambda seen: spread_between(seen.area, _lines(seen, seen.point(seen.on))),
+        value=lambda seen: _point_spread(seen, seen.area),
     ),
     "area_layer_spread": KpiKind(
         "standard deviation of AREA between layers, without the scatter within them: unequal layers",
         "counts",
-        value=lambda seen: spread_between(seen.area, _lines(seen, seen.layer(seen.on))),
+        value=lambda seen: _layer_spread(seen, seen.area),
     ),
     "area_loss_per_metre": KpiKind(
         "fall of ln(AREA R²) over true range: twice the extinction, far from saturation",
@@ -109,6 +107,14 @@ DISTANCE_KINDS: Mapping[str, KpiKind] = {
     "range_residual_distance": distance_kind("range residual", "m", lambda seen: seen.residual_m),
 }
 """The distributions that a golden, or a measured file, may be compared by."""
+
+
+def _point_spread(seen: KpiInput, values: FloatArray) -> float:
+    return spread_between(values, _lines(seen, seen.point(seen.on)))
+
+
+def _layer_spread(seen: KpiInput, values: FloatArray) -> float:
+    return spread_between(values, _lines(seen, seen.layer(seen.on)))
 
 
 def _lines(seen: KpiInput, line: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:

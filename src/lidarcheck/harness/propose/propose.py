@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.errors import UsageError
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, record_of
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.kpis.spec import SeedMeasurement
@@ -95,7 +95,7 @@ def propose_scenario(
     for ideal in ideals:
         _refuse_there(ideal_file(file, Path(ideal)))
         trial = KpiTrial.of(Path(ideal), file, model, without)
-        trial.run(runner, GOLDEN_SEEDS[: gate.PAIRED_SEEDS])
+        trial.run(runner, GOLDEN_SEEDS[: evidence.PAIRED_SEEDS])
         chosen = {name: _best(trial, name, per_effect) for name in without}
         looked.append((sum(map(bool, chosen.values())), trial, chosen))
         if looked[-1][0] == len(without):
@@ -210,7 +210,7 @@ def _confirmed(
         for catch in expected:
             kpi = golden.kpis[catch.kpi]
             missing = float(np.mean([record.values.get(catch.kpi, math.nan) for record in records]))
-            smallest = gate.smallest_change(kpi.spec, kpi.reference, SHARE)
+            smallest = sensitivity.smallest_change(kpi.spec, kpi.reference, SHARE)
             confirmed.append(dataclasses.replace(catch, present=kpi.reference.mean, lost=missing, smallest=smallest))
         found[effect] = tuple(catch for catch in confirmed if catch.margin > 1.0)
     return found

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.formats import load_ideal
-from lidarcheck.harness.gate import gate
+from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.seeds import Runner, ScenarioJob, SeedRecord
 from lidarcheck.harness.gate.sensitivity import resolution
 from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
@@ -25,7 +25,7 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["LOST_SEEDS", "SHARE", "Catch", "KpiTrial"]
 
-SHARE = gate.error_share(500)
+SHARE = evidence.error_share(500)
 """The error that one KPI may make in a suite of 500, in which a proposal must still hold."""
 LOST_SEEDS = tuple(range(9_000, 9_003))
 """The seeds without an effect, none of them a golden's own."""
@@ -125,20 +125,20 @@ class KpiTrial:
         spec = dataclasses.replace(self._spec(kpi), tolerance=self.tolerance(kpi))
         if spec.kind != "proportion" and reference.sd == 0.0:
             return None  # cut at 0, or on the grid of what the sensor reports: a step of any size would look clear
-        smallest = gate.smallest_change(spec, reference, SHARE)
+        smallest = sensitivity.smallest_change(spec, reference, SHARE)
         return Catch(kpi, spec.unit, reference.mean, float(lost.mean()), smallest)
 
     def _spec(self, kpi: str) -> KpiSpec:
         return next(asked.spec for asked in self.scenario.asked if asked.spec.name == kpi)
 
-    def _reference(self, kpi: str) -> gate.Reference:
+    def _reference(self, kpi: str) -> evidence.Reference:
         """The KPI with all effects, over the seeds that were measured; no seeds where it has no value on one."""
         found = [self.with_all[seed] for seed in sorted(self.with_all)]
         values = np.array([one.values.get(kpi, math.nan) for one in found])
         if not np.isfinite(values).all():
-            return gate.Reference(math.nan, 0.0, 0, len(found), ())
+            return evidence.Reference(math.nan, 0.0, 0, len(found), ())
         trials = float(np.mean([one.trials.get(kpi, 0) for one in found]))
-        return gate.Reference(float(values.mean()), float(values.std(ddof=1)), len(found), len(found), (), trials)
+        return evidence.Reference(float(values.mean()), float(values.std(ddof=1)), len(found), len(found), (), trials)
 
     def _lost_values(self, effect: str, kpi: str) -> npt.NDArray[np.float64]:
         """The KPI without the effect, a value a seed."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.formats.plain import plain
-from lidarcheck.harness.gate.gate import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import Evidence, Verdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 
 __all__ = ["CheckReport", "KpiResult", "ScenarioResult"]

@@ -18,8 +18,8 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.plain import plain
-from lidarcheck.harness.gate import gate
-from lidarcheck.harness.gate.gate import Verdict
+from lidarcheck.harness.gate import evidence, gate, sensitivity
+from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Progress, Runner, ScenarioJob, SeedRecord
 from lidarcheck.harness.goldens.file import load_golden, save_golden
 from lidarcheck.harness.goldens.git_state import uncommitted
@@ -31,8 +31,8 @@ __all__ = ["KpiReview", "ReviewReport", "ScenarioReview", "file_hash", "review"]
 
 logger = logging.getLogger(__name__)
 
-_PAIRED = GOLDEN_SEEDS[: gate.PAIRED_SEEDS]
-_REST = GOLDEN_SEEDS[gate.PAIRED_SEEDS :]
+_PAIRED = GOLDEN_SEEDS[: evidence.PAIRED_SEEDS]
+_REST = GOLDEN_SEEDS[evidence.PAIRED_SEEDS :]
 _GROWN_SUITE = 500
 """A golden must be fine enough for a suite of so many KPIs, or a growing suite would make it indeterminate."""
 
@@ -134,7 +134,7 @@ def review(
         REFERENCE_SEEDS,
     )
 
-    share = gate.error_share(suite_size(cases))
+    share = evidence.error_share(suite_size(cases))
     reviews = []
     for case, base, known in zip(cases, bases, proposals, strict=True):
         proposal = known or _proposal(case, references.get(case.scenario.path, []), base, share)
@@ -193,7 +193,7 @@ def _proposal(case: ScenarioRun, reference: Sequence[SeedRecord], base: str, sha
         found = [_verdict(case, kpi, records, share)]
         if said.get(name) in (Verdict.REGRESSED, Verdict.INDETERMINATE) and found[0] is not Verdict.MISSING:
             found.append(said[name])
-        kpis[name] = dataclasses.replace(kpi, verdict=gate.worst(found).value)
+        kpis[name] = dataclasses.replace(kpi, verdict=evidence.worst(found).value)
     return dataclasses.replace(built, kpis=kpis)
 
 
@@ -221,7 +221,7 @@ def _scenario_review(case: ScenarioRun, proposal: Golden, base: str) -> Scenario
     golden = case.golden
     old = golden.kpis if golden else {}
     names = dict.fromkeys([*proposal.kpis, *old])
-    share = gate.error_share(max(suite_size([case]), _GROWN_SUITE))
+    share = evidence.error_share(max(suite_size([case]), _GROWN_SUITE))
     kpis = tuple(_kpi_review(case, old.get(name), proposal.kpis.get(name), share) for name in names)
     dirty, note = uncommitted(case.scenario)
     reasons = [f"uncommitted changes in {dirty}"] if dirty else []
@@ -231,7 +231,7 @@ def _scenario_review(case: ScenarioRun, proposal: Golden, base: str) -> Scenario
         reasons.append("the scenario and its values changed in one step")
     if not proposal.complete:
         drawn = min((kpi.reference.drawn for kpi in proposal.kpis.values()), default=0)
-        reasons.append(f"a partial seed set: {drawn} of {gate.FULL_SEEDS} seeds")
+        reasons.append(f"a partial seed set: {drawn} of {evidence.FULL_SEEDS} seeds")
     same_echoes = golden is not None and golden.digests == proposal.digests
     settled = same_echoes and not changed and not any(kpi.open for kpi in kpis)
     notes = tuple(text for text in (note,) if text)
@@ -254,7 +254,7 @@ def _kpi_review(case: ScenarioRun, old: KpiGolden | None, new: KpiGolden | None,
     moved = thresholds_changed(old.spec, new.spec) if old else ""
     if moved and verdict is not Verdict.IDENTICAL:
         reasons.append(f"a threshold changed in the same step: {moved}")
-    refused = [gate.too_coarse(new.spec, new.reference, share), _breaks_limit(new)]
+    refused = [sensitivity.too_coarse(new.spec, new.reference, share), _breaks_limit(new)]
     return KpiReview(new.spec.name, old, new, verdict, tuple(reasons), tuple(text for text in refused if text))
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import GoldenError
-from lidarcheck.harness.gate import gate
-from lidarcheck.harness.gate.gate import Verdict
+from lidarcheck.harness.gate import evidence, sensitivity
+from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.layout import Layout, layout_of
@@ -55,7 +55,7 @@ class Waiting:
         if self.fault:
             return "FAULT, see below"
         if self.found is None:
-            seeds = f"{self.drawn} of {gate.FULL_SEEDS} seeds" if self.drawn else "not run"
+            seeds = f"{self.drawn} of {evidence.FULL_SEEDS} seeds" if self.drawn else "not run"
             return f"{seeds}{'' if self.golden else ', no golden'}"
         if any(kpi.refused for kpi in self.kpis):
             return "CANNOT be accepted"
@@ -70,7 +70,9 @@ def waiting(path: Path) -> Waiting | None:
         return None
     golden, fault = _read(file)
     proposal, other = _read(proposed)
-    share = gate.error_share(max(kpis_in_goldens(layout) + (0 if golden else len(proposal.kpis) if proposal else 0), 1))
+    share = evidence.error_share(
+        max(kpis_in_goldens(layout) + (0 if golden else len(proposal.kpis) if proposal else 0), 1)
+    )
     drawn = min((kpi.reference.drawn for kpi in proposal.kpis.values()), default=0) if proposal else 0
     kpis = _kpis(golden, proposal) if proposal else ()
     return Waiting(name, path, layout, kpis, drawn, share, stamp_of(layout, name), fault=fault or other)
@@ -83,7 +85,7 @@ def reviewed(path: Path, found: ScenarioReview) -> Waiting | None:
     size = max(kpis_in_goldens(found.layout) + (0 if found.golden else len(found.kpis)), 1)
     drawn = min((kpi.reference.drawn for kpi in found.proposal.kpis.values()), default=0)
     stamp = stamp_of(found.layout, found.name)
-    return Waiting(found.name, path, found.layout, found.kpis, drawn, gate.error_share(size), stamp, found)
+    return Waiting(found.name, path, found.layout, found.kpis, drawn, evidence.error_share(size), stamp, found)
 
 
 def stamp_of(layout: Layout, name: str) -> str:
@@ -119,7 +121,9 @@ def kpi_line(kpi: KpiReview, share: float) -> KpiLine:
     speaks = "; ".join([*(f"cannot be accepted: {text}" for text in kpi.refused), *kpi.needs_reason])
     fails = bool(speaks) or (kpi.verdict.fails and kpi.old is not None and kpi.new is not None)
     old, new = (None if side is None else known(side.reference.mean) for side in (kpi.old, kpi.new))
-    smallest = known(gate.smallest_change(kept.spec, kept.reference, share)) if kept.reference.seeds > 1 else None
+    smallest = (
+        known(sensitivity.smallest_change(kept.spec, kept.reference, share)) if kept.reference.seeds > 1 else None
+    )
     return KpiLine(
         kpi.name, verdict_word(kpi), fails, unit_of(kept.spec), old, new, known(kept.spec.tolerance), smallest,
         limits_of(kept.spec), speaks,
