@@ -10,8 +10,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.harness.gate import evidence, gate, sensitivity
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate import gate, sensitivity
+from lidarcheck.harness.gate.evidence import (
+    ERROR_BUDGET,
+    FIRST_SEEDS,
+    FULL_SEEDS,
+    PAIRED_SEEDS,
+    Evidence,
+    Sample,
+    Verdict,
+    error_share,
+    worst,
+)
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, fresh_seeds
 from lidarcheck.harness.goldens.file import save_golden
 from lidarcheck.harness.goldens.golden import KpiGolden, mean_quantiles, paired_identical, sample_of
@@ -27,7 +37,7 @@ __all__ = ["check"]
 
 logger = logging.getLogger(__name__)
 
-_PAIRED = GOLDEN_SEEDS[: evidence.PAIRED_SEEDS]
+_PAIRED = GOLDEN_SEEDS[:PAIRED_SEEDS]
 
 
 def check(
@@ -54,7 +64,7 @@ def check(
     selection = select(paths)
     cases = [open_run(file, model, measure, load) for file in selection.files]
     kpis_in_suite = suite_size(cases)
-    share = evidence.error_share(kpis_in_suite)
+    share = error_share(kpis_in_suite)
     run = Runner(jobs, progress, pool)
     active = [case for case in cases if not case.skipped]
     if pool is not None:
@@ -62,10 +72,10 @@ def check(
 
     run.seeds([case.paired_job for case in active], _PAIRED)
     compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
-    fresh = fresh_seeds(seed, evidence.FULL_SEEDS)
-    run.seeds([case.fresh_job for case in compared], fresh[: evidence.FIRST_SEEDS])
+    fresh = fresh_seeds(seed, FULL_SEEDS)
+    run.seeds([case.fresh_job for case in compared], fresh[:FIRST_SEEDS])
     doubtful = [case for case in compared if _in_doubt(case, share)]
-    run.seeds([case.fresh_job for case in doubtful], fresh[evidence.FIRST_SEEDS :])
+    run.seeds([case.fresh_job for case in doubtful], fresh[FIRST_SEEDS:])
 
     results = tuple(_scenario_result(case, share) for case in cases)
     if model is None:
@@ -77,7 +87,7 @@ def check(
         seed=seed,
         model="" if model is None else str(model if not isinstance(model, Model) else model.file or "given"),
         kpis_in_suite=kpis_in_suite,
-        error_budget=evidence.ERROR_BUDGET,
+        error_budget=ERROR_BUDGET,
         seconds=time.monotonic() - start,
         versions=versions(),
         source=source_hash(),
@@ -138,11 +148,11 @@ def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, shar
     if last.verdict.fails:
         drift_note = ""  # a change since the last golden is no slow drift
     limit = gate.beyond_limit(spec, sample.fresh or sample.paired, share)
-    verdict = evidence.worst([last.verdict, *([release.verdict] if drifted and release else ())])
+    verdict = worst([last.verdict, *([release.verdict] if drifted and release else ())])
     features = [mean_quantiles(case.fresh or case.paired, spec.feature)] if spec.feature else []
     return KpiResult(
         spec=spec,
-        verdict=evidence.worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
+        verdict=worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
         old=golden.reference.mean,
         new=_mean(sample.fresh) if sample.fresh else golden.reference.mean,
         golden=last,
@@ -169,7 +179,7 @@ def _why_missing(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None) -> 
     return "" if case.measures(spec) else "the run did not measure it: check the scenario's selection"
 
 
-def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: evidence.Sample, identical: bool, share: float) -> Evidence:
+def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: Sample, identical: bool, share: float) -> Evidence:
     """The comparison with one reference; bit-identical paired seeds make EQUIVALENT IDENTICAL."""
     if not sample.fresh:
         smallest = sensitivity.smallest_change(spec, kpi.reference, share)

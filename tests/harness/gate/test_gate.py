@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats as scipy_stats
 
-from lidarcheck.harness.gate import evidence, gate, sensitivity, statistics
-from lidarcheck.harness.gate.evidence import Reference, Sample, Verdict
+from lidarcheck.harness.gate import gate, sensitivity, statistics
+from lidarcheck.harness.gate.evidence import Evidence, Reference, Sample, Verdict, error_share, null_quantiles, worst
 from lidarcheck.harness.kpis.spec import KpiSpec
 
-SHARE = evidence.error_share(120)
+SHARE = error_share(120)
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 
@@ -37,7 +37,7 @@ def reference(values: np.ndarray, trials: float = 0.0, kind: str = "mean") -> Re
         drawn=values.size,
         paired=tuple(values[:8]),
         trials=trials,
-        null=evidence.null_quantiles(values) if kind == "distance" else (),
+        null=null_quantiles(values) if kind == "distance" else (),
     )
 
 
@@ -111,7 +111,7 @@ def test_sd_growth_is_fishers_f() -> None:
     assert statistics.sd_growth(1e-6, 64, 50) == pytest.approx(math.sqrt(scipy_stats.f.isf(1e-6, 63, 49)))
 
 
-def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, evidence.Evidence]:
+def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, Evidence]:
     """One A/A comparison without any tolerance: whether all 64 seeds were needed, and what they say."""
     _, trials, draw = KINDS[name]
     golden = reference(draw(rng, 64), trials, kind)
@@ -120,7 +120,7 @@ def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[b
     return needs, gate.judge(spec(kind), golden, sample(fresh, paired, trials), share)
 
 
-def moved(evidence: evidence.Evidence) -> bool:
+def moved(evidence: Evidence) -> bool:
     """Whether chance was ruled out, whatever the tolerance would make of it."""
     by_full = abs(evidence.delta) > evidence.margin
     return by_full or abs(evidence.paired_delta) > evidence.paired_margin
@@ -318,11 +318,11 @@ def test_limits() -> None:
 
 
 def test_share_falls_with_the_suite() -> None:
-    assert evidence.error_share(100) == pytest.approx(1e-3 / 800)
-    assert evidence.error_share(0) == evidence.error_share(1)
+    assert error_share(100) == pytest.approx(1e-3 / 800)
+    assert error_share(0) == error_share(1)
 
 
 def test_worst() -> None:
-    assert evidence.worst([]) is Verdict.IDENTICAL
-    assert evidence.worst([Verdict.IMPROVED, Verdict.MISSING, Verdict.EQUIVALENT]) is Verdict.MISSING
+    assert worst([]) is Verdict.IDENTICAL
+    assert worst([Verdict.IMPROVED, Verdict.MISSING, Verdict.EQUIVALENT]) is Verdict.MISSING
     assert [verdict.value for verdict in Verdict if verdict.fails] == ["indeterminate", "regressed", "missing"]

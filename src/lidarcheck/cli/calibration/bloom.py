@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_module
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -27,6 +27,8 @@ from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    from lidarcheck.calibration.blooming.cells import Cells, Profile
+    from lidarcheck.calibration.blooming.workflow import ModelSide
     from lidarcheck.figures.html.page_files import Writer
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
@@ -93,11 +95,8 @@ def show(
     check_ways(ideal, settings, signal)
     _check_outputs(out, json, [*scans, *(simulated or ()), *(ideal or ()), model, lut])
     from lidarcheck.calibration.blooming.cells import profile_of
-    from lidarcheck.calibration.blooming.operator import nodes_of
-    from lidarcheck.calibration.blooming.response import response_of
-    from lidarcheck.calibration.blooming.workflow import expected_profile, gather
+    from lidarcheck.calibration.blooming.workflow import gather
     from lidarcheck.figures.pages.blooming import profiles_document, profiles_page
-    from lidarcheck.formats.lut import load_lut
 
     if lut is not None and simulated:
         raise UsageError("--lut and --simulated both say what is simulated", fix="give one of them")
@@ -109,25 +108,35 @@ def show(
         bench = bench_from(model, axis_of(axis, measured), settings, target, signal)
         cells = gather(measured, bench, reach_of(reach))
         real = [profile_of(one) for one in cells]
-        made: list[Any] = [None] * len(real)
+        made: Sequence[Profile | None] = [None] * len(real)
         if others:
-            shown = gather(others, bench, reach_of(reach))
-            for one, other in zip(cells, shown, strict=True):
-                check_same_distance(one, other)
-            made = [profile_of(one) for one in shown]
+            made = _simulated(cells, gather(others, bench, reach_of(reach)))
         if lut is not None:
-            nodes = nodes_of(table_of(load_lut(lut), bench.axis, lut), bench.axis)
-            response = response_of(bench.sensor, bench.shape)
-            made = [expected_profile(one, nodes, response) for one in cells]
-    provenance = provenance_of(model, [m.path for m in measured])
-    finish(
-        profiles_page(cells, real, made, provenance),
-        profiles_document(cells, real, made),
-        out=out,
-        json=json,
-        plot=plot,
-    )
+            made = _expected(cells, bench, lut)
+    page = profiles_page(cells, real, made, provenance_of(model, [m.path for m in measured]))
+    finish(page, profiles_document(cells, real, made), out=out, json=json, plot=plot)
     return 0
+
+
+def _simulated(cells: Sequence[Cells], simulated: Sequence[Cells]) -> list[Profile]:
+    """The profiles of simulated scans, each of which must show the target where the measured one does."""
+    from lidarcheck.calibration.blooming.cells import profile_of
+
+    for one, other in zip(cells, simulated, strict=True):
+        check_same_distance(one, other)
+    return [profile_of(one) for one in simulated]
+
+
+def _expected(cells: Sequence[Cells], bench: ModelSide, lut: Path) -> list[Profile]:
+    """The profiles that the model is expected to show with the table of `lut`."""
+    from lidarcheck.calibration.blooming.operator import nodes_of
+    from lidarcheck.calibration.blooming.response import response_of
+    from lidarcheck.calibration.blooming.workflow import expected_profile
+    from lidarcheck.formats.lut import load_lut
+
+    nodes = nodes_of(table_of(load_lut(lut), bench.axis, lut), bench.axis)
+    response = response_of(bench.sensor, bench.shape)
+    return [expected_profile(one, nodes, response) for one in cells]
 
 
 def fit(
@@ -164,8 +173,7 @@ def fit(
     if out.resolve() == lut.resolve().parent:
         raise InputError("is the directory of --lut, which would be replaced", file=out, fix="name another for --out")
     _check_outputs(out, json, [*scans, *(ideal or ()), model, lut], [lut.name, MODEL])
-    if smoothness is not None and not 0.0 < smoothness < float("inf"):
-        raise UsageError(f"--smoothness {smoothness:g} is out of range", fix="use a number above 0, as 0.3")
+    _check_smoothness(smoothness)
     from lidarcheck.calibration.blooming.pulses import FreeLight
     from lidarcheck.calibration.blooming.workflow import calibrate, fitted_model, gather
     from lidarcheck.figures.pages.blooming import calibration_document, calibration_page
@@ -190,10 +198,16 @@ def fit(
         lut.name: lambda place: save_lut(result.lut, place),
         MODEL: lambda place: write_model(model, fitted_model(load_model(model), bench, result, file, choice), place),
     }
-    page = calibration_page(result, provenance)
-    finish(page, calibration_document(result), out=out, json=json, plot=plot, files=files)
+    finish(
+        calibration_page(result, provenance), calibration_document(result), out=out, json=json, plot=plot, files=files
+    )
     note(f"{file}: the table; {out / MODEL}: the model that uses it")
     return 0
+
+
+def _check_smoothness(smoothness: float | None) -> None:
+    if smoothness is not None and not 0.0 < smoothness < float("inf"):
+        raise UsageError(f"--smoothness {smoothness:g} is out of range", fix="use a number above 0, as 0.3")
 
 
 def settings(

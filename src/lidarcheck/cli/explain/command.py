@@ -71,21 +71,13 @@ def explain(
     """Name the effect that a model lacks, and add it."""
     hush(quiet)
     if benchmark is not None:
-        from lidarcheck.cli.explain.benchmark import benchmark as run
-
         others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
         others |= {"--progress": progress_as == "json", "--scheduler": scheduler}
         _refuse_beside("--benchmark", others)
-        return run(
-            benchmark,
-            seed=seed,
-            jobs=jobs or usable_cores(),
-            json=json,
-            generator=generator,
-            only=only,
-            out=out,
-            quiet=quiet,
-        )
+        from lidarcheck.cli.explain.benchmark import benchmark as run
+
+        cores = jobs or usable_cores()
+        return run(benchmark, seed=seed, jobs=cores, json=json, generator=generator, only=only, out=out, quiet=quiet)
     if generator is not None or only is not None:
         option = "--generator" if generator is not None else "--only"
         raise UsageError(f"{option} is for --benchmark", fix="add --benchmark N, or leave it out")
