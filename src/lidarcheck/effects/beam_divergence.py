@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.aiming import moving_of, rank_in_beam, rays_of, redirected, second_rows
 from lidarcheck.effects.geometry.footprint import Spans, offsets_rad, spans_of, spread_rays
@@ -16,10 +17,6 @@ from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan
 
 __all__ = ["BeamDivergence"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _BLOCK = 1 << 16
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import check_interval
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
 __all__ = ["Blockage"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _LAYER_DEG = 0.05
 _POINT_DEG = 0.125

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.air import STEP_M, with_haze
 from lidarcheck.effects.shared.air_patches import Uneven, brightness, depth_m, patches_of, strata_of
@@ -15,8 +15,6 @@ from lidarcheck.effects.shared.draws import check_interval
 from lidarcheck.scan import Light
 
 __all__ = ["Fog"]
-
-FloatArray = npt.NDArray[np.float64]
 
 CLEAR_M = 1e6
 _NEAREST_M = 0.05

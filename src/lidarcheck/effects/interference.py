@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import check_interval, normals, poisson_counts
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["Interference"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

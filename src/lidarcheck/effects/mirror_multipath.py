@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.aiming import moving_of, rays_of, second_rows
 from lidarcheck.effects.geometry.reflections import GROUND_M, ground_of, march, reflected
@@ -17,9 +18,6 @@ from lidarcheck.rays import Hits, Rays
 from lidarcheck.scan import IdealScan, Light, beams_of
 
 __all__ = ["MirrorMultipath"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _SAMPLE = 20_000
 """Points that the ground's plane is fitted to."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.beam_rows import BeamRows
 from lidarcheck.effects.geometry.own_rays import shares_that_end
@@ -17,8 +18,6 @@ from lidarcheck.scan import Light
 from lidarcheck.sensor import Sensor
 
 __all__ = ["Rain"]
-
-FloatArray = npt.NDArray[np.float64]
 
 FRESNEL = ((1.33 - 1.0) / (1.33 + 1.0)) ** 2
 """What a water surface reflects at normal incidence, 2 %; refractive index 1.33 at 905 nm."""

@@ -6,15 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.shared.ranges import at_range
 from lidarcheck.scan import Scan
 
 __all__ = ["LARGEST_REFERENCE", "QUARTERS", "WalkError"]
-
-FloatArray = npt.NDArray[np.float64]
 
 LARGEST_REFERENCE = 1e6
 """The largest AREA that may be the one that is not shifted."""

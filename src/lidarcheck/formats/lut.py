@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.config_words import nearest, shown
@@ -41,7 +42,6 @@ __all__ = [
 ]
 
 Axis = Literal["vertical", "horizontal"]
-FloatArray = npt.NDArray[np.float64]
 
 SCALE_MAX = 1000
 """The scaled value of Y = 1."""

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.ply import read_ply
 from lidarcheck.formats.table import Column, Table
@@ -34,7 +35,6 @@ logger = logging.getLogger(__name__)
 COLUMNS = ("x", "y", "z", "CosAngle", "ObjIdx", "ObjTag")
 MAX_RANGE_M = 300.0
 COSINE_SLACK = 1e-3  # text with four decimals rounds a cosine by half of 1e-4, float32 by less
-FloatArray = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 
 

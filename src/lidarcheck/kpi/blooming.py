@@ -8,14 +8,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.pairing import nearest_on_line
 
 __all__ = ["Axis", "BloomingProfile", "blooming_profile", "target_offset"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-IntArray = npt.NDArray[np.int32]
 
 Axis = Literal["vertical", "horizontal"]
 

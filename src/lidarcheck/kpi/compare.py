@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile, target_offset
 from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, SurfaceGap, TargetGap
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
 
 __all__ = ["COLUMNS", "STAND_INS", "Comparison", "KpiRow", "compare", "feature_column", "feature_gap"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 RANGE_RESIDUAL = "range_residual"
 COLUMNS = {"PEAK": ("peak", ""), "AREA": ("area", ""), "WIDTH": ("width_ns", "ns")}

@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
 __all__ = ["LateBackground", "coates_rate", "expected_counts", "late_background"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class LateBackground(NamedTuple):

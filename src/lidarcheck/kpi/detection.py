@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.pairing import Pairing
 
 __all__ = ["Detection", "FalseAlarms", "detection_probability", "false_alarms", "range_edges", "wilson"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 Z_95 = 1.959963984540054
 BIN_M = 10.0

@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
 __all__ = ["Steps", "energy", "js", "ks", "ordered", "shared_edges", "steps", "wasserstein"]
-
-FloatArray = npt.NDArray[np.float64]
 
 MOST_BINS = 100
 TAIL = 0.001

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.kpi.overlap import positions
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line, ranges
 from lidarcheck.kpi.validation import mean
 from lidarcheck.scan import Scan
 
 __all__ = ["GHOST_RATIO", "Ghost", "ghost", "ghost_partners"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 GHOST_RATIO = 2.0
 GHOST_WITHIN_M = 0.5

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
 __all__ = ["RADIUS_M", "Overlap", "overlap", "positions"]
-
-FloatArray = npt.NDArray[np.float64]
 
 RADIUS_M = 0.1
 MOST_REPEATED = 2000

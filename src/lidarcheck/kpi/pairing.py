@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import IdealScan, Scan
 
@@ -21,10 +22,6 @@ __all__ = [
     "pair_with_ideal",
     "ranges",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 ON_SURFACE_M = 0.5
 """An echo this close to a surface of its beam lies on it: the surface is detected, the echo is no false alarm."""

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
+
 __all__ = [
     "Density",
     "bin_edges",
@@ -25,8 +27,6 @@ __all__ = [
     "quartiles",
     "spread_out",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 _TAIL = 4.0
 """A density is drawn so many bandwidths beyond the outermost values."""

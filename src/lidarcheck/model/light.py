@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.sharing import Share, serially
 from lidarcheck.model.spec import Model
@@ -12,8 +13,6 @@ from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material
 
 __all__ = ["light_of", "material_tables", "surface_signal"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _CHUNK = 32768
 """Rows that are worked on at a time: few enough for what lies between to stay in the cache."""

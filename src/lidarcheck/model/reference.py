@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.shared.ranges import quantised
 from lidarcheck.errors import UsageError
 from lidarcheck.model.streams import beam_keys, purpose_key
@@ -23,8 +24,6 @@ from lidarcheck.scan import Haze, Light, PulseShape, Scan
 from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["detector_trace", "echoes_of_trace", "reference_echoes", "simulate_detectors"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _SETTLING_DEAD_TIMES = 40
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["bin_rates", "draw_traces", "expected_trace", "on_probability"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def bin_rates(light: Light, sensor: Sensor) -> FloatArray:

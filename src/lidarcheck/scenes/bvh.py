@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
+
 __all__ = ["Bvh"]
 
-FloatArray = npt.NDArray[np.float64]
 _GRAZING = 1e-9
 """Below this cosine a plane tells no distance: embree's is taken."""
 

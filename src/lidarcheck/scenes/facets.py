@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray, IntArray
 
 __all__ = [
     "Facets",
@@ -26,8 +27,6 @@ __all__ = [
     "wall",
 ]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 Point3 = tuple[float, float, float]
 
 

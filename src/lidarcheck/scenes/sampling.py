@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster, Hits, Rays, Velocity, sweep_time_s
 from lidarcheck.scan import IdealScan
@@ -16,9 +17,6 @@ from lidarcheck.scenes.optics import Optics
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 __all__ = ["MAX_SUB_BEAMS", "OpticalCaster", "Sampling", "sampled"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 MAX_SUB_BEAMS = 8
 """Per axis: a full frame then has 32 million rows."""

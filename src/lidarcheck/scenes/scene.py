@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
@@ -21,8 +22,6 @@ from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["Scene", "SceneObject"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 Groups = tuple["_Group", ...]
 
 _BLOCK = 65_536

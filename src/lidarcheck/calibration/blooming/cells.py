@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.blooming.response import FEATURES, GATE_M
 from lidarcheck.calibration.blooming.target import STEP, BrightTarget, OwnLight, lines_and_places
 from lidarcheck.errors import InputError
@@ -17,10 +18,6 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["Cells", "Profile", "Sources", "cells_of_scan", "profile_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Sources(NamedTuple):
@@ -46,13 +43,13 @@ class Cells:
     axis: Axis
     distance_m: float
     offset: FloatArray
-    beams: IntArray
-    echoes: IntArray
+    beams: IndexArray
+    echoes: IndexArray
     value: FloatArray
     range_m: FloatArray
     target: FloatArray
     other: FloatArray
-    line: IntArray
+    line: IndexArray
     sources: tuple[Sources, ...]
     left_out: int = 0
     setting: Setting | None = None
@@ -84,7 +81,7 @@ class Profile:
     offset: FloatArray
     range_m: FloatArray
     value: FloatArray
-    echoes: IntArray
+    echoes: IndexArray
     on_target: BoolArray
 
 
@@ -99,7 +96,7 @@ def profile_of(cells: Cells) -> Profile:
     return Profile(offset, means[0], np.column_stack(means[1:]), echoes.astype(np.int64), on_target)
 
 
-def _mean(where: IntArray, value: FloatArray, weight: IntArray, n: int) -> FloatArray:
+def _mean(where: IndexArray, value: FloatArray, weight: IndexArray, n: int) -> FloatArray:
     known = np.isfinite(value)
     total = np.bincount(where[known], weights=(weight * value)[known], minlength=n)
     count = np.bincount(where[known], weights=weight[known], minlength=n)
@@ -182,7 +179,7 @@ def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, 
         raise InputError(what, file=name, fix=fix)
 
 
-def _echo_of_beam(scan: Scan, target: BrightTarget, axis: Axis, own: OwnLight) -> IntArray:
+def _echo_of_beam(scan: Scan, target: BrightTarget, axis: Axis, own: OwnLight) -> IndexArray:
     """The row of the strongest echo of each beam at the target's range, -1 for none."""
     lines, places = lines_and_places(scan, axis)
     near = np.flatnonzero((np.abs(scan.range_m - target.distance_m) <= GATE_M) & np.isin(lines, own.line))
@@ -193,7 +190,7 @@ def _echo_of_beam(scan: Scan, target: BrightTarget, axis: Axis, own: OwnLight) -
     return np.asarray(table[own.line.astype(np.int64) * span + own.place])
 
 
-def _sources(target: BrightTarget, lines: npt.NDArray[np.int32], axis: Axis) -> tuple[tuple[Sources, ...], IntArray]:
+def _sources(target: BrightTarget, lines: npt.NDArray[np.int32], axis: Axis) -> tuple[tuple[Sources, ...], IndexArray]:
     """The distinct patterns of bright beams, and which of them each line has, shape (lines,)."""
     patterns: dict[tuple[bytes, bytes], int] = {}
     found: list[list[Sources]] = []

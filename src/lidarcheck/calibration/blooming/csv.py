@@ -15,8 +15,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.blooming.cells import Cells, Sources
 from lidarcheck.calibration.blooming.response import FEATURES
 from lidarcheck.calibration.blooming.target import STEP, saturated
@@ -27,8 +27,6 @@ from lidarcheck.kpi.variant import ABOVE_SATURATION
 from lidarcheck.sensor import Sensor
 
 __all__ = ["is_profile", "profile_axis", "read_profile"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _OFFSETS: dict[str, Axis] = {"offset_spad_rows": "vertical", "offset_columns": "horizontal"}
 _NAMES = {"PEAK": ("peak",), "AREA": ("area",), "WIDTH": ("width_ns", "width"), "range_m": ("range_m", "range")}

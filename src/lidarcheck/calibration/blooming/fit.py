@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes
 from lidarcheck.calibration.blooming.problem import TableProblem
@@ -26,8 +26,6 @@ from lidarcheck.sensor import Sensor
 
 __all__ = ["SMOOTHNESS", "FittedNumber", "FreeLight", "SmoothnessScore", "TableFit", "fit_table"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Told = Callable[[str], object]
 
 SMOOTHNESS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01)

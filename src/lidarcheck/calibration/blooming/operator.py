@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.formats.lut import Axis, LutTable
 
 __all__ = ["Nodes", "light_of_table", "nodes_of", "spread"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 LEAST_Y = 1e-7
 """The smallest Y that a file with 7 decimals can hold."""
@@ -28,7 +25,7 @@ class Nodes:
 
     x: FloatArray
     y: FloatArray
-    row: IntArray
+    row: IndexArray
     mirrored: bool
 
     def __len__(self) -> int:

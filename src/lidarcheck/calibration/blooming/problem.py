@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.blooming.cells import Cells
 from lidarcheck.calibration.blooming.operator import LEAST_Y, Nodes, spread
 from lidarcheck.calibration.blooming.pulses import FreeLight, FreePulse
@@ -23,9 +23,6 @@ from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
 __all__ = ["TableProblem"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _ANCHOR = 0.25
 """Weight of the table that was given, per decade: too little to move what data say, enough to hold what they do not."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.blooming.response import Response, response_of
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
 __all__ = ["FreeLight", "FreeNumber", "FreePulse"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _BRIGHTNESS = "brightness"
 

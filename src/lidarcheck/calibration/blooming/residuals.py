@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.blooming.response import Response
 
 __all__ = ["detection_residual", "huber_cost", "huber_weight", "smoothness_rows", "weights"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _RELATIVE = 0.03
 _WIDTH_NS = 0.5
@@ -19,7 +16,7 @@ _HUBER = 3.0
 _BEND_ROWS = 10.0
 
 
-def weights(response: Response, z: FloatArray, value: FloatArray, echoes: IntArray) -> FloatArray:
+def weights(response: Response, z: FloatArray, value: FloatArray, echoes: IndexArray) -> FloatArray:
     """One over the standard deviation of each mean feature at light z, shape (n, 3); 0 where `value` is NaN.
 
     The variance is that of the mean of `echoes` echoes, and of what no model does better. It is taken once for each
@@ -35,7 +32,7 @@ def weights(response: Response, z: FloatArray, value: FloatArray, echoes: IntArr
 
 
 def detection_residual(
-    response: Response, z: FloatArray, echoes: IntArray, beams: IntArray
+    response: Response, z: FloatArray, echoes: IndexArray, beams: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Signed root of the binomial deviance of `echoes` among `beams`, and its slope over z; shapes (n,)."""
     p, slope = response.probability(z)

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.scan import Light, PulseShape, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["FEATURES", "GATE_M", "Response", "response_of", "strongest_echoes"]
-
-FloatArray = npt.NDArray[np.float64]
 
 FEATURES = ("PEAK", "AREA", "WIDTH")
 GATE_M = 1.5

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IntArray
 from lidarcheck.calibration.blooming.response import GATE_M
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
@@ -29,10 +29,6 @@ __all__ = [
     "saturated",
     "target_in_scan",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
 
 STEP: dict[Axis, float] = {"vertical": 3.0, "horizontal": 2.5}
 """Table units between neighbouring beams: SPAD rows a layer, columns of 0.05 deg a point."""

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.calibration.blooming.cells import Cells, Profile, cells_of_scan, profile_of
 from lidarcheck.calibration.blooming.csv import is_profile, profile_axis, read_profile
@@ -38,7 +37,6 @@ __all__ = [
     "rms_of",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str], object]
 
 LEAST_CELLS = 8

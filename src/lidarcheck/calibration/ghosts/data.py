@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.ghosts.returns import Returns, grid_steps
 from lidarcheck.calibration.ghosts.targets import clusters_of
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
@@ -21,9 +22,6 @@ from lidarcheck.scan import IdealScan, PulseShape
 from lidarcheck.sensor import Sensor
 
 __all__ = ["WINDOW_M", "SignBeams", "check_expected", "sign_beams", "with_ghost"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 WINDOW_M = 1.0
 """An echo this close to where the ghost should be is taken for it; so is none that is further away."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.data import SignBeams, sign_beams, with_ghost
 from lidarcheck.calibration.ghosts.library import FaintPulseLibrary, library_of
 from lidarcheck.calibration.ghosts.likelihood import (
@@ -36,8 +36,6 @@ from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
 __all__ = ["DatasetFit", "GhostFit", "GhostParameter", "fit_ghosts"]
-
-FloatArray = npt.NDArray[np.float64]
 
 FEWEST_GHOSTS = 10
 """Ghost echoes that a fit needs in all."""

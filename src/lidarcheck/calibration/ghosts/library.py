@@ -6,8 +6,8 @@ import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.data import WINDOW_M
 from lidarcheck.model.chain import echoes_of
 from lidarcheck.scan import Light, PulseShape
@@ -15,7 +15,6 @@ from lidarcheck.sensor import POINTS, Sensor
 
 __all__ = ["FaintPulseLibrary", "library_of"]
 
-FloatArray = npt.NDArray[np.float64]
 
 FAINTEST, BRIGHTEST, STEPS = 5e-4, 60.0, 64
 FINE = 2000

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.data import SignBeams
 from lidarcheck.calibration.ghosts.library import FaintPulseLibrary
 
@@ -25,8 +25,6 @@ __all__ = [
     "off_of",
     "region_of",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 REFERENCE_M = 25.0
 TOLD = 1.9599639845

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import VARIANTS, Sensor
 
 __all__ = ["Brightness", "Returns", "SearchEchoes", "brightness", "grid_steps", "returns_of", "sensor_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 FIRED_TWICE = 1.1
 """AREA over that of all detectors firing once, from which on an echo is a retro-reflector's."""

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.ghosts.returns import SearchEchoes
 from lidarcheck.calibration.ghosts.targets import Patch, typical
 from lidarcheck.kpi.detection import wilson
 
 __all__ = ["GhostEchoes", "search_ghost"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 SEARCH_M = (-1.5, 4.0)
 """Where a ghost may stand, beyond twice the target's range: saturated echoes are early, the second way is longer."""

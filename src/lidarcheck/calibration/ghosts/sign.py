@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.ghosts.returns import Brightness
 from lidarcheck.calibration.ghosts.search import GhostEchoes
 from lidarcheck.calibration.ghosts.targets import Patch
@@ -17,9 +18,6 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
 __all__ = ["Sign", "sign_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 PART_OF_FRAME = 3
 

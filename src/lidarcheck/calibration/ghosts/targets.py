@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.ghosts.returns import Returns
 
 __all__ = ["ByLayer", "Patch", "clusters_of", "patch_of", "typical"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 LINK_LAYERS, LINK_POINTS, LINK_M = 3.0, 1.5, 1.0
 """Echoes of one sign are linked where they are at most so many layers, points and metres of range apart."""

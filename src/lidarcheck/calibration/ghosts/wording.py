@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.returns import Brightness, returns_of
 from lidarcheck.calibration.ghosts.sign import Sign
 from lidarcheck.errors import InputError
@@ -14,8 +14,6 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
 
 __all__ = ["LARGEST_M", "no_sign", "notes_on", "those_expected"]
-
-FloatArray = npt.NDArray[np.float64]
 
 LARGEST_M = 5.0
 """Signs are smaller than this; a larger bright cluster is a wall."""

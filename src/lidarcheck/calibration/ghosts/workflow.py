@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.ghosts.returns import (
     Brightness,
     Returns,
@@ -33,8 +34,6 @@ from lidarcheck.sensor import Sensor, azimuth_deg, elevation_deg
 
 __all__ = ["GHOST", "OTHER", "SIGN", "GhostScan", "Sign", "find_ghosts"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 OTHER, SIGN, GHOST = 0, 1, 2
 """The labels of echoes."""

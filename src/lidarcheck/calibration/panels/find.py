@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.masks import FEWEST
 from lidarcheck.calibration.panels.outline import Outline, outline_of
@@ -17,10 +17,6 @@ from lidarcheck.calibration.panels.planes import FittedPlane, FloorOrRoof, level
 from lidarcheck.calibration.panels.settings import PanelSettings
 
 __all__ = ["FoundPanels", "Panel", "Reject", "find_panels"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 HIDDEN_SHARE = 0.8
 ROUGH_SHARE = 0.03

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import InputError
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 __all__ = ["BeamImage", "StrongestEchoes", "amplitude", "echoes_of", "image_of_frames", "image_of_ideal", "strongest"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IndexArray = npt.NDArray[np.int64]
 
 STAND_INS = ("SIGNAL", "INTENSITY", "REFLECTIVITY")
 """What other sensors bring in the place of AREA."""

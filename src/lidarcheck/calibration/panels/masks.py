@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.planes import spread_of
 
 __all__ = ["FEWEST", "closed", "opened", "parted_at_lines", "parts_of"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 FEWEST = 12
 """Beams of the smallest piece."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.image import STAND_INS, amplitude
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.kpi.compare import feature_gap
@@ -28,9 +28,6 @@ __all__ = [
     "scatter_of",
     "walk_curve",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 FEATURES = {"AREA": ("area", ""), "PEAK": ("peak", ""), "WIDTH": ("width_ns", "ns")}
 RESIDUAL = "range residual"

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.masks import opened
 from lidarcheck.calibration.panels.pieces import Piece
 from lidarcheck.calibration.panels.settings import PanelSettings
 
 __all__ = ["STANDS_BACK_M", "Outline", "outline_of"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 STANDS_BACK_M = 0.12
 """What differs by more than this from the plane is another surface."""

@@ -6,17 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.panels.image import BeamImage
 from lidarcheck.calibration.panels.masks import FEWEST, closed, opened, parted_at_lines, parts_of
 from lidarcheck.calibration.panels.planes import FittedPlane, fit_plane, planes_of, spread_of
 
 __all__ = ["Piece", "pieces_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 STEP_M = {True: 0.03, False: 0.15}
 """Range step that parts two beams on a surface facing the sensor: of an ideal scan, of a measured one."""

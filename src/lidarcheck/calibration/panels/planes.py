@@ -10,13 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray, IndexArray
 
 __all__ = ["FittedPlane", "FloorOrRoof", "fit_plane", "level_of", "planes_of", "spread_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 MAD_PER_SIGMA = 1.4826
 MOST_FITTED = 4000

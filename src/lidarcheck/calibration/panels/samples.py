@@ -6,16 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.find import Panel
 from lidarcheck.calibration.panels.image import strongest
 from lidarcheck.scan import Scan
 
 __all__ = ["MOST_ECHOES", "PanelSamples", "Sampler", "joined"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 MOST_ECHOES = 1_000_000
 """Echoes of one panel that are held. Beyond it every other beam goes; the counts of detections keep all beams."""

@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.scenes.units import NOTHING, Units
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
 __all__ = ["DISTANCE_STEP_M", "Division", "Sectors", "groups_of", "labels_of", "sector_edges"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 DISTANCE_STEP_M = 10.0
 JUMP_M, JUMP_SHARE = 0.5, 0.03

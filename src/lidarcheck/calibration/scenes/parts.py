@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.scenes.groups import Division, Sectors, sector_of
 from lidarcheck.calibration.scenes.rank import Ranking
 from lidarcheck.calibration.scenes.units import FEATURES, NOTHING, Units, Values
 from lidarcheck.kpi.distances import wasserstein
 
 __all__ = ["Part", "SectorMap", "by_layer", "finite", "parts_of", "sectors_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 FEWEST_IN_SECTOR = 12
 

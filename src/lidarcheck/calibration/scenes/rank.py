@@ -28,16 +28,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.scenes.groups import Division
 from lidarcheck.calibration.scenes.units import FEATURES, Values
 
 __all__ = ["FALSE_ALARMS", "MOST_LISTED", "DisagreeingGroup", "Ranking", "rank"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 FALSE_ALARMS = 0.01
 """In how many frames without any disagreement one may be listed."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.kpi.compare import feature_column
 from lidarcheck.kpi.pairing import Pairing, beam_keys, pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
@@ -28,10 +28,6 @@ __all__ = [
     "units_of",
     "values_of",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 NOTHING = -1
 """The label of a unit whose beam meets nothing."""

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.scenes.rank import DisagreeingGroup
 from lidarcheck.calibration.scenes.units import NOTHING, Units, Values
 from lidarcheck.sensor import azimuth_deg, elevation_deg
 
 __all__ = ["Disagreement", "disagreement"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.scenes.checks import check_frame, check_pairing, grouping
 from lidarcheck.calibration.scenes.frame import SceneFrame
 from lidarcheck.calibration.scenes.groups import groups_of, labels_of, sector_edges
@@ -38,9 +38,6 @@ from lidarcheck.kpi.overlap import RADIUS_M, Overlap, overlap
 from lidarcheck.scan import Scan
 
 __all__ = ["MOST_SECTORS", "SceneComparison", "compare_scene"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 SECTORS = (12, 6)
 MOST_SECTORS = 100

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.scenes.checks import check_beams
 from lidarcheck.calibration.vehicles.cut import Cut, CutSource, cut_vehicle, find_object
 from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind
@@ -21,8 +22,6 @@ from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["FEATURES", "AtDistance", "Pair", "VehicleComparison", "compare_vehicles", "joined", "stand_apart"]
-
-FloatArray = npt.NDArray[np.float64]
 
 FEATURES = {**COLUMNS, **dict.fromkeys(STAND_INS, ("", ""))}
 """What is compared, where both scans have it: column of the scan, unit."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind, extent_of
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import pair_with_ideal
@@ -20,10 +20,6 @@ from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import beam_directions
 
 __all__ = ["FEWEST_ECHOES", "Cut", "CutBox", "CutSource", "cut_vehicle", "find_object", "xyz_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 FEWEST_ECHOES = 20
 CELL_M, REACH_M = 0.4, 160.0

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.config_words import nearest
 from lidarcheck.scenes.vehicles import CAR_M, TRUCK_M, VAN_M
 
 __all__ = ["VEHICLES", "Extent", "VehicleKind", "distance_in_name", "extent_of", "suggested_offset", "vehicle_named"]
-
-FloatArray = npt.NDArray[np.float64]
 
 OUTER = 0.5
 """Percentage of points on either side that an extent leaves out: single echoes far off are no part of a vehicle."""

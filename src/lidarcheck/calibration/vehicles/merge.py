@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.vehicles.compare import stand_apart
 from lidarcheck.calibration.vehicles.cut import Cut
 from lidarcheck.calibration.vehicles.kinds import VehicleKind, suggested_offset
@@ -18,8 +18,6 @@ from lidarcheck.formats.scans import SCAN_COLUMNS
 from lidarcheck.formats.table import Table as Columns
 
 __all__ = ["MARK", "Merged", "Placed", "merge_vehicles", "place_vehicles"]
-
-FloatArray = npt.NDArray[np.float64]
 
 MARK = "Simulated"
 """The column that tells the two apart: 0 for the real points, 1 for the simulated ones."""

@@ -10,13 +10,12 @@ import time
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["count_chain", "every_detector", "rates", "sim_sipm_seconds"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def rates(ideal: IdealScan, model: Model) -> FloatArray:

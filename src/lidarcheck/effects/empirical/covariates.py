@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.scan import IdealScan, Light, Scan
 
@@ -24,9 +25,6 @@ __all__ = [
     "keys_of",
     "nearest_rows",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 COVARIATES = ("range_m", "layer", "point", "incidence_deg", "material_id", "signal_log10")
 FEATURES = ("area_log10", "peak_log10", "width_ns")

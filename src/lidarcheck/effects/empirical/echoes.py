@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.empirical.covariates import keys_of
 from lidarcheck.scan import Scan
 
 __all__ = ["draws_of", "renumbered", "whole"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def draws_of(scan: Scan, around: Surroundings, draws: int = 1) -> FloatArray:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, choice_parameter, list_parameter
 from lidarcheck.effects.empirical.covariates import BeamColumns, keys_of
 from lidarcheck.effects.empirical.echoes import renumbered
@@ -17,8 +17,6 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import beam_directions
 
 __all__ = ["EmpiricalExtra"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _NEEDED = ("range_from", "range_knots", "range_density", "peak_quantiles", "area_quantiles", "width_quantiles")
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, choice_parameter, list_parameter
 from lidarcheck.effects.empirical.covariates import COVARIATES, ECHO_COVARIATES
 from lidarcheck.errors import UsageError
@@ -27,7 +27,6 @@ __all__ = [
     "values_parameter",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Column = Callable[[str], FloatArray]
 """A covariate's values by its name, NaN where it is not known."""
 

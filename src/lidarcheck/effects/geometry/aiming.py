@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.own_rays import AimedRays, moving_of, rank_in_beam, rays_of, second_rows
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces, surfaces_of
@@ -31,8 +32,6 @@ __all__ = [
     "slid",
     "turned",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def recast(

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["BeamGrid", "cells_of", "nearest_marked"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _CELLS = LAYERS * POINTS
 _LAYER_RAD, _POINT_RAD = np.deg2rad(0.05), np.deg2rad(0.125)

@@ -8,13 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import IdealScan, Light
 from lidarcheck.sensor import Material
 
 __all__ = ["BeamRows", "by_material"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _DIGITS = 9
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import FWHM_PER_SIGMA, LAYERS, POINTS
 
 __all__ = ["Spans", "offsets_rad", "spans_of", "spread_rays"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def offsets_rad(fwhm_deg: float, count: int) -> FloatArray:

@@ -8,16 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import BeamGrid, cells_of, nearest_marked
 from lidarcheck.rays import Velocity
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["MovingSurface", "hidden_behind"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

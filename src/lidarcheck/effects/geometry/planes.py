@@ -10,16 +10,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import BeamGrid
 from lidarcheck.scan import IdealScan
 
 __all__ = ["Planes", "planes_of", "same_surface"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _BEND, _BEND_OF_STEP = 1e-3, 0.25
 """Three beams lie on one surface where q bends by less than this, of itself or of its step from beam to beam."""

@@ -7,16 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Hits, Rays
 from lidarcheck.sensor import LAYERS, POINTS
 
-__all__ = ["GROUND_M", "Ground", "ground_of", "march", "reflected"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+__all__ = ["GROUND_M", "GroundPlane", "ground_of", "march", "reflected"]
 
 GROUND_M = 0.1
 """A road is flat to about this, over the distances at which it mirrors."""
@@ -29,7 +26,7 @@ _THICK_M = 1.0
 """So thick, away from the sensor, may be what it sees; a way that enters there is not followed further."""
 
 
-class Ground(NamedTuple):
+class GroundPlane(NamedTuple):
     """The plane normal . x = -height_m, `normal` upward (3,), the origin `height_m` above it."""
 
     normal: FloatArray
@@ -42,7 +39,7 @@ def reflected(direction: FloatArray, normal: FloatArray) -> FloatArray:
     return np.asarray(direction - 2.0 * across[:, None] * normal)
 
 
-def ground_of(point_m: FloatArray, level: BoolArray) -> Ground | None:
+def ground_of(point_m: FloatArray, level: BoolArray) -> GroundPlane | None:
     """The plane of the ground through points (n, 3) of which `level` ones lie on level surfaces; None if there is none.
 
     Least squares for z over x and y, from the level points' median height on, again and again over those within a
@@ -63,7 +60,7 @@ def ground_of(point_m: FloatArray, level: BoolArray) -> Ground | None:
         gradient = np.linalg.solve(scatter + 1e-9 * (1.0 + np.trace(scatter)) * np.eye(2), apart[:, :2].T @ apart[:, 2])
         height = float(middle[2] - middle[:2] @ gradient)
     scale = 1.0 / float(np.sqrt(1.0 + gradient @ gradient))
-    ground = Ground(np.array([-gradient[0], -gradient[1], 1.0]) * scale, -height * scale)
+    ground = GroundPlane(np.array([-gradient[0], -gradient[1], 1.0]) * scale, -height * scale)
     return ground if ground.height_m > 0.0 and ground.normal[2] > 0.9 else None
 
 

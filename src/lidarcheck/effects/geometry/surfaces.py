@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.beam_grid import BeamGrid, cells_of
 from lidarcheck.effects.geometry.moving_surfaces import MovingSurface, hidden_behind
@@ -19,8 +20,6 @@ from lidarcheck.sensor import beam_directions
 
 __all__ = ["LocalSurfaces", "normals_of", "surfaces_of"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 Slots = npt.NDArray[np.int32]
 Pick = Callable[[FloatArray, Slots], IndexArray]
 

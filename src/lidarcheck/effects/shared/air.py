@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.geometry.beam_rows import BeamRows
 from lidarcheck.effects.geometry.own_rays import shares_that_end
 from lidarcheck.scan import Haze, IdealScan, Light
 
 __all__ = ["STEP_M", "ends_of", "with_haze"]
-
-FloatArray = npt.NDArray[np.float64]
 
 STEP_M = 0.05
 """Cells of a profile: a third of the range that a bin of 1 ns spans, a fifteenth of a 5 ns pulse."""

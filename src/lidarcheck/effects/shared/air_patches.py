@@ -8,17 +8,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.shared.draws import normals
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
 __all__ = ["Uneven", "brightness", "depth_m", "patches_of", "strata_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _WAVES = 16
 _SECTOR_DEG = 0.5

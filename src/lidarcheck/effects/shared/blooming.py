@@ -10,14 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Curve, Surroundings
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["HORIZONTAL", "VERTICAL", "Direction", "Side", "bloom", "curve_profile", "profile"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 Profile = Callable[[FloatArray], FloatArray]
 
 CLUSTER_M = 0.15

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
 __all__ = ["check_interval", "normals", "poisson_counts"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _HALF_STEP = 2.0**-54
 """Half the distance between two uniform numbers: what stands for 0, whose normal number would be infinite."""

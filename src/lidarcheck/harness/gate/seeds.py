@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.model.external import stop_external_models
@@ -42,8 +43,6 @@ _LOWEST_FRESH, _FRESH_BITS = 1 << 20, 31
 
 Progress = Callable[[int, int, str], None]
 """Called with (seeds done, seeds to do, scenario)."""
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

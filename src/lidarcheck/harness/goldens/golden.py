@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.harness.gate import evidence
-from lidarcheck.harness.gate.seeds import QUANTILE_LEVELS, FloatArray, SeedRecord, distance
+from lidarcheck.harness.gate.seeds import QUANTILE_LEVELS, SeedRecord, distance
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.harness.kpis.spec import Direction, GateKind
 
@@ -22,8 +23,6 @@ __all__ = [
     "spread_between",
     "standard_deviation",
 ]
-
-FloatArray = npt.NDArray[np.float64]
 
 Needs = Literal["beams", "surface", "edge"]
 """What a kind must find in its selection: any beam, one that meets a surface, one beside surfaces at two ranges."""

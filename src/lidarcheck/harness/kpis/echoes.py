@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-import numpy.typing as npt
-
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.harness.kpis.base import KpiKind, proportion_kind, quantile, share, standard_deviation
 from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.ghost import Ghost, ghost
@@ -14,9 +12,6 @@ from lidarcheck.kpi.validation import mean
 from lidarcheck.sensor import beam_directions
 
 __all__ = ["ECHO_KINDS", "GHOST_KINDS"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _ONSET = 0.05
 

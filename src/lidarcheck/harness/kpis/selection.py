@@ -8,13 +8,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.kpi.pairing import Pairing, beam_keys, nearest_on_line, ranges
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["FiredBeams", "KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 Window = tuple[float, float]
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.harness.kpis.base import (
     KpiKind,
     distance_kind,
@@ -20,8 +21,6 @@ from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.validation import mean
 
 __all__ = ["DISTANCE_KINDS", "SURFACE_KINDS", "TREND_KINDS"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _LEAST_COSINE = 1e-6
 """A surface seen along itself has no cosine to take the logarithm of."""

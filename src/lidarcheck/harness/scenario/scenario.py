@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import IntArray
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.config import LineIndex, parse_toml, validate
@@ -34,8 +35,6 @@ from lidarcheck.scenes import Scene
 from lidarcheck.scenes.files.file import SceneFile, scene_of
 
 __all__ = ["AskedKpi", "Scenario", "load_scenario"]
-
-IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)

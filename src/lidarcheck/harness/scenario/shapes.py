@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.formats.config import Config
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, elevation_deg
@@ -33,9 +34,6 @@ __all__ = [
     "Wall",
     "lay_beams",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 _MAX_RANGE_M = 1000.0
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
@@ -21,9 +22,6 @@ from lidarcheck.model.exact.single import level_of, new_scratch
 from lidarcheck.model.streams import Stream
 
 __all__ = ["check_cuda", "simulate_on_cuda"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _TOGETHER = 64
 """Threads that are started together."""
@@ -53,7 +51,7 @@ def simulate_on_cuda(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    order: IntArray,
+    order: IndexArray,
     echoes: EchoArrays,
 ) -> None:
     """What `kernel.simulate_beams` does, on the GPU; `order` has beams of one background together."""
@@ -82,7 +80,7 @@ def _cuda() -> Any:
     return cuda
 
 
-def _of_one_background(order: IntArray, per_bin: FloatArray) -> Iterator[IntArray]:
+def _of_one_background(order: IndexArray, per_bin: FloatArray) -> Iterator[IndexArray]:
     """The beams of each background, which share a table."""
     yield from np.split(order, np.flatnonzero(np.diff(per_bin[order])) + 1) if len(order) else ()
 

@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.sensor import NonIdeal, Sensor
 
 __all__ = ["Detectors", "array_shape", "detectors_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _ROWS = 3
 """Rows of SPADs a point has; a number of SPADs that they do not divide stands in one row."""
@@ -61,7 +59,7 @@ class Detectors(NamedTuple):
     slow_share: float
     dead_least: int
     dead_up_to: FloatArray
-    dead_guide: IntArray
+    dead_guide: IndexArray
     warm_up: int
     room: int
 

@@ -5,14 +5,10 @@ An entry is due bin x 2^20 + detector: one number orders them, and there is noth
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
+from lidarcheck.arrays import IndexArray
 from lidarcheck.model.jit import inlined, kernel
 
 __all__ = ["MOST_DETECTORS", "due_bin", "pop", "push"]
-
-IntArray = npt.NDArray[np.int64]
 
 _SHIFT = 20
 MOST_DETECTORS = 1 << _SHIFT
@@ -20,7 +16,7 @@ MOST_DETECTORS = 1 << _SHIFT
 
 
 @kernel
-def push(heap: IntArray, size: IntArray, due: int, detector: int) -> None:
+def push(heap: IndexArray, size: IndexArray, due: int, detector: int) -> None:
     """Add an afterpulse of a detector in a bin; `size[0]` counts entries, `size[1]` those that found no room."""
     at = size[0]
     if at == len(heap):
@@ -38,13 +34,13 @@ def push(heap: IntArray, size: IntArray, due: int, detector: int) -> None:
 
 
 @inlined
-def due_bin(heap: IntArray) -> int:
+def due_bin(heap: IndexArray) -> int:
     """The bin of the earliest entry; there must be one."""
     return int(heap[0] >> _SHIFT)
 
 
 @kernel
-def pop(heap: IntArray, size: IntArray) -> int:
+def pop(heap: IndexArray, size: IndexArray) -> int:
     """Take out the earliest entry, of which there must be one, and return its detector."""
     detector = heap[0] & (MOST_DETECTORS - 1)
     left = size[0] - 1

@@ -23,11 +23,18 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.model.detectors.array import Detectors
 from lidarcheck.model.detectors.heap import due_bin, pop, push
-from lidarcheck.model.detectors.scratch import Scratch, add_fired, primary, rewind_both, secondary, set_all, waiting
+from lidarcheck.model.detectors.scratch import (
+    DetectorScratch,
+    add_fired,
+    primary,
+    rewind_both,
+    secondary,
+    set_all,
+    waiting,
+)
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, window
 from lidarcheck.model.jit import inlined, kernel
@@ -35,7 +42,6 @@ from lidarcheck.model.streams import Stream
 
 __all__ = ["follow"]
 
-FloatArray = npt.NDArray[np.float64]
 _FEW = 8.0
 """Candidates a bin up to which it pays to thin them rather than to look for the detectors that are armed."""
 
@@ -50,7 +56,7 @@ def _dead_bins(detectors: Detectors, draw: float) -> int:
 
 
 @inlined
-def _delay_bins(stream: Stream, scratch: Scratch, detectors: Detectors) -> float:
+def _delay_bins(stream: Stream, scratch: DetectorScratch, detectors: Detectors) -> float:
     """An afterpulse's delay behind the end of the dead time."""
     mean = detectors.delay
     if detectors.slow_share > 0.0 and secondary(stream, scratch) < detectors.slow_share:
@@ -63,7 +69,7 @@ def _set_off(
     numbers: Numbers,
     detectors: Detectors,
     stream: Stream,
-    scratch: Scratch,
+    scratch: DetectorScratch,
     bin_: int,
     detector: int,
     draw: float,
@@ -99,7 +105,9 @@ def _set_off(
 
 
 @inlined
-def _settle(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scratch, bin_: int, fired: int) -> None:
+def _settle(
+    numbers: Numbers, detectors: Detectors, stream: Stream, scratch: DetectorScratch, bin_: int, fired: int
+) -> None:
     """Finish a bin in which the first `fired` of `scratch.fired` avalanche: dead times, and what they set off."""
     varies = len(detectors.dead_up_to) > 1
     quiet = detectors.quiet[0]
@@ -119,7 +127,7 @@ def _settle(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scr
 
 
 @inlined
-def _afterpulses(scratch: Scratch, bin_: int) -> int:
+def _afterpulses(scratch: DetectorScratch, bin_: int) -> int:
     """Fire the detectors whose afterpulses are due in this bin, unless they are dead; returns how many fire."""
     fired = 0
     while scratch.size[0] > 0 and due_bin(scratch.heap) <= bin_:
@@ -133,7 +141,7 @@ def _afterpulses(scratch: Scratch, bin_: int) -> int:
 
 @kernel
 def _through_quiet(
-    numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scratch, begin: int, end: int, rate: float
+    numbers: Numbers, detectors: Detectors, stream: Stream, scratch: DetectorScratch, begin: int, end: int, rate: float
 ) -> None:
     """Run the bins `begin` ... `end - 1`, all of that rate, from one candidate or afterpulse to the next."""
     number = numbers.detectors
@@ -167,7 +175,9 @@ def _through_quiet(
 
 
 @kernel
-def _bin_by_bin(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scratch, begin: int, end: int) -> None:
+def _bin_by_bin(
+    numbers: Numbers, detectors: Detectors, stream: Stream, scratch: DetectorScratch, begin: int, end: int
+) -> None:
     """Run the bins `begin` ... `end - 1`, whose rates stand at the front of `scratch.rates`."""
     armed = scratch.armed
     clock = scratch.clock[0]
@@ -197,7 +207,7 @@ def _bin_by_bin(numbers: Numbers, detectors: Detectors, stream: Stream, scratch:
 
 
 @inlined
-def _enter(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: Scratch, dead_rate: float) -> None:
+def _enter(numbers: Numbers, detectors: Detectors, stream: Stream, scratch: DetectorScratch, dead_rate: float) -> None:
     """All detectors at the start of the warm-up, dead with probability 1 - exp(-dead_rate) each, at any age."""
     begin = -detectors.warm_up
     set_all(scratch.armed_from, numbers.detectors, np.int32(begin))
@@ -217,7 +227,7 @@ def follow(
     numbers: Numbers,
     detectors: Detectors,
     stream: Stream,
-    scratch: Scratch,
+    scratch: DetectorScratch,
     beam: Any,
     per_bin: float,
     pulses: Pulses,

@@ -7,22 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.detectors.array import Detectors
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import log
 from lidarcheck.model.streams import Stream, fill, rewind
 
-__all__ = ["Scratch", "add_fired", "new_scratch", "primary", "rewind_both", "secondary", "set_all", "waiting"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+__all__ = ["DetectorScratch", "add_fired", "new_scratch", "primary", "rewind_both", "secondary", "set_all", "waiting"]
 
 _BATCH = 64
 """Draws that are made at a time."""
 
 
-class Scratch(NamedTuple):
+class DetectorScratch(NamedTuple):
     """What a thread works in. `counts`: avalanches per bin, all zero, `numbers.pad` bins before bin 0 included.
 
     `blocks`: the same in blocks of 2^`shift` bins, of which one begins with bin 0 and the first with bin -`lead`.
@@ -32,29 +30,29 @@ class Scratch(NamedTuple):
     numbers that the former make; `counter`: where the second stream stands.
     """
 
-    counts: IntArray
-    blocks: IntArray
+    counts: IndexArray
+    blocks: IndexArray
     shift: int
     lead: int
     rates: FloatArray
     armed_from: npt.NDArray[np.int32]
     fired: npt.NDArray[np.int32]
     armed: npt.NDArray[np.int32]
-    heap: IntArray
-    size: IntArray
+    heap: IndexArray
+    size: IndexArray
     clock: FloatArray
     primary: FloatArray
     waits: FloatArray
     secondary: FloatArray
-    at: IntArray
+    at: IndexArray
     counter: npt.NDArray[np.uint64]
 
 
-def new_scratch(numbers: Numbers, detectors: Detectors) -> Scratch:
+def new_scratch(numbers: Numbers, detectors: Detectors) -> DetectorScratch:
     """Work space for one thread."""
     shift = max(numbers.on - 2, 0).bit_length()
     lead = -(-numbers.pad >> shift) << shift
-    return Scratch(
+    return DetectorScratch(
         counts=np.zeros(2 * numbers.pad + numbers.bins, dtype=np.int64),
         blocks=np.zeros(((lead + numbers.bins) >> shift) + 1, dtype=np.int64),
         shift=shift,
@@ -90,7 +88,7 @@ def _fill_primary(stream: Stream, primary: FloatArray, waits: FloatArray) -> Non
 
 
 @inlined
-def _taken(stream: Stream, scratch: Scratch) -> int:
+def _taken(stream: Stream, scratch: DetectorScratch) -> int:
     """Where the next draw for primary avalanches stands."""
     at = scratch.at[0]
     if at == _BATCH:
@@ -101,19 +99,19 @@ def _taken(stream: Stream, scratch: Scratch) -> int:
 
 
 @inlined
-def primary(stream: Stream, scratch: Scratch) -> float:
+def primary(stream: Stream, scratch: DetectorScratch) -> float:
     """The next draw for primary avalanches."""
     return float(scratch.primary[_taken(stream, scratch)])
 
 
 @inlined
-def waiting(stream: Stream, scratch: Scratch) -> float:
+def waiting(stream: Stream, scratch: DetectorScratch) -> float:
     """The next draw for primary avalanches as an exponential number of mean 1."""
     return float(scratch.waits[_taken(stream, scratch)])
 
 
 @inlined
-def add_fired(numbers: Numbers, scratch: Scratch, bin_: int, fired: int) -> None:
+def add_fired(numbers: Numbers, scratch: DetectorScratch, bin_: int, fired: int) -> None:
     """Count avalanches of a bin, which may lie before those that matter."""
     if bin_ >= -numbers.pad:
         scratch.counts[numbers.pad + bin_] += fired
@@ -121,7 +119,7 @@ def add_fired(numbers: Numbers, scratch: Scratch, bin_: int, fired: int) -> None
 
 
 @inlined
-def secondary(stream: Stream, scratch: Scratch) -> float:
+def secondary(stream: Stream, scratch: DetectorScratch) -> float:
     """The next draw for what an avalanche sets off and how long it leaves its detector dead."""
     at = scratch.at[1]
     if at == _BATCH:
@@ -132,7 +130,7 @@ def secondary(stream: Stream, scratch: Scratch) -> float:
 
 
 @inlined
-def rewind_both(stream: Stream, scratch: Scratch, beam: Any) -> None:
+def rewind_both(stream: Stream, scratch: DetectorScratch, beam: Any) -> None:
     """Go to the first draws of a beam; the second stream differs from the first in its counter's last word."""
     rewind(stream, beam)
     for j in range(3):

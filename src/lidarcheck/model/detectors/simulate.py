@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.model.detectors.array import Detectors, detectors_of
 from lidarcheck.model.detectors.kernel import follow
-from lidarcheck.model.detectors.scratch import Scratch, new_scratch, set_all
+from lidarcheck.model.detectors.scratch import DetectorScratch, new_scratch, set_all
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import Pulses, pulses_of
@@ -24,12 +25,9 @@ from lidarcheck.sensor import Sensor
 
 __all__ = ["count_beams", "draw_avalanches", "simulate_beams", "simulate_chunk"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 @inlined
-def _busy(numbers: Numbers, scratch: Scratch) -> Any:
+def _busy(numbers: Numbers, scratch: DetectorScratch) -> Any:
     """The bins among which all are that more than `threshold` detectors can be ON in; clears `scratch.blocks`.
 
     Such a bin sees the avalanches of its own block and the one before, at most.
@@ -55,7 +53,7 @@ def count_beams(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    scratch: Scratch,
+    scratch: DetectorScratch,
     avalanches: npt.NDArray[np.int32],
 ) -> None:
     """Follow the detectors of every beam; `avalanches` (n, bins) takes how many avalanche in each bin."""
@@ -75,8 +73,8 @@ def simulate_beams(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    order: IntArray,
-    scratch: Scratch,
+    order: IndexArray,
+    scratch: DetectorScratch,
     echoes: EchoArrays,
 ) -> None:
     """Simulate the beams of `order`, independent of each other, into `echoes`; see `kernel.simulate_beams`.
@@ -97,7 +95,7 @@ def simulate_chunk(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    order: IntArray,
+    order: IndexArray,
     echoes: EchoArrays,
 ) -> None:
     """`simulate_beams` in a work space of its own; `UsageError` where more afterpulses wait than it has room for."""
@@ -126,7 +124,7 @@ def draw_avalanches(light: Light, sensor: Sensor, *, seed: int = 0, frame: int =
     return avalanches
 
 
-def _check_room(scratch: Scratch) -> None:
+def _check_room(scratch: DetectorScratch) -> None:
     if scratch.size[1] > 0:
         raise UsageError(
             f"more than {len(scratch.heap)} afterpulses of a beam wait at the same time",

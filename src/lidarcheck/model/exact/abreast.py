@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray, WordArray
 from lidarcheck.model.exact.binomial import BELOW_ONE
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.exact.numbers import Numbers
@@ -33,10 +33,6 @@ __all__ = [
     "new_abreast",
     "run_abreast",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-WordArray = npt.NDArray[np.uint64]
 
 RESERVE = 12
 """Draws set aside for entering the window, the last two of them for `is_quiet`; a beam in need of more fetches them."""
@@ -66,11 +62,11 @@ class Abreast(NamedTuple):
     draws: FloatArray
     counts: FloatArray
     state: FloatArray
-    beam: IntArray
-    begin: IntArray
-    length: IntArray
-    dead: IntArray
-    alone: IntArray
+    beam: IndexArray
+    begin: IndexArray
+    length: IndexArray
+    dead: IndexArray
+    alone: IndexArray
     key: WordArray
     block: WordArray
     words: WordArray

@@ -21,8 +21,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.blocks import Blocks, count, count_small
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates
@@ -31,8 +31,6 @@ from lidarcheck.model.streams import Stream, fill, fill_four, skip
 
 __all__ = ["add_outside", "is_plainly_quiet", "is_quiet", "looks_quiet"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FREE, _SMALL = -1, -2
 """A block of which nothing is known yet, and one that is known to hold no more than `small` candidates."""
@@ -121,7 +119,7 @@ def _place(
     held: int,
     bin_of_block: int,
     step: int,
-    counts: IntArray,
+    counts: IndexArray,
 ) -> None:
     """Spread `held` candidates over the distinct cells of a block; they stand in `counts` until thinned."""
     cells = numbers.detectors * blocks.length
@@ -149,7 +147,7 @@ def _thin(
     step: int,
     per_bin: float,
     rates: FloatArray,
-    counts: IntArray,
+    counts: IndexArray,
 ) -> None:
     """Keep candidates whose detector is armed, from bin `first` on in the direction of `step`.
 
@@ -274,7 +272,7 @@ def add_outside(
     pulses: Pulses,
     beam: int,
     rates: FloatArray,
-    counts: IntArray,
+    counts: IndexArray,
 ) -> None:
     """Add the avalanches before and behind the window to those in `counts`, where `is_quiet` was false.
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LN2, exp, expm1, log1m
 
 __all__ = ["BELOW_ONE", "binomial", "inverses"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 BELOW_ONE = 1.0 - 1e-12

@@ -9,13 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import kernel
 
 __all__ = ["Blocks", "count", "count_small", "new_blocks", "tabulate"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _MOST = 64
 """Largest candidate count of a block; where more is not negligible, the chain runs explicitly through all bins."""
@@ -36,8 +34,8 @@ class Blocks(NamedTuple):
     small: int
     above: FloatArray
     log_small: FloatArray
-    held: IntArray
-    cells: IntArray
+    held: IndexArray
+    cells: IndexArray
     crowded: npt.NDArray[np.bool_]
     rate: FloatArray
     calm: float

@@ -7,13 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
 
 __all__ = ["EchoArrays", "find_echoes", "keep", "new_echoes"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 class EchoArrays(NamedTuple):
@@ -64,7 +62,7 @@ def keep(echoes: EchoArrays, beam: int, centre: float, width: int, area: int, pe
 
 
 @inlined
-def find_echoes(numbers: Numbers, counts: IntArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
+def find_echoes(numbers: Numbers, counts: IndexArray, begin: int, end: int, beam: int, echoes: EchoArrays) -> int:
     """Echoes of the bins `begin` ... `end - 1`: maximal runs with more than `threshold` detectors ON.
 
     Returns the detectors ON in the last bin, 0 where there is none.

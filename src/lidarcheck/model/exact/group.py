@@ -12,7 +12,7 @@ from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, la
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
-from lidarcheck.model.exact.single import RESERVE, Level, Scratch, look_around, place_dead
+from lidarcheck.model.exact.single import RESERVE, BackgroundLevel, Scratch, look_around, place_dead
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream, fill_abreast, rewind, skip
@@ -25,7 +25,7 @@ def simulate_group(
     numbers: Numbers,
     stream: Stream,
     beams: npt.NDArray[np.uint64],
-    level: Level,
+    level: BackgroundLevel,
     pulses: Pulses,
     held: int,
     scratch: Scratch,
@@ -78,7 +78,7 @@ def _enter(numbers: Numbers, stream: Stream, lane: int, scratch: Scratch) -> Non
 def _finish(
     numbers: Numbers,
     stream: Stream,
-    level: Level,
+    level: BackgroundLevel,
     pulses: Pulses,
     lane: int,
     scratch: Scratch,
@@ -108,7 +108,7 @@ def _rewind_lane(group: Abreast, stream: Stream, lane: int) -> None:
 def _look_closer(
     numbers: Numbers,
     stream: Stream,
-    level: Level,
+    level: BackgroundLevel,
     pulses: Pulses,
     lane: int,
     on: int,

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
 
 __all__ = ["Front", "front_of", "look_up"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _CELLS = 128
 _UNKNOWN = 255

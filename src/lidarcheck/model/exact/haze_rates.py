@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.haze_front import Front, front_of
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
@@ -22,9 +22,6 @@ from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["HazeRates", "add_haze", "haze_end", "haze_rates_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _ROOM = 1 << 21
 """Numbers that the table of cut profiles may hold; of finer profiles, it holds every second edge, or every third."""
@@ -43,7 +40,7 @@ class HazeRates(NamedTuple):
 
     begin: int
     last: int
-    first: IntArray
+    first: IndexArray
     end: FloatArray
     share: FloatArray
     whole: FloatArray
@@ -96,7 +93,7 @@ def _without_haze(numbers: Numbers) -> HazeRates:
     return HazeRates(0, 0, np.zeros(0, dtype=np.int64), none, none, none, none, 1.0, none, table, 1, table, 0, 0, front)
 
 
-def _rows_by_end(haze: Haze) -> tuple[IntArray, FloatArray, FloatArray]:
+def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
     """`first`, `end` and `share` of the rows that see anything, each beam's in order of their ends."""
     beam = np.repeat(np.arange(len(haze.first_row) - 1), np.diff(haze.first_row))
     kept = np.flatnonzero((haze.row_share > 0.0) & (haze.row_end_m > 0.0))

@@ -13,20 +13,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.group import simulate_group
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
-from lidarcheck.model.exact.single import RESERVE, Level, Scratch, chain, enter, level_of, new_scratch, simulate_alone
+from lidarcheck.model.exact.single import (
+    RESERVE,
+    BackgroundLevel,
+    Scratch,
+    chain,
+    enter,
+    level_of,
+    new_scratch,
+    simulate_alone,
+)
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream, fill, rewind
 
 __all__ = ["Scratch", "new_scratch", "simulate_beams", "trace_beams"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FEW = 8
 """Beams of one background, fewer than which are faster on their own than side by side."""
@@ -67,7 +74,7 @@ def simulate_beams(
     beams: npt.NDArray[np.uint64],
     per_bin: FloatArray,
     pulses: Pulses,
-    order: IntArray,
+    order: IndexArray,
     scratch: Scratch,
     echoes: EchoArrays,
 ) -> None:
@@ -77,7 +84,7 @@ def simulate_beams(
     of one background should stand together in `order`, since each change of it costs a table.
     """
     group, n = scratch.group, len(order)
-    level = Level(-1.0, 0.0, 0.0)
+    level = BackgroundLevel(-1.0, 0.0, 0.0)
     most_bins = MOST_BINS if numbers.detectors <= MOST_DETECTORS else -1
     at: Any = np.int64(0)
     held: Any = np.int64(0)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.exact.echoes import EchoArrays
-from lidarcheck.model.exact.report import Report, Rows, angles_of, put, report_of, room_for
+from lidarcheck.model.exact.report import EchoTable, Report, angles_of, put, report_of, room_for
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.sharing import Share
 from lidarcheck.scan import Light, Scan
@@ -58,7 +58,7 @@ def _list_echoes(
     stop: int,
     first: int,
     report: Report,
-    rows: Rows,
+    rows: EchoTable,
 ) -> None:
     """Write the echoes of the beams `start` ... `stop - 1` one below the other, from row `first` on."""
     at = np.uint64(first)

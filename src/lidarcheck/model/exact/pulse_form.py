@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import FWHM_PER_SIGMA, Sensor
 
 __all__ = ["PHASES", "PulseForm", "form_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PHASES = 512
 """Pulse positions within a bin that are tabulated; linear between them, the share of a bin is exact to 2e-8."""
@@ -80,7 +78,7 @@ class PulseForm:
         right = np.exp(np.minimum(r * (0.5 * r - z), 0.0)) * ndtr(z - r)
         return np.asarray(np.where(z < r, left, right))
 
-    def reach(self, expected: npt.ArrayLike) -> tuple[IntArray, IntArray]:
+    def reach(self, expected: npt.ArrayLike) -> tuple[IndexArray, IndexArray]:
         """Bins before and behind its centre beyond which less than `_TAIL` avalanches of a pulse are lost.
 
         `expected`: avalanches of the pulse in the beam, of all detectors. Whole, so that a slightly changed signal
@@ -94,7 +92,7 @@ class PulseForm:
         behind = self._gaussian_reach(2.0 * lost) + np.ceil(delay).astype(np.int64)
         return near, behind
 
-    def _gaussian_reach(self, lost: FloatArray) -> IntArray:
+    def _gaussian_reach(self, lost: FloatArray) -> IndexArray:
         return np.ceil(self.sigma * np.sqrt(2.0 * np.log(np.maximum(lost, 1.0)))).astype(np.int64)
 
     def shares(self, before: int, behind: int) -> FloatArray:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.haze_rates import HazeRates, add_haze, haze_end, haze_rates_of
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, form_of
@@ -17,9 +17,6 @@ from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 __all__ = ["Pulses", "add_pulses", "add_rates", "pulse_window", "pulses_of", "window"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _CHUNK = 32768
 """Pulses that are prepared at a time: few enough for what lies between to stay in the cache."""
@@ -33,11 +30,11 @@ class Pulses(NamedTuple):
     a bin behind the beginning of the bin in column `middle`. `haze`: what the air scatters back.
     """
 
-    first: IntArray
+    first: IndexArray
     centre: FloatArray
     signal: FloatArray
-    reach: IntArray
-    reach_behind: IntArray
+    reach: IndexArray
+    reach_behind: IndexArray
     shares: FloatArray
     middle: int
     haze: HazeRates

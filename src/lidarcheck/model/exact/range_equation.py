@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import kernel
 
 __all__ = ["NOT_FINITE", "UNKNOWN", "range_equation"]
 
-FloatArray = npt.NDArray[np.float64]
 
 NOT_FINITE, UNKNOWN = 1, 2
 """What is wrong with rows: a distance below 0 or anything not finite; a surface of a material without an entry."""

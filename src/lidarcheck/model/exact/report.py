@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import inlined
 from lidarcheck.sensor import LAYERS, POINTS, Sensor, azimuth_deg, elevation_deg
 
-__all__ = ["Report", "Rows", "angles_of", "put", "report_of", "room_for"]
+__all__ = ["EchoTable", "Report", "angles_of", "put", "report_of", "room_for"]
 
-FloatArray = npt.NDArray[np.float64]
 Angles = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-class Rows(NamedTuple):
+class EchoTable(NamedTuple):
     """The columns of a table of echoes, shape (n_echoes,) each."""
 
     x_m: FloatArray
@@ -45,16 +45,16 @@ class Report(NamedTuple):
     saturation: int
 
 
-def room_for(echoes: int) -> Rows:
+def room_for(echoes: int) -> EchoTable:
     """Columns for that many echoes, in one piece of memory: a piece of that size is made up of large pages."""
-    types = [np.int32 if name in ("layer", "point", "echo_number") else np.float64 for name in Rows._fields]
+    types = [np.int32 if name in ("layer", "point", "echo_number") else np.float64 for name in EchoTable._fields]
     sizes = [(echoes * np.dtype(kind).itemsize + 63) // 64 * 64 for kind in types]
     memory = np.empty(sum(sizes), dtype=np.uint8)
     columns: list[Any] = []
     for size, kind in zip(sizes, types, strict=True):
         columns.append(memory[:size].view(kind)[:echoes])
         memory = memory[size:]
-    return Rows(*columns)
+    return EchoTable(*columns)
 
 
 def report_of(sensor: Sensor, rounded: bool, angles: Angles | None = None) -> Report:
@@ -77,7 +77,7 @@ def angles_of(layer: npt.ArrayLike, point: npt.ArrayLike) -> Angles:
 
 @inlined
 def put(
-    rows: Rows,
+    rows: EchoTable,
     report: Report,
     at: Any,
     up: Any,

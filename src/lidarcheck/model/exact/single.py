@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.exact.binomial import binomial, inverses
@@ -29,7 +30,7 @@ from lidarcheck.model.streams import Stream, fill, rewind
 
 __all__ = [
     "RESERVE",
-    "Level",
+    "BackgroundLevel",
     "Scratch",
     "chain",
     "enter",
@@ -40,9 +41,6 @@ __all__ = [
     "place_dead",
     "simulate_alone",
 ]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _FIRST_DRAW = np.uint64(RESERVE)
 _PIECE = 32
@@ -55,7 +53,7 @@ _BATCH = 12
 """Draws that candidates fetch at a time, three each: blocks of draws that are made together overlap."""
 
 
-class Level(NamedTuple):
+class BackgroundLevel(NamedTuple):
     """A background: avalanches per armed SPAD and bin; see `enter`; and the faint haze that may lie over it."""
 
     per_bin: float
@@ -67,7 +65,7 @@ class Scratch(NamedTuple):
     """What a thread works in: avalanches per bin, all zero; rates per bin; draws; 1 / k; background blocks; beams that
     are simulated side by side."""
 
-    counts: IntArray
+    counts: IndexArray
     rates: FloatArray
     draws: FloatArray
     inverse: FloatArray
@@ -88,12 +86,12 @@ def new_scratch(numbers: Numbers) -> Scratch:
 
 
 @inlined
-def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> Level:
+def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> BackgroundLevel:
     """A background's level, for which it fills the blocks' table."""
     dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin))
     faint = max(blocks.calm - per_bin, 0.1 * per_bin) if pulses.haze.last > 0 else 0.0
     tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
-    return Level(per_bin, dead_rate, faint)
+    return BackgroundLevel(per_bin, dead_rate, faint)
 
 
 @inlined
@@ -229,7 +227,7 @@ def simulate_alone(
     numbers: Numbers,
     stream: Stream,
     beams: npt.NDArray[np.uint64],
-    level: Level,
+    level: BackgroundLevel,
     pulses: Pulses,
     i: Any,
     scratch: Scratch,
@@ -265,7 +263,7 @@ def simulate_alone(
 def look_around(
     numbers: Numbers,
     stream: Stream,
-    level: Level,
+    level: BackgroundLevel,
     pulses: Pulses,
     i: Any,
     begin: int,

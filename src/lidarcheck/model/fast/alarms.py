@@ -13,14 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model import streams
 from lidarcheck.model.exact.echoes import find_echoes, new_echoes
 from lidarcheck.model.exact.numbers import Numbers
 
 __all__ = ["Alarms", "alarm_rate", "alarms_of"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _SEED = 0
 _CLUMPS = 4096
@@ -36,7 +34,7 @@ class Alarms(NamedTuple):
     each as seen from the clump's bin."""
 
     rate: float
-    first: IntArray
+    first: IndexArray
     centre: FloatArray
     width: npt.NDArray[np.int32]
     area: npt.NDArray[np.int32]
@@ -50,7 +48,7 @@ def alarm_rate(numbers: Numbers, per_bin: float) -> float:
     return float(_beginnings(numbers, per_bin)[1].sum())
 
 
-def _beginnings(numbers: Numbers, per_bin: float) -> tuple[IntArray, FloatArray]:
+def _beginnings(numbers: Numbers, per_bin: float) -> tuple[IndexArray, FloatArray]:
     """The ways to rise above the threshold and their chances: detectors ON in both bins, new, and gone; (m, 3)."""
     from scipy.special import gammaln, xlog1py, xlogy
 
@@ -98,7 +96,7 @@ def alarms_of(numbers: Numbers, per_bin: float) -> Alarms:
     return Alarms(rate * float(often.mean()), first, centre, width, area, peak)
 
 
-def _traces(numbers: Numbers, per_bin: float) -> tuple[IntArray, int, FloatArray]:
+def _traces(numbers: Numbers, per_bin: float) -> tuple[IndexArray, int, FloatArray]:
     """Avalanches around beginnings, (clumps, bins), the bin where runs begin, and a further draw of each clump."""
     ways, chances = _beginnings(numbers, per_bin)
     dead, on = numbers.dead, numbers.on
@@ -130,7 +128,7 @@ def _traces(numbers: Numbers, per_bin: float) -> tuple[IntArray, int, FloatArray
     return counts, begins, draws[1]
 
 
-def _binomial(uniform: FloatArray, trials: IntArray, chance: float) -> IntArray:
+def _binomial(uniform: FloatArray, trials: IndexArray, chance: float) -> IndexArray:
     """Binomial numbers by inversion, shape (n,)."""
     from scipy.special import bdtr
 

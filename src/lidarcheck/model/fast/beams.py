@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.streams import purpose_key
 
 __all__ = ["CHUNK", "DrawnBeams", "Task"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 ColumnArray = npt.NDArray[np.int32]
 
 CHUNK = 32768
@@ -48,9 +47,9 @@ class DrawnBeams:
     range_m: FloatArray
     signal: FloatArray
     drawn: npt.NDArray[np.uint64]
-    special: IntArray
-    plain: IntArray
-    odd: IntArray
+    special: IndexArray
+    plain: IndexArray
+    odd: IndexArray
 
     @classmethod
     def of(cls, layer: ColumnArray, point: ColumnArray, range_m: FloatArray, signal: FloatArray) -> DrawnBeams:
@@ -68,7 +67,7 @@ class DrawnBeams:
         """The chunk that begins with a row."""
         return start, min(start + CHUNK, len(self))
 
-    def listed(self) -> IntArray:
+    def listed(self) -> IndexArray:
         """Rows of the special beams."""
         starts = range(0, len(self), CHUNK)
         return np.concatenate([self.special[at : at + odd] for at, odd in zip(starts, self.odd, strict=True)])

@@ -15,6 +15,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from lidarcheck.arrays import FloatArray, IndexArray, WordArray
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.streams import philox, unit
@@ -31,10 +32,7 @@ __all__ = [
     "signals",
 ]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 ColumnArray = npt.NDArray[np.int32]
-WordArray = npt.NDArray[np.uint64]
 
 EXACT, TABLE, ALARM = 1, 2, 3
 """Why a beam is special: it goes through the exact chain, its sample has a row in the table, or background alone
@@ -64,8 +62,8 @@ class Tables(NamedTuple):
 
     words: WordArray
     filled: npt.NDArray[np.bool_]
-    before: IntArray
-    length: IntArray
+    before: IndexArray
+    length: IndexArray
     lowest: int
     bins: int
     bins_per_m: float
@@ -216,7 +214,7 @@ def draw_beams(
     start: int,
     stop: int,
     drawn: WordArray,
-    special: IntArray,
+    special: IndexArray,
     wanted: npt.NDArray[np.bool_],
 ) -> Any:
     """What the beams `start` ... `stop - 1` draw, into `drawn`; rows of special ones into `special` from `start` on.

@@ -10,14 +10,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PulseForm
 
 __all__ = ["DEFAULT_GRID", "Grid", "Span", "lowest_octave", "node_signals", "octaves", "spans"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _FAINT = 0.25
 """Primary avalanches of all detectors below which S is faint: steps from there down to no light are even in S."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
@@ -17,9 +18,6 @@ from lidarcheck.model.jit import kernel
 from lidarcheck.model.streams import philox, unit
 
 __all__ = ["new_found", "resolve"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 _ROOM = 128
 """Echoes that a beam may have before the smallest go."""
@@ -110,7 +108,7 @@ def resolve(
     point: npt.NDArray[np.int32],
     range_m: FloatArray,
     drawn: npt.NDArray[np.uint64],
-    special: IntArray,
+    special: IndexArray,
     start: int,
     stop: int,
     found: FloatArray,

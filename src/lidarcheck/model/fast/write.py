@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.echoes import EchoArrays
-from lidarcheck.model.exact.report import Report, Rows, put
+from lidarcheck.model.exact.report import EchoTable, Report, put
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.jit import kernel
 
 __all__ = ["write_echoes"]
-
-FloatArray = npt.NDArray[np.float64]
 
 _LIGHT_SPEED_M_PER_NS = 0.299792458
 _ONE, _KIND, _SPECIAL = np.uint64(w.ONE), np.uint64(w.KIND), np.uint64(w.SPECIAL)
@@ -32,7 +31,7 @@ def write_echoes(
     first: int,
     first_special: int,
     report: Report,
-    rows: Rows,
+    rows: EchoTable,
 ) -> None:
     """The echoes of the beams `start` ... `stop - 1` into `rows` from `first` on; those of special beams stand in
     `echoes`, from `first_special` on."""

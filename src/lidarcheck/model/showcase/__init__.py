@@ -12,19 +12,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects import Effect
 from lidarcheck.model.chain import simulate
-from lidarcheck.model.showcase.curves import Candidate, candidates
+from lidarcheck.model.showcase.curves import CandidateCurve, candidates
 from lidarcheck.model.showcase.features import Features, features
 from lidarcheck.model.showcase.scene import MATERIALS, ideal_scan, scene
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 
 __all__ = ["EffectCurve", "show"]
-
-FloatArray = npt.NDArray[np.float64]
 
 FRAMES = 4
 _CLEAR = 4.5
@@ -85,7 +83,7 @@ def _run(variant: str, seed: int, effects: tuple[Effect, ...]) -> Features:
     return features([simulate(ideal_scan(), model, seed=seed, frame=f, scene=scene()) for f in range(FRAMES)])
 
 
-def _shown(effect: Effect, best: Candidate, variant: str, seed: int) -> EffectCurve:
+def _shown(effect: Effect, best: CandidateCurve, variant: str, seed: int) -> EffectCurve:
     quantity, x, before, after = best.quantity, best.x, best.before, best.after
     words, unit = quantity.words, quantity.unit
     height = float(np.ptp(np.concatenate([before, after]))) if len(x) else 0.0

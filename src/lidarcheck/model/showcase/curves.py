@@ -10,11 +10,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.showcase.features import Axis, Features, axes, stray_axes
 
-__all__ = ["Candidate", "Quantity", "candidates"]
-
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["CandidateCurve", "Quantity", "candidates"]
 
 _FEWEST = 32
 """Values that a point of a curve must stand for."""
@@ -59,7 +58,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CandidateCurve:
     """A curve on an axis, and by how much its change exceeds chance: chi-square less its degrees of freedom."""
 
     quantity: Quantity
@@ -80,7 +79,7 @@ class Candidate:
         return self.excess * self.quantity.weight * self.axis.weight
 
 
-def candidates(without: Features, with_it: Features) -> Iterator[Candidate]:
+def candidates(without: Features, with_it: Features) -> Iterator[CandidateCurve]:
     """Every quantity over every axis, the telling ones first; strays also over a range of their own."""
     own = [_compare(_strays(without, with_it, column), axis) for column, axis in stray_axes()]
     yield own[0]
@@ -123,7 +122,7 @@ def _quantities(without: Features, with_it: Features) -> list[Quantity]:
     ]
 
 
-def _compare(quantity: Quantity, axis: Axis) -> Candidate:
+def _compare(quantity: Quantity, axis: Axis) -> CandidateCurve:
     """Means in each bin without and with the effect, and chi-square of their difference against the frames' noise.
 
     One noise for the whole curve: with each bin's own, an axis would win by sorting the noise, not the change.
@@ -134,7 +133,7 @@ def _compare(quantity: Quantity, axis: Axis) -> Candidate:
     drawn = (n_before >= _FEWEST) & (n_after >= _FEWEST)
     before, after, at = before[drawn], after[drawn], axis.at[drawn]
     if not len(at):
-        return Candidate(quantity, axis, before, after, at, 0.0)
+        return CandidateCurve(quantity, axis, before, after, at, 0.0)
     squares, values = (sum(part) for part in list(zip(*sides, strict=True))[2:])
     if quantity.counted:  # what never happened in so many beams may happen in the next
         squares, values = squares + quantity.largest**2, values + 1.0
@@ -142,7 +141,7 @@ def _compare(quantity: Quantity, axis: Axis) -> Candidate:
     chi2 = float(((after - before) ** 2 / (1.0 / n_before[drawn] + 1.0 / n_after[drawn])).sum()) / noise
     if quantity.ratio:
         before, after = np.exp(before), np.exp(after)
-    return Candidate(quantity, axis, before, after, at, chi2)
+    return CandidateCurve(quantity, axis, before, after, at, chi2)
 
 
 def _means(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.showcase.scene import ABOVE, BESIDE, MATERIALS, RETRO, ideal_scan
 from lidarcheck.model.spec import Model
@@ -16,10 +17,6 @@ from lidarcheck.scan import Scan
 from lidarcheck.sensor import POINTS, Sensor
 
 __all__ = ["Axis", "Features", "axes", "features", "stray_axes"]
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _BELONGS_M = 3.0
 """An echo farther from what its beam meets belongs to something else; pile-up takes a bright one up to 1 m."""
@@ -40,7 +37,7 @@ class Axis:
 
     name: str
     label: str
-    bin: IntArray
+    bin: IndexArray
     at: FloatArray
     log: bool = False
     weight: float = 1.0
@@ -94,7 +91,7 @@ def _of_run(scan: Scan) -> tuple[FloatArray, ...]:
     return detected, *columns, strays, by_range, by_ratio
 
 
-def _first(beam: IntArray, range_m: FloatArray, eligible: BoolArray) -> IntArray:
+def _first(beam: IndexArray, range_m: FloatArray, eligible: BoolArray) -> IndexArray:
     """Of each beam the nearest eligible echo, where it has one: indices of echoes.
 
     A bright surface makes the SPADs fire twice; which of the two echoes is the larger is a matter of chance.
@@ -104,7 +101,7 @@ def _first(beam: IntArray, range_m: FloatArray, eligible: BoolArray) -> IntArray
     return order[np.concatenate(([True], np.diff(beam[order]) > 0))] if len(order) else order
 
 
-def _counts(beam: IntArray, value: FloatArray, edges: FloatArray, n: int) -> FloatArray:
+def _counts(beam: IndexArray, value: FloatArray, edges: FloatArray, n: int) -> FloatArray:
     """How many echoes of each beam fall into each bin, shape (n, k)."""
     k = len(edges) - 1
     place = np.searchsorted(edges, value, "right") - 1

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.rays import Hits, Rays, Velocity, sweep_time_s
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import POINTS, Material, beam_directions, layer_of, point_of
 
-__all__ = ["ABOVE", "BESIDE", "MATERIALS", "RETRO", "Panels", "ideal_scan", "scene"]
+__all__ = ["ABOVE", "BESIDE", "MATERIALS", "RETRO", "Rectangles", "ideal_scan", "scene"]
 
-FloatArray = npt.NDArray[np.float64]
 
 HALF, ASPHALT, DARK, RETRO, BRIGHT = 1, 2, 3, 4, 5
 MATERIALS: Mapping[int, Material] = {
@@ -40,7 +40,7 @@ _NEAREST_M = 1e-6
 
 
 @dataclass(frozen=True)
-class Panels:
+class Rectangles:
     """Rectangles: centre, half sides `u` and `v` (at right angles), material and object; shapes (m, 3) and (m,)."""
 
     centre: FloatArray
@@ -140,7 +140,7 @@ def _panels() -> list[_Panel]:
 
 
 @functools.cache
-def scene() -> Panels:
+def scene() -> Rectangles:
     """The scene in the sensor frame."""
     panels = _panels()
     sides = [panel.sides() for panel in panels]
@@ -148,7 +148,7 @@ def scene() -> Panels:
     centre, u, v = (np.array(part) for part in zip(*sides, ground, strict=True))
     materials = [panel.material_id for panel in panels] + [ASPHALT]
     objects = [panel.object_id for panel in panels] + [50]
-    return Panels(centre, u, v, np.array(materials, dtype=np.int32), np.array(objects, dtype=np.int32))
+    return Rectangles(centre, u, v, np.array(materials, dtype=np.int32), np.array(objects, dtype=np.int32))
 
 
 def _beams() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
