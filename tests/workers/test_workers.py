@@ -1,4 +1,4 @@
-"""Crews on this machine: order, laziness, held things, and workers that are killed."""
+"""Worker pools on this machine: order, laziness, shared things, and workers that are killed."""
 
 import os
 import signal
@@ -60,7 +60,7 @@ def test_a_held_thing_stands_for_itself_and_goes_with_its_last_owner(two):
     assert len(files) == 1
     del held
     assert not list(os.scandir(two._files.name))
-    with pytest.raises(TypeError, match="held things stand among the arguments"):
+    with pytest.raises(TypeError, match="shared things stand among the arguments"):
         [*two.map(len, [([Shared(1)],), ([Shared(2)],)])]
 
 
@@ -171,12 +171,12 @@ def main():
     begin = time.monotonic()
     try:
         if sys.argv[1] == "threads":
-            with Threads(1, hurry=over.set) as crew:
-                list(crew.map(sleep, [()]))
+            with Threads(1, hurry=over.set) as pool:
+                list(pool.map(sleep, [()]))
         else:
             threading.Timer(1, sleep).start()
-            with Processes(2) as crew:
-                list(crew.map(time.sleep, [(30.0,)]))
+            with Processes(2) as pool:
+                list(pool.map(time.sleep, [(30.0,)]))
     except KeyboardInterrupt:
         over.set()
         print(time.monotonic() - begin)

@@ -97,7 +97,7 @@ class FrameBatch:
     def run(self, pool: WorkerPool, told: ProgressCallback = lambda _done, _of, _what: None) -> FramesWritten:
         """Simulate and write what is not there yet; `told` hears frames done, of how many, and the last one's name.
 
-        The same bytes for every crew. On an error or interrupt the frames that were written stay.
+        The same bytes for every worker pool. On an error or interrupt the frames that were written stay.
         """
         tasks = [*self._tasks()]
         with self._directory(), one_blas_thread():

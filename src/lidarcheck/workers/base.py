@@ -1,4 +1,4 @@
-"""What every crew does, and how tasks and what they need are packed for the way to another process."""
+"""What every worker pool does, and how tasks and what they need are packed for the way to another process."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, Generic, NamedTuple, TypeVar
 
-__all__ = ["Remote", "Shared", "WorkerPool", "pack_tasks", "pack_thing", "perform", "shared_by", "things_of"]
+__all__ = ["AsyncPool", "Shared", "WorkerPool", "pack_tasks", "pack_thing", "perform", "shared_by", "things_of"]
 
 _Result = TypeVar("_Result")
 _Thing = TypeVar("_Thing")
-_Flight = TypeVar("_Flight")
+_Batch = TypeVar("_Batch")
 
 
 class Shared(Generic[_Thing]):
@@ -28,17 +28,17 @@ class Shared(Generic[_Thing]):
         self.key = uuid.uuid4().hex
 
     def __reduce__(self) -> Any:
-        raise TypeError("held things stand among the arguments of a task, not inside of them")
+        raise TypeError("shared things stand among the arguments of a task, not inside of them")
 
 
 class _Slot(NamedTuple):
-    """Where a held thing stood among the arguments."""
+    """Where a shared thing stood among the arguments."""
 
     key: str
 
 
 class WorkerPool:
-    """Works in the caller itself. A context manager, as all crews are. `jobs`: tasks that run at the same time."""
+    """Works in the caller itself; a context manager, as all worker pools are. `jobs`: how many tasks run at a time."""
 
     jobs = 1
 
@@ -63,67 +63,67 @@ class WorkerPool:
         return lambda: work(*things_of(task))
 
 
-class Remote(WorkerPool, Generic[_Flight]):
-    """A crew whose tasks are begun now and waited for later; a flight is one or some under way."""
+class AsyncPool(WorkerPool, Generic[_Batch]):
+    """A pool whose tasks are begun now and waited for later; a batch is one or some under way."""
 
     def map(self, work: Callable[..., _Result], tasks: Iterable[tuple[Any, ...]]) -> Iterator[_Result]:
         """See `WorkerPool.map`."""
-        waiting: deque[_Flight] = deque()
+        waiting: deque[_Batch] = deque()
         source = iter(tasks)
         try:
             while True:
-                for tasks in self._dealt(source, max(self._window() - len(waiting), 0), self._together(work)):
+                for tasks in self._batches(source, max(self._most_pending() - len(waiting), 0), self._batch_size(work)):
                     waiting.append(self._begin(work, tasks))
                 if not waiting:
                     return
-                yield from self._landed(waiting)
+                yield from self._collect(waiting)
         finally:
-            self._give_up(waiting)
+            self._cancel(waiting)
 
     def submit(self, work: Callable[..., _Result], *task: Any) -> Callable[[], _Result]:
         """See `WorkerPool.submit`."""
         waiting = deque([self._begin(work, [task])])
-        return lambda: next(iter(self._landed(waiting)))
+        return lambda: next(iter(self._collect(waiting)))
 
-    def _dealt(
-        self, source: Iterator[tuple[Any, ...]], flights: int, together: int
+    def _batches(
+        self, source: Iterator[tuple[Any, ...]], batches: int, size: int
     ) -> Iterator[Sequence[tuple[Any, ...]]]:
-        """The next tasks for so many flights, some together; the last ones so that each worker has some."""
-        if together == 1:
-            yield from ([task] for task in islice(source, flights))
+        """The next tasks for so many batches, some together; the last ones so that each worker has some."""
+        if size == 1:
+            yield from ([task] for task in islice(source, batches))
             return
-        tasks = [*islice(source, flights * together)]
-        if len(tasks) < flights * together:
-            together = min(together, -(-len(tasks) // self.jobs) or 1)
-        yield from (tasks[start : start + together] for start in range(0, len(tasks), together))
+        tasks = [*islice(source, batches * size)]
+        if len(tasks) < batches * size:
+            size = min(size, -(-len(tasks) // self.jobs) or 1)
+        yield from (tasks[start : start + size] for start in range(0, len(tasks), size))
 
-    def _window(self) -> int:
-        """So many flights are begun and not yet taken: some for every worker, so that none waits for the next."""
+    def _most_pending(self) -> int:
+        """So many batches are begun and not yet taken: some for every worker, so that none waits for the next."""
         return 2 * self.jobs + 2
 
-    def _together(self, work: Callable[..., Any]) -> int:
-        """So many tasks make a flight."""
+    def _batch_size(self, work: Callable[..., Any]) -> int:
+        """So many tasks make a batch."""
         return 1
 
-    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Batch:
         raise NotImplementedError
 
-    def _landed(self, waiting: deque[_Flight]) -> Sequence[Any]:
-        """Wait for the first flight; its results and those that are there behind it, which leave the queue."""
+    def _collect(self, waiting: deque[_Batch]) -> Sequence[Any]:
+        """Wait for the first batch; its results and those that are there behind it, which leave the queue."""
         raise NotImplementedError
 
-    def _give_up(self, waiting: deque[_Flight]) -> None:
+    def _cancel(self, waiting: deque[_Batch]) -> None:
         """Nobody waits for these any more."""
         raise NotImplementedError
 
 
 def things_of(task: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The arguments with held things in their places."""
+    """The arguments with shared things in their places."""
     return tuple(one.thing if isinstance(one, Shared) else one for one in task)
 
 
 def pack_tasks(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bytes:
-    """The tasks without what is held."""
+    """The tasks without what is shared."""
     slots = [tuple(_Slot(one.key) if isinstance(one, Shared) else one for one in task) for task in tasks]
     return pickle.dumps((work, slots), protocol=pickle.HIGHEST_PROTOCOL)
 
@@ -133,12 +133,12 @@ def shared_by(tasks: Sequence[tuple[Any, ...]]) -> tuple[Shared[Any], ...]:
     return tuple({one.key: one for task in tasks for one in task if isinstance(one, Shared)}.values())
 
 
-def pack_thing(held: Shared[Any]) -> bytes:
-    """A held thing as it is sent."""
-    return pickle.dumps(held.thing, protocol=pickle.HIGHEST_PROTOCOL)
+def pack_thing(shared: Shared[Any]) -> bytes:
+    """A shared thing as it is sent."""
+    return pickle.dumps(shared.thing, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def perform(packed: bytes, thing: Callable[[str], Any]) -> list[Any]:
-    """Do packed tasks, in the worker; `thing`: what is held, by its key."""
+    """Do packed tasks, in the worker; `thing`: what is shared, by its key."""
     work, tasks = pickle.loads(packed)  # written by the process that started this work
     return [work(*(thing(one.key) if isinstance(one, _Slot) else one for one in task)) for task in tasks]

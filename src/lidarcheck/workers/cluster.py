@@ -23,7 +23,7 @@ from typing import Any
 
 from lidarcheck.errors import UsageError, WorkerError
 from lidarcheck.workers.address import START, check_reachable
-from lidarcheck.workers.base import Remote, Shared, pack_tasks, pack_thing, shared_by
+from lidarcheck.workers.base import AsyncPool, Shared, pack_tasks, pack_thing, shared_by
 from lidarcheck.workers.identity import identity
 from lidarcheck.workers.on_worker import refusal, run_tasks
 
@@ -34,26 +34,26 @@ _LOOK_S = 1.0
 NO_WORKERS_S = 60.0
 """So long a run waits for workers when all are gone."""
 _MOST_BEGUN = 5
-"""So often a task is begun whose held things or whose own result were lost."""
-_TOGETHER, _MOST_TOGETHER = 8, 64
-"""Flights whose results are fetched together, and tasks in one of them."""
+"""So often a task is begun whose shared things or whose own result were lost."""
+_GATHERED, _LARGEST_BATCH = 8, 64
+"""Batches whose results are fetched together, and tasks in one of them."""
 _LARGE_BYTES = 1 << 20
 """A task that is larger goes to a worker and not into the scheduler's memory."""
 
 
 @dataclass(eq=False)
-class _Flight:
-    """Some tasks under way, so many of the same `work`. `held`: what they need besides; `begun`: how often."""
+class _Batch:
+    """Some tasks under way, so many of the same `work`. `shared`: what they need besides; `begun`: how often."""
 
     work: Callable[..., Any]
     count: int
     packed: bytes | Shared[bytes]
-    held: tuple[Shared[Any], ...]
+    shared: tuple[Shared[Any], ...]
     future: Any
     begun: int = 1
 
 
-class Cluster(Remote[_Flight]):
+class Cluster(AsyncPool[_Batch]):
     """The workers of a scheduler; a context manager. `WorkerError` where it cannot be used, or is lost.
 
     Leaving it takes this side's tasks back and leaves the cluster running. `batch_s`: short tasks are sent together, as
@@ -91,8 +91,8 @@ class Cluster(Remote[_Flight]):
         with contextlib.suppress(Exception):
             self._client.close(timeout=2)
 
-    def _window(self) -> int:
-        return 3 * self.jobs + _TOGETHER
+    def _most_pending(self) -> int:
+        return 3 * self.jobs + _GATHERED
 
     def _wait_for_workers(self) -> None:
         until = time.monotonic() + _CONNECT_S
@@ -144,18 +144,18 @@ class Cluster(Remote[_Flight]):
     def _lost(self) -> WorkerError:
         return WorkerError(f"the scheduler at {self.address} was lost", fix=f"see whether it still runs; else {START}")
 
-    def _together(self, work: Callable[..., Any]) -> int:
-        """As many tasks as take `batch_s` by what the last ones of their kind took: each flight has its price."""
-        return min(max(int(self.batch_s / max(self._took_s.get(work, self.batch_s), 1e-6)), 1), _MOST_TOGETHER)
+    def _batch_size(self, work: Callable[..., Any]) -> int:
+        """As many tasks as take `batch_s` by what the last ones of their kind took: each batch has its price."""
+        return min(max(int(self.batch_s / max(self._took_s.get(work, self.batch_s), 1e-6)), 1), _LARGEST_BATCH)
 
-    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Batch:
         self._look()
-        content, held = pack_tasks(work, tasks), shared_by(tasks)
+        content, shared = pack_tasks(work, tasks), shared_by(tasks)
         packed = Shared(content) if len(content) > _LARGE_BYTES else content
-        return _Flight(work, len(tasks), packed, held, self._submitted(packed, held))
+        return _Batch(work, len(tasks), packed, shared, self._submitted(packed, shared))
 
-    def _submitted(self, packed: bytes | Shared[bytes], held: Sequence[Shared[Any]]) -> Any:
-        things = {one.key: self._place(one) for one in held}
+    def _submitted(self, packed: bytes | Shared[bytes], shared: Sequence[Shared[Any]]) -> Any:
+        things = {one.key: self._place(one) for one in shared}
         body = self._place(packed, raw=True) if isinstance(packed, Shared) else packed
         key = f"lidarcheck-{uuid.uuid4().hex}"
         with self._scheduler_there():
@@ -163,28 +163,28 @@ class Cluster(Remote[_Flight]):
         future.add_done_callback(lambda _future: self._news.set())
         return future
 
-    def _place(self, held: Shared[Any], *, raw: bool = False) -> Any:
-        """The future of a held thing's bytes, which one worker has now and others get from each other."""
-        there = self._placed.get(held)
+    def _place(self, shared: Shared[Any], *, raw: bool = False) -> Any:
+        """The future of a shared thing's bytes, which one worker has now and others get from each other."""
+        there = self._placed.get(shared)
         if there is None or there.status == "cancelled":
-            content = held.thing if raw else pack_thing(held)
-            key = f"lidarcheck-held-{held.key}-{uuid.uuid4().hex}"
+            content = shared.thing if raw else pack_thing(shared)
+            key = f"lidarcheck-shared-{shared.key}-{uuid.uuid4().hex}"
             with self._scheduler_there():
                 there = self._client.scatter({key: content}, hash=False)[key]
-            self._placed[held] = there
+            self._placed[shared] = there
         return there
 
-    def _landed(self, waiting: deque[_Flight]) -> Sequence[Any]:
+    def _collect(self, waiting: deque[_Batch]) -> Sequence[Any]:
         while True:
             self._wait_for(waiting[0].future)
             if waiting[0].future.status == "error":
                 raise self._error_of(waiting[0].future)
-            there = [*takewhile(lambda flight: flight.future.status == "finished", [*waiting][:_TOGETHER])]
+            there = [*takewhile(lambda batch: batch.future.status == "finished", [*waiting][:_GATHERED])]
             if there:
                 with contextlib.suppress(CancelledError, OSError):
-                    found = self._client.gather([flight.future for flight in there])
-                    for flight, (seconds, _) in zip(there, found, strict=True):
-                        self._took_s[flight.work] = seconds / flight.count
+                    found = self._client.gather([batch.future for batch in there])
+                    for batch, (seconds, _) in zip(there, found, strict=True):
+                        self._took_s[batch.work] = seconds / batch.count
                         waiting.popleft()
                     return [result for _, results in found for result in results]
             self._look(now=True)  # which tells a lost scheduler from what was lost with a worker
@@ -199,14 +199,14 @@ class Cluster(Remote[_Flight]):
             self._news.wait(_LOOK_S)
             self._look()
 
-    def _begin_again(self, waiting: deque[_Flight]) -> None:
-        for flight in waiting:
-            if flight.future.status == "cancelled":
-                flight.begun += 1
-                if flight.begun > _MOST_BEGUN:
+    def _begin_again(self, waiting: deque[_Batch]) -> None:
+        for batch in waiting:
+            if batch.future.status == "cancelled":
+                batch.begun += 1
+                if batch.begun > _MOST_BEGUN:
                     what = f"what a task needs was lost {_MOST_BEGUN} times with the workers of {self.address}"
                     raise WorkerError(what, fix="see the workers' logs")
-                flight.future = self._submitted(flight.packed, flight.held)
+                batch.future = self._submitted(batch.packed, batch.shared)
 
     def _error_of(self, future: Any) -> BaseException:
         """What a task has raised, as its caller would have seen it; what befell a worker, as one line."""
@@ -222,10 +222,10 @@ class Cluster(Remote[_Flight]):
             return WorkerError(what, fix="start all of them where the same lidarcheck is installed")
         return error if isinstance(error, BaseException) else RuntimeError("a task failed")
 
-    def _give_up(self, waiting: deque[_Flight]) -> None:
+    def _cancel(self, waiting: deque[_Batch]) -> None:
         if waiting and self._client.status == "running":
             with contextlib.suppress(Exception):
-                self._client.cancel([flight.future for flight in waiting], force=True)
+                self._client.cancel([batch.future for batch in waiting], force=True)
 
 
 def _connected(address: str) -> Any:

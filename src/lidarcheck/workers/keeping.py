@@ -1,4 +1,4 @@
-"""What a worker keeps between tasks: held things, once for each of its threads, since threads do not share them."""
+"""What a worker keeps between tasks: shared things, once for each of its threads, since threads do not share them."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Any
 
 from lidarcheck.errors import WorkerError
-from lidarcheck.workers.base import Remote, Shared, WorkerPool, pack_tasks, pack_thing, perform, shared_by, things_of
+from lidarcheck.workers.base import AsyncPool, Shared, WorkerPool, pack_tasks, pack_thing, perform, shared_by, things_of
 from lidarcheck.workers.identity import limit_blas
 from lidarcheck.workers.keeping import kept
 from lidarcheck.workers.waiting import result_of
@@ -34,7 +34,7 @@ __all__ = ["Processes", "Threads"]
 _MOST_DEATHS = 3
 
 
-class Threads(Remote["Future[Any]"]):
+class Threads(AsyncPool["Future[Any]"]):
     """Threads of this process; kernels release the interpreter's lock.
 
     On an error or interrupt nothing new is begun, and what runs is waited for; `hurry` is called meanwhile, again and
@@ -87,27 +87,27 @@ class Threads(Remote["Future[Any]"]):
             with self._lock:
                 self._running -= 1
 
-    def _landed(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
+    def _collect(self, waiting: deque[Future[Any]]) -> Sequence[Any]:
         result = result_of(waiting[0])
         waiting.popleft()
         return [result]
 
-    def _give_up(self, waiting: deque[Future[Any]]) -> None:
+    def _cancel(self, waiting: deque[Future[Any]]) -> None:
         for future in waiting:
             future.cancel()
 
 
 @dataclass
-class _Flight:
+class _Batch:
     """Tasks under way in a pool of processes."""
 
     packed: bytes
-    held: Mapping[str, str]
+    shared: Mapping[str, str]
     pool: ProcessPoolExecutor
     future: Future[Any]
 
 
-class Processes(Remote[_Flight]):
+class Processes(AsyncPool[_Batch]):
     """Processes of this machine; with `jobs` 1, or in a worker process, all is done in the caller itself.
 
     `wake`: a function of a module that each process begins with, to load what every task needs. `least`: fewer
@@ -126,7 +126,7 @@ class Processes(Remote[_Flight]):
     def __enter__(self) -> WorkerPool:
         if self.jobs < self._least or multiprocessing.current_process().daemon:
             return WorkerPool()
-        self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-crew-", ignore_cleanup_errors=True)
+        self._files = tempfile.TemporaryDirectory(prefix="lidarcheck-workers-", ignore_cleanup_errors=True)
         self._start()
         if self._wake is not None:
             self._running.submit(_nothing)  # processes begin with the first task
@@ -146,26 +146,26 @@ class Processes(Remote[_Flight]):
 
     @property
     def _running(self) -> ProcessPoolExecutor:
-        assert self._pool is not None, "the crew was not entered"
+        assert self._pool is not None, "the pool was not entered"
         return self._pool
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake,))
 
-    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Flight:
-        held = {one.key: self._put(one) for one in shared_by(tasks)}
+    def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Batch:
+        shared = {one.key: self._put(one) for one in shared_by(tasks)}
         packed, pool = pack_tasks(work, tasks), self._running
-        return _Flight(packed, held, pool, self._submit(packed, held))
+        return _Batch(packed, shared, pool, self._submit(packed, shared))
 
-    def _submit(self, packed: bytes, held: Mapping[str, str]) -> Future[Any]:
+    def _submit(self, packed: bytes, shared: Mapping[str, str]) -> Future[Any]:
         try:
-            return self._running.submit(_call, packed, held)
+            return self._running.submit(_call, packed, shared)
         except BrokenProcessPool:
             self._replace(self._running)
-            return self._running.submit(_call, packed, held)
+            return self._running.submit(_call, packed, shared)
 
-    def _landed(self, waiting: deque[_Flight]) -> Sequence[Any]:
+    def _collect(self, waiting: deque[_Batch]) -> Sequence[Any]:
         while True:
             first = waiting[0]
             try:
@@ -173,9 +173,9 @@ class Processes(Remote[_Flight]):
             except BrokenProcessPool:
                 if first.pool is self._pool:
                     self._replace(first.pool)
-                for flight in waiting:
-                    if flight.pool is not self._pool and not _has_result(flight.future):
-                        flight.future, flight.pool = self._submit(flight.packed, flight.held), self._running
+                for batch in waiting:
+                    if batch.pool is not self._pool and not _has_result(batch.future):
+                        batch.future, batch.pool = self._submit(batch.packed, batch.shared), self._running
             else:
                 self._deaths = 0
                 waiting.popleft()
@@ -192,18 +192,18 @@ class Processes(Remote[_Flight]):
         broken.shutdown(wait=False, cancel_futures=True)
         self._start()
 
-    def _give_up(self, waiting: deque[_Flight]) -> None:
-        for flight in waiting:
-            flight.future.cancel()
+    def _cancel(self, waiting: deque[_Batch]) -> None:
+        for batch in waiting:
+            batch.future.cancel()
 
-    def _put(self, held: Shared[Any]) -> str:
+    def _put(self, shared: Shared[Any]) -> str:
         """Where workers find it, as long as it lives."""
-        if held not in self._places:
+        if shared not in self._places:
             assert self._files is not None
-            path = Path(self._files.name) / f"{held.key}.pickle"
-            path.write_bytes(pack_thing(held))
-            self._places[held] = _Place(path)
-        return str(self._places[held].path)
+            path = Path(self._files.name) / f"{shared.key}.pickle"
+            path.write_bytes(pack_thing(shared))
+            self._places[shared] = _Place(path)
+        return str(self._places[shared].path)
 
 
 class _Place:
@@ -234,5 +234,5 @@ def _nothing() -> None:
     return None
 
 
-def _call(packed: bytes, held: Mapping[str, str]) -> list[Any]:
-    return perform(packed, lambda key: kept(key, Path(held[key]).read_bytes))
+def _call(packed: bytes, shared: Mapping[str, str]) -> list[Any]:
+    return perform(packed, lambda key: kept(key, Path(shared[key]).read_bytes))

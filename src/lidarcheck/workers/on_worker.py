@@ -16,7 +16,7 @@ __all__ = ["refusal", "run_tasks"]
 
 
 def run_tasks(caller: Identity, packed: bytes, keys: Sequence[str], things: Sequence[bytes]) -> tuple[float, list[Any]]:
-    """Do packed tasks with what is held; how long that took [s], and the results.
+    """Do packed tasks with what is shared; how long that took [s], and the results.
 
     `WorkerError` where this process would find other numbers.
     """

@@ -1,6 +1,7 @@
 """Work of the process that explains, on several threads: most of it is done by kernels, without the interpreter's lock.
 
-Tasks of a crew have a process each; what stands between them, such as the fit of what was accepted, has only this one.
+Tasks of a worker pool have a process each; what stands between them, such as the fit of what was accepted, has only
+this one.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _AHEAD = 2
 
 @contextlib.contextmanager
 def in_threads(number: int) -> Iterator[None]:
-    """Let `mapped` use so many threads while the block runs; not in crews' processes and other threads."""
+    """Let `mapped` use so many threads while the block runs; not in the processes of a pool and other threads."""
     before = _number.set(number)
     try:
         yield

@@ -59,7 +59,7 @@ def test_what_holds_exits_with_0_and_ends_with_the_table(checked, capsys):
     assert main(["check"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    assert asked == {"paths": (), "seed": None, "model": None, "jobs": None, "crew": None}
+    assert asked == {"paths": (), "seed": None, "model": None, "jobs": None, "pool": None}
     lines = out.splitlines()
     assert lines[0].split() == ["scenario,", "KPI", "verdict", "golden", "now", "catches", "unit"]
     assert lines[1].split() == ["walls", "holds"]
@@ -92,7 +92,7 @@ def test_what_cannot_run_exits_with_2(checked, capsys):
 def test_the_options_reach_the_run(checked):
     asked = checked(report(HELD))
     assert main(["check", "a", "b.toml", "--seed", str(2**64 - 1), "--model", "m.toml", "--jobs", "1"]) == 0
-    assert asked == {"paths": ("a", "b.toml"), "seed": 2**64 - 1, "model": Path("m.toml"), "jobs": 1, "crew": None}
+    assert asked == {"paths": ("a", "b.toml"), "seed": 2**64 - 1, "model": Path("m.toml"), "jobs": 1, "pool": None}
 
 
 def test_json_on_standard_output_is_alone(checked, capsys):

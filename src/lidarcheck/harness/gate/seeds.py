@@ -76,7 +76,7 @@ class Runner:
     ) -> None:
         self._jobs = jobs or usable_cores()
         self._progress = progress or (lambda done, total, label: None)
-        self._crew = pool
+        self._pool = pool
         self._held: dict[int, Shared[Callable[[int], SeedMeasurement]]] = {}
         self._done = 0
 
@@ -90,7 +90,7 @@ class Runner:
         found: list[SeedRecord] = []
         # External models may run for minutes; nobody waits for them after an error or an interrupt.
         own = Threads(self._jobs, hurry=stop_external_models)
-        with one_blas_thread(), own if self._crew is None else contextlib.nullcontext(self._crew) as pool:
+        with one_blas_thread(), own if self._pool is None else contextlib.nullcontext(self._pool) as pool:
             for record in pool.map(_run, ((self._holding(job), seed) for job, seed in tasks)):
                 self._progress(self._done + len(found) + 1, total, tasks[len(found)][0].label)
                 found.append(record)
