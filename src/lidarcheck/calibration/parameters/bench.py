@@ -112,7 +112,7 @@ class FitData:
 
     def __getstate__(self) -> dict[str, object]:
         """Without who works: a worker has no workers of its own."""
-        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "crew": WorkerPool()}
+        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "pool": WorkerPool()}
 
     def observations(self, model: Model, purpose: str, k: int) -> Observations:
         """What the model shows of each beam with the k-th seed of a purpose."""
