@@ -1,9 +1,9 @@
-"""Fitting an effect's parameters: damped Gauss-Newton on summaries, with common random numbers."""
+"""Fitting effects' parameters, and what may be off besides, to the summaries of some frames."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,26 +12,33 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search.starts import Probe
+from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
-from lidarcheck.inference.simulator import Metric, Simulator
+from lidarcheck.inference.optimiser import Point, Shows, broyden, damped_step, descend, jacobian_at, normal_equations
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
-from lidarcheck.workers.threads import mapped
 
 __all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
-Shows = Callable[..., FloatArray | None]
 
-_CLEAR = 3.0
 _LEAPS = (6.0, 3.0)
 """How many steps at once numbers are tried larger and smaller where slopes say nothing."""
-_FAR, _DOUBLED = 0.1, 3
-"""A step that led so much nearer may be too short, and is doubled up to so often."""
+_DAMPING, _EASED, _STIFFENED = 0.1, 0.3, (10.0, 0.3)
+"""The damping at first; its factor after a step that led nearer; its factor and addition after one that did not."""
+_TRIES = 3
+"""Steps, each damped more, after which slopes lead no nearer."""
+_FAR = 0.1
+"""A step that led nearer by this part may be too short: summaries are compressed far from the case's own model."""
 _SLOW = 0.15
 """Where a round leads no more nearer than that, corrected slopes are taken anew."""
-_FLIPS = 0.7
-"""So much a summary changes when single beams' echoes come out otherwise."""
+_ENDS, _ENDS_PART = 2.0, 0.004
+"""A round that gains less, and less than this part of the distance, with slopes of its own is the last."""
+_NUISANCE_DAMPINGS, _NUISANCE_DAMPING = (1.0, 3.0, 10.0), 0.05
+"""Of the nuisances: what is added to the curvature, 1 as a usual error costs 1, and by what part it is enlarged."""
+_NUISANCE_LENGTHS = (1.0, -1.0)
+"""Differences for their slopes, in usual errors: longer ones the limits would cut."""
 
 
 @dataclass(frozen=True)
@@ -81,30 +88,105 @@ def fit(
 ) -> Fit:
     """Fit all free parameters of some effects at once, from where they stand; the nuisance stays as it is.
 
-    `model`: what the effects are added to, the lab's own where None. `leaps`: also search by trying, where a model that
-    strikes at random has no slopes. `slopes`: a Jacobian from near by, to begin with.
+    `model`: what the effects are added to, the simulator's own where None. `leaps`: also search by trying, where a
+    model that strikes at random has no slopes. `slopes`: a Jacobian from near by, to begin with.
     """
-    nuisance, basis = nuisance or Nuisance(), model or simulator.model
-    ends = np.cumsum([0, *(len(probe.free) for probe in probes)])
+    nuisance = nuisance or Nuisance()
+    shows = _shown_by(simulator, model or simulator.model, probes, x, nuisance)
+    start = np.concatenate([*x]) if len(x) else np.zeros(0)
+    shown = shows(start, simulator.seeds)
+    if shown is None:
+        nothing = np.zeros((1, len(simulator.measured)))
+        return Fit(tuple(probes), _split(start, x), np.inf, nothing, None, nuisance)
+    descent = _EffectDescent(simulator, shows, slopes)
+    begin = Point(start, shown, simulator.distance(shown), np.zeros(len(start)))
+    end = descend(descent, begin, rounds if len(start) else 0)
+    at, shown = end.x, end.shown
+    if simulator.varies(shown):
+        again = shows(at)
+        assert again is not None, "a sensor that was simulated is one"
+        at, shown = _climb(simulator, shows, at, again) if leaps else (at, again)
+    return Fit(tuple(probes), _split(at, x), simulator.distance(shown), shown, descent.jacobian, nuisance)
 
-    def parts(flat: FloatArray) -> tuple[FloatArray, ...]:
-        return tuple(flat[a:b] for a, b in itertools.pairwise(ends))
+
+def _split(flat: FloatArray, like: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    """The numbers of all effects, effect by effect."""
+    ends = np.cumsum([0, *(len(x) for x in like)])
+    return tuple(flat[a:b] for a, b in itertools.pairwise(ends))
+
+
+def _shown_by(
+    simulator: Simulator, model: Model, probes: Sequence[Probe], like: Sequence[FloatArray], nuisance: Nuisance
+) -> Shows:
+    """What a model with effects shows where their numbers are so; None where no sensor or effect has such numbers."""
 
     def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
         try:
-            return simulator.shows(with_effects(basis, probes, parts(flat)), seeds, nuisance=nuisance)
+            return simulator.shows(with_effects(model, probes, _split(flat, like)), seeds, nuisance=nuisance)
         except UsageError:
-            return None  # no sensor or no effect has such numbers
+            return None
 
-    start = np.concatenate([*x]) if len(x) else np.zeros(0)
-    end, shown, jacobian = _descend(simulator, shows, start, rounds, slopes)
-    if shown is not None and simulator.varies(shown):
-        shown = shows(end)
-        if leaps and shown is not None:
-            end, shown = _climb(simulator, shows, end, shown)
-    distance = np.inf if shown is None else simulator.distance(shown)
-    nothing = np.zeros((1, len(simulator.measured)))
-    return Fit(tuple(probes), parts(end), distance, nothing if shown is None else shown, jacobian, nuisance)
+    return shows
+
+
+class _EffectDescent:
+    """Towards the measurement in the numbers of effects.
+
+    A Jacobian takes a simulation or more for each number: between rounds it is only corrected by what a step has
+    changed, and taken anew where that leads no further. `jacobian`: the last one, None where there is none.
+    """
+
+    worth_doubling = _FAR
+
+    def __init__(self, simulator: Simulator, shows: Shows, jacobian: FloatArray | None) -> None:
+        self.simulator, self.shows, self.jacobian = simulator, shows, jacobian
+        self._damping, self._own_slopes = _DAMPING, False
+
+    def look(self, now: Point, step: FloatArray) -> Point | None:
+        """See `Objective.look`."""
+        x = now.x + step
+        shown = self.shows(x, self.simulator.seeds)
+        return None if shown is None else Point(x, shown, self.simulator.distance(shown), step)
+
+    def steps(self, now: Point) -> Iterator[FloatArray]:
+        """Steps that are damped the more the less they lead."""
+        if self.jacobian is None:
+            self.jacobian, self._own_slopes = jacobian_at(self.shows, now.x, now.shown), True
+        residual = self.simulator.measured - now.shown.mean(axis=0)
+        curvature, slope = normal_equations(self.simulator.metric, self.jacobian, residual)
+        for _ in range(_TRIES):
+            yield damped_step(curvature, slope, self._damping)
+            self._damping = self._damping * _STIFFENED[0] + _STIFFENED[1]
+
+    def settled(self, before: Point, now: Point) -> bool:
+        """Correct the Jacobian; the end is where one that was taken here leads hardly nearer."""
+        if now is not before:
+            assert self.jacobian is not None
+            self._damping *= _EASED
+            change = now.shown.mean(axis=0) - before.shown.mean(axis=0)
+            self.jacobian = broyden(self.jacobian, now.step, change)
+        gained, own = before.distance - now.distance, self._own_slopes
+        if own and gained < max(_ENDS, _ENDS_PART * before.distance):
+            return True
+        if not own and gained < _SLOW * before.distance:
+            self.jacobian, self._damping = None, _DAMPING
+        self._own_slopes = False
+        return False
+
+
+def _climb(simulator: Simulator, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What strikes at random moves no mean, and so has no slope to go down: try each number larger and smaller."""
+    best = simulator.distance(shown)
+    for length in _LEAPS:
+        for j in range(len(at)):
+            for way in (length, -length):
+                there = at.copy()
+                there[j] += way
+                other = shows(there)
+                if other is not None and (distance := simulator.distance(other)) < best:
+                    at, shown, best = there, other, distance
+                    break
+    return at, shown
 
 
 def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray]) -> Model:
@@ -114,42 +196,71 @@ def with_effects(model: Model, probes: Sequence[Probe], x: Sequence[FloatArray])
     return model
 
 
+def jacobian_of(simulator: Simulator, now: Fit) -> FloatArray:
+    """Change of the summaries per step of every free parameter where a fit stands, (n_summaries, n_free)."""
+    shows = _shown_by(simulator, simulator.model, now.probes, now.x, now.nuisance)
+    return jacobian_at(shows, np.concatenate([*now.x]), now.shown)
+
+
 def fit_nuisance(simulator: Simulator, now: Fit, *, rounds: int = 2) -> Fit:
     """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
     now = _taken_over(now)
-    effects = now.effects()
-    axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
-    gain = all(effect.name != "signal_gain" for effect in effects)
-    model = now.model(simulator.model)
+    descent = _NuisanceDescent(simulator, now)
+    end = descend(descent, descent.start(), rounds)
+    return replace(now, distance=simulator.distance(end.shown), shown=end.shown, nuisance=descent.nuisance(end.x))
 
-    def shows(x: FloatArray, seeds: int | None = None) -> FloatArray:
-        return simulator.shows(model, seeds, nuisance=at(axes, x, gain=gain))
 
-    x = np.zeros(len(axes))
-    shown = shows(x)
-    best = simulator.distance(shown, metric=simulator.bare)
-    # What is not looked at is left out of the covariance too: given all the rest, these alone would say little.
-    rows = _where_seen(simulator, axes)
-    metric = Metric(simulator.bare.diagonal[rows], simulator.bare.factors[rows])
-    # No longer steps: the limits would cut them. Once, since such small errors act in proportion.
-    jacobian = _jacobian(shows, x, shown, (1.0, -1.0))[rows]
+class _NuisanceDescent:
+    """Towards the measurement in the nuisances, each in its usual errors and within its limits.
 
-    def tried(trial: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        there = shows(trial)
-        return trial, there, simulator.distance(there, metric=simulator.bare) + at(axes, trial, gain=gain).penalty
+    Steps are doubled wherever they lead nearer: slopes by single flips, and those far off, promise too much of them.
+    Slopes are taken once, since such small errors act in proportion.
+    """
 
-    for _ in range(rounds):
-        curvature, slope = _slopes(metric, jacobian, (simulator.measured - shown.mean(axis=0))[rows])
-        for damping in (1.0, 3.0, 10.0):
-            step = _step(curvature + damping * np.eye(len(x)), slope - x, 0.05)
-            found = tried(np.clip(x + step, -LIMIT, LIMIT))
-            if found[2] < best:
-                found = _farther_off(tried, x, found)
-                x, shown, best = found
-                break
-        else:
-            break
-    return replace(now, distance=simulator.distance(shown), shown=shown, nuisance=at(axes, x, gain=gain))
+    worth_doubling = 0.0
+
+    def __init__(self, simulator: Simulator, now: Fit) -> None:
+        self.simulator, effects = simulator, now.effects()
+        self._axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
+        self._gain = all(effect.name != "signal_gain" for effect in effects)
+        self._model = now.model(simulator.model)
+
+    def nuisance(self, x: FloatArray) -> Nuisance:
+        """The nuisance at a point."""
+        return at(self._axes, x, gain=self._gain)
+
+    def start(self) -> Point:
+        """Where nothing is off, and the slopes there.
+
+        What is not looked at is left out of the covariance too: given all the rest, the others alone would say little.
+        """
+        x = np.zeros(len(self._axes))
+        shown = self._shows(x)
+        self._rows = _where_seen(self.simulator, self._axes)
+        self._metric: Metric = self.simulator.bare.of_rows(self._rows)
+        self._jacobian = jacobian_at(self._shows, x, shown, _NUISANCE_LENGTHS)[self._rows]
+        return Point(x, shown, self.simulator.distance(shown, metric=self.simulator.bare), x)
+
+    def _shows(self, x: FloatArray, seeds: int | None = None) -> FloatArray:
+        return self.simulator.shows(self._model, seeds, nuisance=self.nuisance(x))
+
+    def look(self, now: Point, step: FloatArray) -> Point:
+        """See `Objective.look`; the distance is with what the nuisances cost."""
+        x = np.clip(now.x + step, -LIMIT, LIMIT)
+        shown = self._shows(x)
+        distance = self.simulator.distance(shown, metric=self.simulator.bare) + self.nuisance(x).penalty
+        return Point(x, shown, distance, x - now.x)
+
+    def steps(self, now: Point) -> Iterator[FloatArray]:
+        """Steps that are damped the more the less they lead."""
+        residual = (self.simulator.measured - now.shown.mean(axis=0))[self._rows]
+        curvature, slope = normal_equations(self._metric, self._jacobian, residual)
+        for damping in _NUISANCE_DAMPINGS:
+            yield damped_step(curvature + damping * np.eye(len(now.x)), slope - now.x, _NUISANCE_DAMPING)
+
+    def settled(self, before: Point, now: Point) -> bool:
+        """Where no step leads nearer."""
+        return now is before
 
 
 def _taken_over(now: Fit) -> Fit:
@@ -159,21 +270,6 @@ def _taken_over(now: Fit) -> Fit:
     for probe, x, effect in zip(now.probes, now.x, now.effects(), strict=True):
         moved.append(x + np.array([now.nuisance.said_by(effect, one.name) / one.step for one in probe.free]))
     return replace(now, x=tuple(moved))
-
-
-def _farther_off(
-    tried: Callable[[FloatArray], tuple[FloatArray, FloatArray, float]],
-    x: FloatArray,
-    found: tuple[FloatArray, FloatArray, float],
-) -> tuple[FloatArray, FloatArray, float]:
-    """The step of the nuisances that led nearer, doubled while that leads nearer still: slopes by single flips, and
-    those far off, promise too much of it."""
-    for _ in range(_DOUBLED):
-        longer = tried(np.clip(2.0 * found[0] - x, -LIMIT, LIMIT))
-        if longer[2] >= found[2]:
-            break
-        found = longer
-    return found
 
 
 def _where_seen(simulator: Simulator, axes: Sequence[str | int]) -> IndexArray:
@@ -192,142 +288,3 @@ def _where_seen(simulator: Simulator, axes: Sequence[str | int]) -> IndexArray:
         return feature in slopes or (bool(slopes) and (feature, covariate) == ranges)
 
     return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in simulator.summaries.names])
-
-
-def _descend(
-    simulator: Simulator, shows: Shows, at: FloatArray, rounds: int, jacobian: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """Where it ends, what is shown there, and the last Jacobian; nothing is shown where the start is impossible.
-
-    A Jacobian takes a simulation or more for each number: between rounds it is only corrected by what a step has
-    changed (Broyden 1965), and taken anew where that leads no further.
-    """
-    shown = shows(at, simulator.seeds)
-    if shown is None:
-        return at, None, None
-    best, damping, taken = simulator.distance(shown), 0.1, False
-    for _ in range(rounds if len(at) else 0):
-        if jacobian is None:
-            jacobian, taken = _jacobian(shows, at, shown), True
-        before = best
-        step, there, best, damping = _stepped(simulator, shows, (at, shown, best), jacobian, damping)
-        if there is not None:
-            change = _clear(there.mean(axis=0) - shown.mean(axis=0) - jacobian @ step)
-            jacobian = jacobian + np.outer(change, step) / max(float(step @ step), 1e-12)
-            at, shown = at + step, there
-        if before - best < max(2.0, 0.004 * before) and taken:
-            break
-        if before - best < _SLOW * before and not taken:
-            jacobian, damping = None, 0.1
-        taken = False
-    return at, shown, jacobian
-
-
-def _stepped(
-    simulator: Simulator, shows: Shows, now: tuple[FloatArray, FloatArray, float], jacobian: FloatArray, damping: float
-) -> tuple[FloatArray, FloatArray | None, float, float]:
-    """The first step that leads nearer, what is shown there, None without such a step; the distance and the damping."""
-    at, shown, best = now
-    curvature, slope = _slopes(simulator.metric, jacobian, simulator.measured - shown.mean(axis=0))
-    for _ in range(3):
-        step = _step(curvature, slope, damping)
-        trial = shows(at + step, simulator.seeds)
-        distance = np.inf if trial is None else simulator.distance(trial)
-        if trial is not None and distance < best:
-            if best - distance > _FAR * best:
-                step, trial, distance = _farther(simulator, shows, at, (step, trial, distance))
-            return step, trial, distance, damping * 0.3
-        damping = damping * 10.0 + 0.3
-    return np.zeros(len(at)), None, best, damping
-
-
-def _farther(
-    simulator: Simulator, shows: Shows, at: FloatArray, found: tuple[FloatArray, FloatArray, float]
-) -> tuple[FloatArray, FloatArray, float]:
-    """The step that led nearer, doubled while that leads nearer still: summaries are compressed far from the lab's
-    model, and slopes taken near it promise too much of a step."""
-    step, shown, best = found
-    for _ in range(_DOUBLED):
-        there = shows(at + 2.0 * step, simulator.seeds)
-        distance = np.inf if there is None else simulator.distance(there)
-        if there is None or distance >= best:
-            break
-        step, shown, best = 2.0 * step, there, distance
-    return step, shown, best
-
-
-def _clear(change: FloatArray) -> FloatArray:
-    """A change without what single beams make that flip."""
-    return np.where(np.abs(change) > _FLIPS, change, 0.0)
-
-
-def _climb(simulator: Simulator, shows: Shows, at: FloatArray, shown: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What strikes at random moves no mean, and so has no slope to go down: try each number larger and smaller."""
-    best = simulator.distance(shown)
-    for length in _LEAPS:
-        for j in range(len(at)):
-            for way in (length, -length):
-                there = at.copy()
-                there[j] += way
-                other = shows(there)
-                if other is not None and (distance := simulator.distance(other)) < best:
-                    at, shown, best = there, other, distance
-                    break
-    return at, shown
-
-
-def _slopes(metric: Metric, jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """J' C^-1 J and J' C^-1 r, for `jacobian` (n_summaries, p) and `residual` (n_summaries,)."""
-    weighted = metric.times(jacobian)
-    return jacobian.T @ weighted, weighted.T @ residual
-
-
-def _step(curvature: FloatArray, slope: FloatArray, damping: float) -> FloatArray:
-    """A damped step; directions in which the curvature drowns in noise are left as they are."""
-    diagonal = np.maximum(np.diag(curvature), 0.0)
-    damped = 0.5 * (curvature + curvature.T) + np.diag(damping * diagonal + 0.5)
-    values, vectors = np.linalg.eigh(damped)
-    values = np.maximum(values, 0.5)
-    return np.asarray(np.clip(vectors @ ((vectors.T @ slope) / values), -7.0, 7.0))
-
-
-def _jacobian(
-    shows: Shows, at: FloatArray, shown: FloatArray, lengths: Sequence[float] = (1.0, -1.0, 4.0, 16.0)
-) -> FloatArray:
-    """Change of the summaries per step with the first seed, shape (n_summaries, p).
-
-    One beam that flips makes small steps useless: where a step changes little, a longer one is taken, and what is no
-    larger than such flips is taken for chance.
-    """
-    columns = mapped(lambda j: _column(shows, at, shown, j, lengths), range(len(at)))
-    return np.array(columns).T.reshape(shown.shape[1], len(at)).copy()
-
-
-def _column(shows: Shows, at: FloatArray, shown: FloatArray, j: int, lengths: Sequence[float]) -> FloatArray:
-    """Change of the summaries per step of the j-th number, shape (n_summaries,)."""
-    found = np.zeros(shown.shape[1])
-    for length in lengths:
-        there = at.copy()
-        there[j] += length
-        other = shows(there, 1)
-        if other is None:
-            continue
-        change = other[0] - shown[0]
-        found = _clear(change) / length
-        if np.abs(change).max(initial=0.0) > _CLEAR:
-            break
-    return found
-
-
-def jacobian_of(simulator: Simulator, now: Fit) -> FloatArray:
-    """Change of the summaries per step of every free parameter where a fit stands, (n_summaries, n_free)."""
-    ends = np.cumsum([0, *(len(x) for x in now.x)])
-
-    def shows(flat: FloatArray, seeds: int | None = None) -> FloatArray | None:
-        x = tuple(flat[a:b] for a, b in itertools.pairwise(ends))
-        try:
-            return simulator.shows(with_effects(simulator.model, now.probes, x), seeds, nuisance=now.nuisance)
-        except UsageError:
-            return None
-
-    return _jacobian(shows, np.concatenate([*now.x]), now.shown)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from lidarcheck.cases.frame import Frame
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
+from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
     HEIGHT_ERROR_M,
@@ -33,7 +33,7 @@ from lidarcheck.sensor import Sensor
 from lidarcheck.workers import Shared
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["Metric", "Simulator"]
+__all__ = ["Simulator"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -52,32 +52,6 @@ EDGE_ERROR = 0.4
 is a tenth to a fifth of a beam."""
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""
-
-
-@dataclass(frozen=True)
-class Metric:
-    """Distance of summaries that knows their noise, its correlations and the nuisances: r' C^-1 r.
-
-    C = D + F F', D diagonal (n,), F (n, k) few columns; kept factored (Woodbury), since there are a thousand summaries.
-    """
-
-    diagonal: FloatArray
-    factors: FloatArray
-
-    @functools.cached_property
-    def _small(self) -> FloatArray:
-        scaled = self.factors / self.diagonal[:, None]
-        return np.asarray(np.linalg.inv(np.eye(self.factors.shape[1]) + self.factors.T @ scaled))
-
-    def times(self, r: FloatArray) -> FloatArray:
-        """C^-1 r for r of shape (n,) or (n, m)."""
-        d = self.diagonal if r.ndim == 1 else self.diagonal[:, None]
-        plain = r / d
-        return np.asarray(plain - (self.factors @ (self._small @ (self.factors.T @ plain))) / d)
-
-    def square(self, r: FloatArray) -> float:
-        """r' C^-1 r."""
-        return float(r @ self.times(r))
 
 
 class _Simulated(NamedTuple):
@@ -147,7 +121,7 @@ class Simulator:
         """The metric for which a model shows the same whatever part of a beam an edge is off by."""
         shown = self.observations(model, seed, nuisance)
         edges = self._of_runs(runs_along(self.beams), shown)
-        return Metric(self.metric.diagonal, np.concatenate([self.metric.factors, edges], axis=1))
+        return self.metric.widened(edges)
 
     def _of_runs(self, runs: Sequence[IndexArray], shown: Observations) -> FloatArray:
         """What each run of beams does to the measured summaries, against what is shown, as a usual error of the pose;
@@ -312,9 +286,8 @@ def _shuffled(beams: BeamTable, drawn: Sequence[Observations], seeds: Iterable[i
 def _metrics(simulator: Simulator) -> tuple[Metric, Metric]:
     """The noise of a measurement and its correlations, with the nuisances as further noise and without."""
     noise = np.concatenate([(simulator.floor / np.sqrt(len(simulator.floor) - 1.0)).T, simulator.edges], axis=1)
-    diagonal = np.full(len(noise), _MISFIT)
-    columns = [column[:, None] for column in nuisances(simulator).values()]
-    return Metric(diagonal, np.concatenate([noise, *columns], axis=1)), Metric(diagonal, noise)
+    bare = Metric(np.full(len(noise), _MISFIT), noise)
+    return bare.widened(np.column_stack([*nuisances(simulator).values()])), bare
 
 
 def nuisances(simulator: Simulator) -> Mapping[str, FloatArray]:

@@ -9,8 +9,9 @@ from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
 from lidarcheck.inference.gauss_newton import fit, fit_nuisance
+from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
-from lidarcheck.inference.simulator import Metric, Simulator
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import Model, simulate
 from lidarcheck.model.incremental import simulate_detected
 from lidarcheck.scan import Scan

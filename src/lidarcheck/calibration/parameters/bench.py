@@ -15,13 +15,14 @@ from lidarcheck.calibration.parameters.statistics import Statistics
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
+from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.pairing import Observations, observations_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
 
-__all__ = ["FitData", "FitReference", "Metric", "seed_of"]
+__all__ = ["FitData", "FitReference", "seed_of"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -30,38 +31,13 @@ _BASE_SEEDS, _NOISE_SEEDS = 6, 5
 _SHRUNK = 0.1
 """Part of each correlation that is not believed: there are more sums than independent columns of beams."""
 _LEAST_COUNT = 4.0
+"""The least variance of a count of rare echoes: of four that are expected none may come."""
 
 
 def seed_of(seed: int, purpose: str, k: int = 0) -> int:
     """A seed for the k-th simulation of a purpose; nobody's own small seeds are among them."""
     digest = hashlib.sha256(f"calibrate {seed} {purpose} {k}".encode()).digest()
     return int.from_bytes(digest[:8])
-
-
-@dataclass(frozen=True)
-class Metric:
-    """How statistics scatter from measurement to measurement: r' C^-1 r, C of shape (n_statistics, n_statistics)."""
-
-    spread: FloatArray
-    inverse: FloatArray
-
-    @classmethod
-    def of(cls, covariance: FloatArray, counted: BoolArray) -> Metric:
-        """Of a covariance that is known from few columns of beams: its correlations are shrunk."""
-        least = np.where(counted, _LEAST_COUNT, 1.0)
-        spread = np.sqrt(np.maximum(np.diag(covariance), least))
-        correlation = (1.0 - _SHRUNK) * covariance / np.outer(spread, spread)
-        np.fill_diagonal(correlation, 1.0)
-        return cls(spread, np.linalg.inv(correlation))
-
-    def times(self, r: FloatArray) -> FloatArray:
-        """C^-1 r for r of shape (n_statistics,) or (n_statistics, m)."""
-        spread = self.spread if r.ndim == 1 else self.spread[:, None]
-        return np.asarray((self.inverse @ (r / spread)) / spread)
-
-    def inner(self, one: FloatArray, other: FloatArray) -> float:
-        """one' C^-1 other."""
-        return float(one @ self.times(other))
 
 
 @dataclass(frozen=True)
@@ -141,7 +117,8 @@ class FitData:
         drawn = self._by_cluster(Shared(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
         drawn -= drawn.mean(axis=0)
         flat = drawn.reshape(-1, drawn.shape[-1])
-        metric = Metric.of(flat.T @ flat / (_NOISE_SEEDS - 1.0), statistics.counted)
+        least = np.where(statistics.counted, _LEAST_COUNT, 1.0)
+        metric = Metric.shrunk(flat.T @ flat / (_NOISE_SEEDS - 1.0), least, _SHRUNK)
         parts = statistics.by_cluster(self.measured)
         return FitReference(statistics, metric, parts.sum(axis=0), parts)
 

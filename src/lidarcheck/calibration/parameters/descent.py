@@ -6,7 +6,7 @@ in each; with one set alone slopes would look steeper, and intervals narrower, t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,15 +15,15 @@ import numpy.typing as npt
 from lidarcheck.calibration.parameters.bench import FitData, FitReference
 from lidarcheck.calibration.parameters.parameters import FitParameter, with_values
 from lidarcheck.errors import UsageError
+from lidarcheck.inference import optimiser
+from lidarcheck.inference.optimiser import Point, identified_step, without_flips
 from lidarcheck.model.spec import Model
 
-__all__ = ["Problem", "Slopes", "descend", "residual", "slopes_at", "solved"]
+__all__ = ["Problem", "Slopes", "descend", "point_at", "residual", "slopes_at"]
 
 FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str], object]
 
-SAME = 0.004
-"""Where so little of a parameter's own effect is left beside the others', data cannot tell them apart."""
 SEEDS = 3
 """Simulations whose mean stands for what a model shows, while a round is under way."""
 _CLEAR, _FAR = 15.0, 150.0
@@ -31,11 +31,14 @@ _CLEAR, _FAR = 15.0, 150.0
 _NOTHING = 5.0
 """What shows no more over the widest difference is taken for no effect; only for such a one is it that wide."""
 _OWN = 1000
-_FLIPS = 0.7
 _CHANCE = 1.5
 """A step that gains less for each parameter, in squared standard deviations, follows noise; the last fit takes it."""
 _LONGEST = 1.5
-_MOST_HALVINGS = 4
+"""The longest step of a logarithm: a factor of 4.5 is as far as slopes can be trusted."""
+_MOST_TRIES, _SHORTER = 4, 0.4
+"""Steps that are tried in one direction, each shorter by this factor, until one leads nearer."""
+_LEAST_GAIN = 1.0
+"""What a step must gain, in squared standard deviations, so that another one is worth its simulations."""
 
 
 @dataclass
@@ -123,7 +126,7 @@ def slopes_at(problem: Problem, reference: FitReference, x: FloatArray, *, pairs
     for j, one in enumerate(problem.free):
         if one.name not in problem.dead:
             found[:, :, j] = _slope(problem, reference, x, j, sets)
-    clear = [np.where(np.abs(part * _width(problem, reference)) > _FLIPS, part, 0.0) for part in found]
+    clear = [without_flips(part, part * _width(problem, reference)) for part in found]
     metric = reference.metric
     information = 0.5 * (clear[0].T @ metric.times(found[1]) + clear[1].T @ metric.times(found[0]))
     weights = metric.times(0.5 * (clear[0] + clear[1]))
@@ -224,31 +227,52 @@ def residual(problem: Problem, reference: FitReference, x: FloatArray, seeds: in
     return np.asarray(reference.measured - np.mean([s for s in shown if s is not None], axis=0))
 
 
+class _Descent:
+    """Towards the measurement in all free parameters, whole ones rounded on the way. `told`: hears of each step."""
+
+    worth_doubling = float("inf")
+
+    def __init__(self, problem: Problem, reference: FitReference, steps: int, told: Told) -> None:
+        self.problem, self.reference = problem, reference
+        self._most, self._done, self._told = steps, 0, told
+
+    def look(self, now: Point, step: FloatArray) -> Point | None:
+        """See `Objective.look`; what is kept is the residual."""
+        return point_at(self.problem, self.reference, self.problem.within(now.x + step), step)
+
+    def steps(self, now: Point) -> Iterator[FloatArray]:
+        """The step that slopes ask for, then shorter ones; none where it promises no more than noise."""
+        self._done += 1
+        self._told(f"step {self._done} of at most {self._most}")
+        slopes = slopes_at(self.problem, self.reference, now.x)
+        right = slopes.weights.T @ now.shown
+        step = identified_step(slopes.information, right)
+        if right @ step < _CHANCE * len(now.x):
+            return
+        step = _limited(self.problem, step)
+        for _ in range(_MOST_TRIES):
+            yield _settled(self.problem, slopes, now, step)
+            step = _SHORTER * step
+
+    def settled(self, before: Point, now: Point) -> bool:
+        """Where no step leads nearer, or by less than one standard error of one parameter."""
+        return now is before or before.distance - now.distance < _LEAST_GAIN
+
+
+def point_at(
+    problem: Problem, reference: FitReference, x: FloatArray, step: FloatArray, seeds: int = SEEDS
+) -> Point | None:
+    """A point of a descent with its residual; None where no sensor has such numbers."""
+    off = residual(problem, reference, x, seeds)
+    return None if off is None else Point(x, off, reference.metric.square(off), step)
+
+
 def descend(problem: Problem, reference: FitReference, x: FloatArray, *, steps: int, told: Told) -> FloatArray:
     """Some steps towards the measurement, each of them taken only if it brings the model nearer."""
-    x = problem.within(x)
-    off = residual(problem, reference, x)
-    assert off is not None, "the fit stands where there is a sensor"
-    for number in range(steps):
-        told(f"step {number + 1} of at most {steps}")
-        slopes = slopes_at(problem, reference, x)
-        right = slopes.weights.T @ off
-        step = solved(slopes.information, right)
-        if right @ step < _CHANCE * len(x):
-            break
-        step = _limited(problem, step)
-        before, moved = reference.metric.inner(off, off), False
-        for _ in range(_MOST_HALVINGS):
-            trial = problem.within(_settled(problem, slopes, off, x, x + step))
-            there = residual(problem, reference, trial)
-            if there is not None and reference.metric.inner(there, there) < before:
-                moved, small = True, before - reference.metric.inner(there, there) < 1.0
-                x, off = trial, there
-                break
-            step = 0.4 * step
-        if not moved or small:
-            break
-    return _whole_steps(problem, reference, x)
+    start = point_at(problem, reference, problem.within(x), np.zeros(len(x)))
+    assert start is not None, "the fit stands where there is a sensor"
+    end = optimiser.descend(_Descent(problem, reference, steps, told), start, steps)
+    return _whole_steps(problem, reference, end.x)
 
 
 def _whole_steps(problem: Problem, reference: FitReference, x: FloatArray) -> FloatArray:
@@ -275,32 +299,15 @@ def _limited(problem: Problem, step: FloatArray) -> FloatArray:
     return np.asarray(np.clip(step, -most, most))
 
 
-def _settled(problem: Problem, slopes: Slopes, off: FloatArray, x: FloatArray, trial: FloatArray) -> FloatArray:
-    """Whole parameters rounded, the others where they then fit best."""
+def _settled(problem: Problem, slopes: Slopes, now: Point, step: FloatArray) -> FloatArray:
+    """The step with whole parameters rounded, the others where they then fit best."""
     whole = np.array([one.whole for one in problem.free])
     if not whole.any() or whole.all():
-        return trial
-    moved = np.where(whole, np.rint(trial) - x, 0.0)
-    rest = slopes.weights.T @ off - slopes.information @ moved
+        return step
     inner = ~whole
-    best = solved(slopes.information[np.ix_(inner, inner)], rest[inner])
-    length, asked = float(np.linalg.norm(best)), float(np.linalg.norm((trial - x)[inner]))
+    moved = np.where(whole, np.rint(now.x + step) - now.x, 0.0)
+    rest = slopes.weights.T @ now.shown - slopes.information @ moved
+    best = identified_step(slopes.information[np.ix_(inner, inner)], rest[inner])
+    length, asked = float(np.linalg.norm(best)), float(np.linalg.norm(step[inner]))
     moved[inner] = best * min(asked / max(length, 1e-12), 1.0)
-    return np.asarray(x + moved)
-
-
-def solved(information: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve for a step; directions that the data cannot tell apart, and dead parameters, stay as they are."""
-    values, vectors, scale = spectrum(information)
-    keep = values > SAME
-    inverse = np.where(keep, 1.0 / np.where(keep, values, 1.0), 0.0)
-    return np.asarray(scale * (vectors @ (inverse * (vectors.T @ (scale * right)))))
-
-
-def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Eigenvalues and vectors of the information with each parameter's own as the unit, and these units, 0 for none."""
-    diagonal = np.diag(information)
-    alive = diagonal > 0.0
-    scale = np.where(alive, 1.0 / np.sqrt(np.where(alive, diagonal, 1.0)), 0.0)
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    return values, vectors, scale
+    return moved

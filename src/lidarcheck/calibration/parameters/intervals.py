@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.parameters.bench import FitReference
-from lidarcheck.calibration.parameters.descent import SAME, Problem, Slopes, residual, slopes_at, solved, spectrum
+from lidarcheck.calibration.parameters.descent import Problem, Slopes, point_at, residual, slopes_at
 from lidarcheck.calibration.parameters.parameters import FitParameter
+from lidarcheck.inference.optimiser import INDISTINCT, Point, descend, identified_step, spectrum
 
 __all__ = ["Estimate", "Fitted", "estimate"]
 
@@ -83,31 +84,53 @@ def estimate(problem: Problem, reference: FitReference, x: FloatArray) -> Estima
     return Estimate(end, parameters, warnings, misfit, _correlation(slopes), moved)
 
 
+class _Equations:
+    """The equations of the fit with slopes as they are, to be solved in the `moving` parameters."""
+
+    worth_doubling = float("inf")
+
+    def __init__(self, problem: Problem, reference: FitReference, slopes: Slopes) -> None:
+        self.problem, self.reference, self.slopes = problem, reference, slopes
+        self.moving = problem.active() & ~np.array([one.whole for one in problem.free])
+
+    def at(self, x: FloatArray, step: FloatArray) -> Point | None:
+        """The residual at a point, and how far the equations are from being solved, in squared standard errors."""
+        found = point_at(self.problem, self.reference, x, step, SEEDS)
+        if found is None:
+            return None
+        return replace(found, distance=float(self._right(found) @ self._solution(found)))
+
+    def look(self, now: Point, step: FloatArray) -> Point | None:
+        """See `Objective.look`."""
+        return self.at(self.problem.within(now.x + step), step)
+
+    def steps(self, now: Point) -> Iterator[FloatArray]:
+        """Newton's step, whole parameters as they are."""
+        step = np.zeros(len(now.x))
+        step[self.moving] = self._solution(now)
+        yield step
+
+    def settled(self, before: Point, now: Point) -> bool:
+        """Where they are solved no better."""
+        return now is before
+
+    def _right(self, now: Point) -> FloatArray:
+        return np.asarray((self.slopes.weights.T @ now.shown)[self.moving])
+
+    def _solution(self, now: Point) -> FloatArray:
+        information = self.slopes.information[np.ix_(self.moving, self.moving)]
+        return identified_step(information, self._right(now))
+
+
 def _polished(
     problem: Problem, reference: FitReference, slopes: Slopes, x: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Newton's steps on the equations of the fit, whole parameters as they are, and what is left there."""
-    moving = problem.active() & ~np.array([one.whole for one in problem.free])
-    off = residual(problem, reference, x, SEEDS)
-    assert off is not None
-    for _ in range(_POLISH):
-        if not moving.any():
-            break
-        right = (slopes.weights.T @ off)[moving]
-        step = np.zeros(len(x))
-        step[moving] = solved(slopes.information[np.ix_(moving, moving)], right)
-        trial = problem.within(x + step)
-        there = residual(problem, reference, trial, SEEDS)
-        if there is None or _size(slopes, there, moving) >= _size(slopes, off, moving):
-            break
-        x, off = trial, there
-    return x, off
-
-
-def _size(slopes: Slopes, off: FloatArray, moving: npt.NDArray[np.bool_]) -> float:
-    """How far the equations are from being solved, in squared standard errors."""
-    right = (slopes.weights.T @ off)[moving]
-    return float(right @ solved(slopes.information[np.ix_(moving, moving)], right))
+    equations = _Equations(problem, reference, slopes)
+    start = equations.at(x, np.zeros(len(x)))
+    assert start is not None, "the fit stands where there is a sensor"
+    end = descend(equations, start, _POLISH if equations.moving.any() else 0)
+    return end.x, end.shown
 
 
 def _score_covariance(
@@ -132,7 +155,7 @@ def _score_covariance(
 def _spread(slopes: Slopes, scores: Sequence[FloatArray]) -> FloatArray:
     """Standard error of each parameter: the larger of the two."""
     n = len(slopes.information)
-    inverse = np.column_stack([solved(slopes.information, row) for row in np.eye(n)])
+    inverse = np.column_stack([identified_step(slopes.information, row) for row in np.eye(n)])
     found = [np.sqrt(np.maximum(np.diag(inverse @ score @ inverse.T), 0.0)) for score in scores]
     return np.asarray(np.max(found, axis=0))
 
@@ -197,7 +220,7 @@ class _Test:
         lean = np.zeros(len(there))
         lean[j] = 1.0
         if others.any():
-            lean[others] = -solved(information[np.ix_(others, others)], information[others, j])
+            lean[others] = -identified_step(information[np.ix_(others, others)], information[others, j])
         there += lean * (at - self.x[j])
         return self.problem.within(there), lean
 
@@ -245,14 +268,14 @@ def _whole_range(test: _Test, j: int) -> tuple[int, int, int]:
 def _loose(problem: Problem, slopes: Slopes) -> npt.NDArray[np.bool_]:
     """Which parameters take part in a direction that the data leave open, shape (n_free,)."""
     values, vectors, scale = spectrum(slopes.information)
-    open_ = vectors[:, values <= SAME]
+    open_ = vectors[:, values <= INDISTINCT]
     return np.asarray((np.abs(open_) > _TAKES_PART).any(axis=1) & (scale > 0.0))
 
 
 def _correlation(slopes: Slopes) -> FloatArray:
     """Correlations of the fitted parameters; 0 for those that were not fitted."""
     n = len(slopes.information)
-    inverse = np.column_stack([solved(slopes.information, row) for row in np.eye(n)])
+    inverse = np.column_stack([identified_step(slopes.information, row) for row in np.eye(n)])
     spread = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
     return np.asarray(np.clip(inverse / np.outer(spread, spread), -1.0, 1.0))
 
@@ -283,7 +306,7 @@ def _confounded(problem: Problem, slopes: Slopes) -> list[str]:
             continue
         names = [problem.free[j].name for j in members]
         together = _together([problem.free[j] for j in members], vector[members])
-        if value <= SAME:
+        if value <= INDISTINCT:
             found.append(f"{_listed(names)} cannot {_all(names)} be fitted: {together}; fix one, as --fix {names[0]}")
         else:
             found.append(f"{_listed(names)} are hard to tell apart: nearly {together}; their intervals say how far")

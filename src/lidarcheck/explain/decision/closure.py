@@ -19,8 +19,9 @@ from lidarcheck.explain.search.trial import own_distance, select_shown
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
 from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import POSE_ERROR_DEG
-from lidarcheck.inference.simulator import Metric, Simulator
+from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped
 
 __all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable", "shows_in_select_alone"]
