@@ -16,7 +16,7 @@ from typing import Any, cast
 from textual.pilot import Pilot
 from tui_project import SCENARIOS, make_bench, make_drive
 
-from lidarcheck.tui.actions.registry import SCREENS
+from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.screens.blooming.screen import Blooming
 from lidarcheck.tui.screens.explain.screen import Explain

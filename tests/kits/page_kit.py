@@ -7,13 +7,12 @@ from textual.binding import Binding
 
 from lidarcheck.errors import InputError
 from lidarcheck.figures.data import Cloud, Distribution, Page, Section, Table
-from lidarcheck.tui import app
-from lidarcheck.tui.actions import registry as actions
-from lidarcheck.tui.actions.action import Action
-from lidarcheck.tui.actions.pages import page_actions
+from lidarcheck.tui import actions, app
+from lidarcheck.tui.actions import Action, page_actions
 from lidarcheck.tui.jobs.jobs import Computed, Job
-from lidarcheck.tui.screens.pages import export as page_export
-from lidarcheck.tui.screens.pages import screen as pages
+from lidarcheck.tui.screens.pages.lines import together
+from lidarcheck.tui.screens.pages.screen import PageView
+from lidarcheck.tui.screens.shared.view import MOVES
 
 NAME = "fake"
 ACTIONS: tuple[Action, ...] = page_actions(NAME, "vehicles compare", "real against simulated")
@@ -37,16 +36,15 @@ def put_in(monkeypatch):
     place = actions.Place("Fakes", "f9", "K", "Fake", "fakes", "vehicles compare", "real against simulated")
     monkeypatch.setitem(actions.SCREENS, NAME, place)
     monkeypatch.setattr(actions, "ACTIONS", (*actions.ACTIONS, *ACTIONS))
-    monkeypatch.setattr(page_export, "ACTIONS", actions.ACTIONS)
     monkeypatch.setattr(app, "later_screens", lambda: [FakeView])
 
 
-class FakeView(pages.PageView):
+class FakeView(PageView):
     """`gate`: what a job waits for; `runs`: how often each was computed."""
 
     NAME = NAME
     EMPTY = "no fake here: files that are called fake.txt"
-    BINDINGS = [*pages.MOVES, *(Binding(key, a.method) for a in ACTIONS if a.method for key in a.keys)]  # noqa: RUF012
+    BINDINGS = [*MOVES, *(Binding(key, a.method) for a in ACTIONS if a.method for key in a.keys)]  # noqa: RUF012
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +55,7 @@ class FakeView(pages.PageView):
         self.together = 1
 
     def jobs(self):
-        root = self.ours.project.root
+        root = self.host.project.root
         found = [
             Job(name, f"what {name} is", (root / f"{name}.txt",), self.work(name), notes=notes)
             for name, notes in (("one", ()), ("two", ("two_b.txt: left out",)), ("bad", ()), ("worse", ()))
@@ -66,7 +64,7 @@ class FakeView(pages.PageView):
         return [*found, Job("cannot", "", (), self.work("cannot"), fault="there is no model")] if found else []
 
     def groups(self, page):
-        return pages.together(page.figures(), self.together)
+        return together(page.figures(), self.together)
 
     def work(self, name):
         def compute(on_progress):
@@ -76,7 +74,7 @@ class FakeView(pages.PageView):
                 on_progress(step, 3, "working")
                 self.gate.wait(60.0)
             if name == "bad":
-                raise InputError("holds no echoes", file=self.ours.project.root / "bad.txt", fix="measure again")
+                raise InputError("holds no echoes", file=self.host.project.root / "bad.txt", fix="measure again")
             if name == "worse":
                 raise ZeroDivisionError("by nothing")
             return Computed(page_of(name), {"echoes": 7})

@@ -20,7 +20,7 @@ from lidarcheck.session.lut_session import ChangedOnDisk, LutSession
 from lidarcheck.session.places import private_directory
 from lidarcheck.session.project import read_project
 from lidarcheck.session.state import State, load_state, save_state
-from lidarcheck.tui.actions.registry import ACTIONS, SCREENS
+from lidarcheck.tui.actions import ACTIONS, SCREENS
 from lidarcheck.tui.jobs.checks import Cancelled, Runs, check_scenario, run_scenarios
 from lidarcheck.tui.jobs.profiles import datasets_of
 from lidarcheck.tui.widgets.lines import folded

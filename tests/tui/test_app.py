@@ -11,10 +11,11 @@ from lidarcheck.session.lut_session import LutSession
 from lidarcheck.session.state import load_state
 from lidarcheck.tui import bars
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.bars import STOPS
-from lidarcheck.tui.themes import THEMES
+from lidarcheck.tui.host import STOPS
+from lidarcheck.tui.palette import Palette
 from lidarcheck.tui.widgets import dialogs
-from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
+from lidarcheck.tui.widgets.dialogs import Ask, AskText
+from lidarcheck.tui.widgets.themes import THEMES
 from tui_kit import LUT, app_on, as_stored, drive, fake_check, make_project, says, sees, text_of, until
 
 
@@ -385,7 +386,7 @@ def test_a_question_that_comes_by_itself_takes_no_key_that_was_typed_before(proj
         assert isinstance(app.screen, Ask)
         assert view.session.dirty
         assert b"his" in lut.read_bytes()
-        app.screen._deaf_s = 0.0
+        app.screen._ignores_keys_s = 0.0
         await pilot.press("r")
         await until(pilot, lambda: not view.session.dirty)
 

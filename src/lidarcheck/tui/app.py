@@ -1,4 +1,4 @@
-"""The application: composes bars, screens and log, and does what is the same everywhere."""
+"""The application: composes bars, screens and log, reads the project beside them, and hands on what threads find."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from textual import events
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.message import Message
 from textual.widgets import ContentSwitcher
 
-from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.state import load_state, save_state
-from lidarcheck.tui.actions.registry import SCREENS, Action, actions_of
+from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
-from lidarcheck.tui.help import LogHandler, help_lines
+from lidarcheck.tui.everywhere import Everywhere
+from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
 from lidarcheck.tui.screens import later_screens
-from lidarcheck.tui.screens.base import View, bindings
 from lidarcheck.tui.screens.overview import Overview
-from lidarcheck.tui.themes import THEMES, textual_themes
-from lidarcheck.tui.widgets.dialogs import Ask, AskText, Palette
-from lidarcheck.tui.widgets.lines import Lines, line
+from lidarcheck.tui.screens.shared.view import View, bindings
+from lidarcheck.tui.widgets.dialogs import Ask
+from lidarcheck.tui.widgets.lines import line
+from lidarcheck.tui.widgets.themes import THEMES, textual_themes
 
 __all__ = ["LidarcheckApp", "run"]
 
 _HANGUP = 129
 
 
-class LidarcheckApp(App[int]):
-    """The interface on one project. `check` stands in for the harness's in tests."""
+class LidarcheckApp(Everywhere):
+    """The interface on one project; a `host.Host`. `check` stands in for the harness's in tests."""
 
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[Any]] = bindings("")
@@ -61,7 +62,6 @@ class LidarcheckApp(App[int]):
     def __init__(self, root: Path, *, theme: str = "", screen: str = "", check: Any = None) -> None:
         super().__init__()
         self.project = Project(root)
-        self.check = check
         self.reads = 0
         self.state = load_state(root)
         self.animation_level = "none"
@@ -70,7 +70,7 @@ class LidarcheckApp(App[int]):
         self._awaited = ""
         self._warnings = LogHandler(self.soon, self.note)
         # Held here: while a question is asked, a query would look for them on its screen.
-        self._views: tuple[View, ...] = (Overview(Runs(root)),)
+        self._views: tuple[View, ...] = (Overview(Runs(root), check),)
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
 
     def compose(self) -> ComposeResult:
@@ -135,8 +135,7 @@ class LidarcheckApp(App[int]):
             self.note(entry.fault, True)
         cut = "; there are more, which are not looked at" if project.cut else ""
         self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
-        for view in self.views():
-            view.project_changed()
+        self.files_changed()
         if self._awaited:
             self.show_screen(self._awaited)
         self.reads += 1
@@ -197,101 +196,6 @@ class LidarcheckApp(App[int]):
         done = message.do(*message.arguments)
         if inspect.isawaitable(done):
             await done
-
-    # Actions
-
-    def action_show(self, name: str) -> None:
-        """A screen."""
-        self.show_screen(name)
-
-    def action_help(self) -> None:
-        """Help for what has the focus, and every key."""
-        pane = self.focused.id if self.focused else ""
-        words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
-        lines = help_lines(words, self.view.NAME, self.size.width)
-        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
-
-    def action_palette(self) -> None:
-        """Any action by its name."""
-        self.push_screen(Palette(actions_of(self.view.NAME)), self._chosen)
-
-    async def _chosen(self, action: Action | None) -> None:
-        if action is not None:
-            await self.run_action(action.method, self.view if action.screen else self)
-
-    def action_jump(self) -> None:
-        """By label: screens in capitals, panes in small letters."""
-        places = {place.label: place.title for place in SCREENS.values()}
-        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self.bars.log]}
-        self.push_screen(Ask("Go to", [], places), self._jumped)
-
-    def _jumped(self, key: str | None) -> None:
-        screen = next((name for name, place in SCREENS.items() if key == place.label), "")
-        if screen:
-            self.show_screen(screen)
-            return
-        if key == "l" and not self.bars.log.has_class("shown"):
-            self.action_log()
-        for pane in [*self.view.panes(), self.bars.log]:
-            if key == pane.label:
-                pane.focus()
-
-    def action_next_pane(self, by: int) -> None:
-        """The focus goes round."""
-        log = self.bars.log
-        panes = [pane for pane in [*self.view.panes(), log] if pane.size.area]
-        if panes:
-            at = panes.index(self.focused) if self.focused in panes else -by
-            panes[(at + by) % len(panes)].focus()
-
-    def action_log(self) -> None:
-        """Show or hide the log."""
-        pane = self.bars.log
-        self.state.log = not self.state.log
-        pane.set_class(self.state.log, "shown")
-        self.bars.show_log()
-        if not self.state.log and self.focused is pane:
-            self.view.panes()[0].focus()
-
-    def action_theme(self) -> None:
-        """The next theme."""
-        self.theme = THEMES[(THEMES.index(self.theme) + 1) % len(THEMES)]
-        self.state.theme = self.theme
-        self.say(f"theme: {self.theme}")
-        for view in self.views():
-            view.project_changed()
-
-    def _pane(self) -> Lines:
-        return self.focused if isinstance(self.focused, Lines) else self.view.panes()[0]
-
-    def action_copy(self) -> None:
-        """To the clipboard of the terminal, which may be far away."""
-        text = self._pane().text
-        self.copy_to_clipboard(text)
-        self.say(f"{len(text.splitlines())} lines sent to the terminal's clipboard (OSC 52)")
-
-    def action_write(self) -> None:
-        """To a file, whose name is asked for."""
-        pane = self._pane()
-        ask = AskText("Write this pane to which new file?", f"{pane.id}.txt")
-        self.push_screen(ask, lambda name: self._write(pane, name))
-
-    def _write(self, pane: Lines, name: str | None) -> None:
-        if not name:
-            return
-        path = self.project.root / name
-        from lidarcheck.formats.atomic import write_text
-
-        try:
-            if path.exists():
-                raise UsageError(f"{name} is there already", fix="give another name")
-            if not path.parent.is_dir():
-                raise InputError("its directory does not exist", file=path, fix="make it first")
-            write_text(path, pane.text)
-        except LidarcheckError as error:
-            self.say(error)
-            return
-        self.say(f"{name}: written")
 
     def action_help_quit(self) -> None:
         """Ctrl+C is no way out of an editor."""

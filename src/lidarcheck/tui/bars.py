@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.actions.registry import SCREENS, Action, actions_of
-from lidarcheck.tui.themes import Role
-from lidarcheck.tui.widgets.dialogs import key_name
+from lidarcheck.session.project import Project
+from lidarcheck.tui.actions import SCREENS, Action, actions_of, key_name
+from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
+from lidarcheck.tui.widgets.themes import Role
 
-if TYPE_CHECKING:
-    from lidarcheck.session.project import Project
-
-__all__ = ["STOPS", "Bars"]
+__all__ = ["Bars"]
 
 _KEPT_LINES, _ROOM_FOR_NAME = 1000, 100
 _READ_S = 4.0
 """How long a line that was said stands before the progress of a run takes its place again."""
-STOPS = "   x stops it"
-"""At the end of a progress line."""
 
 
 class Bars:

@@ -7,8 +7,7 @@ import textwrap
 from collections.abc import Callable
 from typing import Any
 
-from lidarcheck.tui.actions.registry import actions_of
-from lidarcheck.tui.widgets.dialogs import key_name
+from lidarcheck.tui.actions import actions_of, key_name
 from lidarcheck.tui.widgets.lines import Line, line
 
 __all__ = ["LogHandler", "help_lines"]

@@ -21,8 +21,8 @@ from lidarcheck.model import load_model, simulate
 from lidarcheck.tui.jobs.explain_run import ExplainRun, Heard, command_of
 from lidarcheck.tui.jobs.explained import place_of
 from lidarcheck.tui.screens.explain.lines import heard_lines, step_lines
-from lidarcheck.tui.themes import THEMES
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
+from lidarcheck.tui.widgets.themes import THEMES
 from tui_kit import app_on, as_stored, drive, says, sees, status, text_of, until
 
 PROGRAM = """

@@ -14,8 +14,8 @@ from lidarcheck.harness.review import review as review_module
 from lidarcheck.harness.review.accept import ALL, accept
 from lidarcheck.harness.review.review import review
 from lidarcheck.session.places import sha256
-from lidarcheck.tui.themes import THEMES
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
+from lidarcheck.tui.widgets.themes import THEMES
 from tui_kit import ROOT, app_on, as_stored, drive, says, sees, text_of, until
 
 KPIS = """description = "a surface"

@@ -1,4 +1,4 @@
-"""The screens, a file or a folder each: what stands in `actions.registry.SCREENS` by its name."""
+"""The screens, a file or a folder each: what stands in `actions.SCREENS` by its name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from lidarcheck.tui.screens.base import View
+    from lidarcheck.tui.screens.shared.view import View
 
 __all__ = ["later_screens"]
 

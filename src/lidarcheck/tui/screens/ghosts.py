@@ -13,8 +13,9 @@ from lidarcheck.figures.data import Cloud, Distribution
 from lidarcheck.session.models import NONE, next_model
 from lidarcheck.tui.jobs.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
 from lidarcheck.tui.jobs.jobs import Computed, Job
-from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.pages.screen import MOVES, PageView, together
+from lidarcheck.tui.screens.pages.lines import together
+from lidarcheck.tui.screens.pages.screen import PageView
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import AskText
 
 if TYPE_CHECKING:
@@ -47,11 +48,11 @@ class Ghosts(PageView):
 
     def jobs(self) -> list[Job]:
         """All datasets, each, and the fit."""
-        return ghost_jobs(self.ours.project, self.ours.state.selected.get(_MODEL, ""), self._bright())
+        return ghost_jobs(self.host.project, self.host.state.selected.get(_MODEL, ""), self._bright())
 
     def _bright(self) -> float | None:
         try:
-            return _least_of(self.ours.state.selected.get(_BRIGHT, ""))
+            return _least_of(self.host.state.selected.get(_BRIGHT, ""))
         except UsageError:  # somebody wrote in the state's file
             return None
 
@@ -82,7 +83,7 @@ class Ghosts(PageView):
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, selected = self.ours.project, self.ours.state.selected
+        project, selected = self.host.project, self.host.state.selected
         if not project.of("model"):
             self.say("there is no model in the project")
             return
@@ -94,7 +95,7 @@ class Ghosts(PageView):
     def action_least(self) -> None:
         """Ask from what AREA on an echo is a sign's."""
         words = "Least AREA (or INTENSITY, ...) of a sign's echo; 0: by the sensor"
-        self.ours.push_screen(AskText(words, self.ours.state.selected.get(_BRIGHT, "") or "0"), self._least)
+        self.app.push_screen(AskText(words, self.host.state.selected.get(_BRIGHT, "") or "0"), self._least)
 
     def _least(self, text: str | None) -> None:
         if text is None:
@@ -104,7 +105,7 @@ class Ghosts(PageView):
         except UsageError as error:
             self.say(error)
             return
-        self.ours.state.selected[_BRIGHT] = "" if value is None else f"{value:g}"
+        self.host.state.selected[_BRIGHT] = "" if value is None else f"{value:g}"
         self.say("bright by the sensor" if value is None else f"bright from {value:g}; r computes with it")
         self.project_changed()
 
@@ -116,13 +117,13 @@ class Ghosts(PageView):
             return
         what = "the stripped points (PCD)" if page.fitted is None else f"{_MODEL_FILE}, the model with the effect,"
         ask = AskText(f"Write {what} to which directory?", _DIRECTORY)
-        self.ours.push_screen(ask, lambda name: self._strip(page, name))
+        self.app.push_screen(ask, lambda name: self._strip(page, name))
 
     def _strip(self, page: GhostPage, name: str | None) -> None:
         if not name:
             return
         try:
-            written = _write(page, self.ours.project.root / name)
+            written = _write(page, self.host.project.root / name)
         except LidarcheckError as error:
             self.say(error)
         else:

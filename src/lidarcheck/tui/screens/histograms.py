@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.tui.jobs.jobs import Computed, Job
 from lidarcheck.tui.jobs.vehicle_jobs import Group, groups_of, job_of, options_of, source_of
-from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.pages.export import file_name
 from lidarcheck.tui.screens.pages.lines import room_for, together
-from lidarcheck.tui.screens.pages.screen import MOVES, PageView
+from lidarcheck.tui.screens.pages.screen import PageView
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Histograms(PageView):
 
     def jobs(self) -> list[Job]:
         """A job for each vehicle and variant, those that can be computed first."""
-        project = self.ours.project
+        project = self.host.project
         models = project.of("model")
         found = [(group, job_of(group, self._source(group), models)) for group in groups_of(project)]
         found.sort(key=lambda pair: bool(pair[1].fault))
@@ -70,8 +70,8 @@ class Histograms(PageView):
 
     def _source(self, group: Group) -> str:
         """What a group is compared with: as chosen, else the likeliest."""
-        chosen = self.ours.state.selected.get(f"histograms {group.name}", "")
-        return source_of(group, self.ours.project.of("model"), chosen)
+        chosen = self.host.state.selected.get(f"histograms {group.name}", "")
+        return source_of(group, self.host.project.of("model"), chosen)
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """Feature after feature, so many distances at once as can be read; then the points."""
@@ -176,14 +176,14 @@ class Histograms(PageView):
     def action_next_source(self) -> None:
         """Compare with the simulated files, or with the next model."""
         group = self._vehicles[self.at] if self._vehicles else None
-        options = [] if group is None else options_of(group, self.ours.project.of("model"))
+        options = [] if group is None else options_of(group, self.host.project.of("model"))
         if group is None or not options:
             self.say("there is nothing to compare with: neither simulated files, nor ideal scans and a model")
             return
         source = self._source(group)
         now = options.index(source) if source in options else -1
         chosen = options[(now + 1) % len(options)]
-        self.ours.state.selected[f"histograms {group.name}"] = chosen
+        self.host.state.selected[f"histograms {group.name}"] = chosen
         self.say(f"{group.name}: {chosen} ({(now + 1) % len(options) + 1} of {len(options)})")
         self.project_changed()
 

@@ -11,9 +11,10 @@ from textual.containers import Horizontal
 from lidarcheck.session.models import NONE, chosen_model, next_model
 from lidarcheck.tui.jobs.jobs import Job
 from lidarcheck.tui.jobs.noise import NoisePage, halls_of, noise_jobs
-from lidarcheck.tui.screens.base import bindings
-from lidarcheck.tui.screens.pages.screen import MOVES, PageView, together
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.screens.pages.lines import together
+from lidarcheck.tui.screens.pages.screen import PAGE_ROWS, PageView
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, line
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page, Table
@@ -62,7 +63,7 @@ class Noise(PageView):
 
     def on_mount(self) -> None:
         """What was seen last; the base's own is called besides, by Textual."""
-        self.all = self.ours.state.selected.get(_ALL) == "yes"
+        self.all = self.host.state.selected.get(_ALL) == "yes"
 
     def on_resize(self, event: events.Resize) -> None:
         """More of the lists where there is room."""
@@ -70,7 +71,7 @@ class Noise(PageView):
 
     def jobs(self) -> list[Job]:
         """The halls."""
-        return noise_jobs(self.ours.project, self.ours.state.selected.get(_MODEL, ""))
+        return noise_jobs(self.host.project, self.host.state.selected.get(_MODEL, ""))
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """A panel's figures together; of all panels so many as can be read."""
@@ -96,22 +97,20 @@ class Noise(PageView):
         elif isinstance(self.page, NoisePage):
             if self.all:
                 self.action_over_all()
-            last = len(self.page.own) - 1
-            steps = {"up": -1, "down": 1, "pageup": -4, "pagedown": 4, "home": -last, "end": last}
-            self.turned = max(min(self.turned + steps[key], last), 0)
+            self.turned = cursor_after(key, self.turned, len(self.page.own), PAGE_ROWS)
             self.draw()
 
     def action_over_all(self) -> None:
         """All panels' figures, or those of the panel that was looked at."""
         self.all = not self.all
         self.turned, self._elsewhere = self._elsewhere, self.turned
-        self.ours.state.selected[_ALL] = "yes" if self.all else ""
+        self.host.state.selected[_ALL] = "yes" if self.all else ""
         self.say("figures of all panels" if self.all else "figures of one panel")
         self.draw()
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, selected = self.ours.project, self.ours.state.selected
+        project, selected = self.host.project, self.host.state.selected
         if not project.of("model"):
             self.say("there is no model in the project")
             return

@@ -9,25 +9,23 @@ from typing import Any, ClassVar
 
 from textual import work
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.message import Message
 
 from lidarcheck.session.project import Entry
-from lidarcheck.tui.bars import STOPS
-from lidarcheck.tui.jobs.checks import Cancelled, Outcome, Runs, against, run_scenarios
-from lidarcheck.tui.screens.base import View, bindings
-from lidarcheck.tui.screens.goldens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
-from lidarcheck.tui.themes import Role
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.host import STOPS
+from lidarcheck.tui.jobs.checks import Cancelled, Check, Outcome, Runs, against, run_scenarios
+from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
+from lidarcheck.tui.screens.shared.view import MOVES, View, bindings
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, line
+from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["Overview"]
 
 _ROLES: dict[str, Role] = {"fell out": "bad", "fault": "bad", "changed": "edited", "holds": "good"}
-_MOVES = {"up": -1, "down": 1}
 
 
 class Overview(View):
-    """The first screen."""
+    """The first screen. `check` stands in for the harness's in tests."""
 
     NAME = "overview"
     WORDS: ClassVar[dict[str, str]] = {
@@ -38,10 +36,7 @@ class Overview(View):
         "tolerance, the "
         "tolerance, the smallest change that would be caught, and the absolute limits.",
     }
-    BINDINGS: ClassVar[list[Any]] = [
-        *bindings("overview"),
-        *(Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")),
-    ]
+    BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
 
     class Told(Message):
         """How far a run is."""
@@ -64,8 +59,9 @@ class Overview(View):
             super().__init__()
             self.how = how
 
-    def __init__(self, runs: Runs) -> None:
+    def __init__(self, runs: Runs, check: Check | None = None) -> None:
         super().__init__(id=self.NAME)
+        self.check = check
         self.runs = runs
         self.at = 0
         self.fallen_only = False
@@ -84,9 +80,9 @@ class Overview(View):
 
     def project_changed(self) -> None:
         """Show the new files, with the cursor on the one it was on."""
-        wanted = self.ours.state.selected.get(self.NAME, "")
-        faults = [entry for entry in self.ours.project.faults if entry.kind != "scenario"]
-        self._entries = [*self.ours.project.of("scenario", sound=False), *faults]
+        wanted = self.host.state.selected.get(self.NAME, "")
+        faults = [entry for entry in self.host.project.faults if entry.kind != "scenario"]
+        self._entries = [*self.host.project.of("scenario", sound=False), *faults]
         self._stale = {
             name: outcome.against != against(entry.path)
             for entry in self._entries
@@ -119,7 +115,7 @@ class Overview(View):
         ]
         fell = sum(outcome.verdict in ("fell out", "fault") for outcome in last)
         scenarios = sum(entry.kind == "scenario" for entry in self._entries)
-        faults = len(self.ours.project.faults)
+        faults = len(self.host.project.faults)
         title = f"Scenarios: {scenarios}, {len(last)} run, {fell} fell out; {faults} files with a fault"
         self.query_one("#scenarios", Lines).show(
             lines or [line(f"  {empty}", "dim")], title=title, cursor=self.at if entries else None
@@ -132,7 +128,7 @@ class Overview(View):
         outcome = None if entry.fault else self.runs.last.get(entry.path.stem)
         text = ""
         if entry.fault:
-            text = f"  {self.ours.inside(entry.fault)}"
+            text = f"  {self.host.inside(entry.fault)}"
         elif outcome is not None:
             when = time.strftime("%m-%d %H:%M", time.localtime(outcome.time))
             counts = f"{len(outcome.kpis) - outcome.fallen}/{len(outcome.kpis)} KPIs"
@@ -148,11 +144,11 @@ class Overview(View):
             return
         outcome = self.runs.last.get(entry.path.stem) if entry.kind == "scenario" and not entry.fault else None
         if outcome is None:
-            words = self.ours.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
+            words = self.host.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
             pane.show([line(f" {words}", "bad" if entry.fault else "dim")], title=entry.name)
             return
         room = name_room(pane.size.width)
-        lines = [line(f" {self.ours.inside(problem)}", "bad") for problem in outcome.problems]
+        lines = [line(f" {self.host.inside(problem)}", "bad") for problem in outcome.problems]
         if outcome.kpis:
             lines.append(kpi_heading("now", room))
         order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(moved(kpi))))
@@ -165,14 +161,12 @@ class Overview(View):
     def action_move(self, key: str) -> None:
         """The cursor; in the KPIs the keys scroll."""
         if self.query_one("#kpis", Lines).has_focus:
-            self.query_one("#kpis", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+            self.query_one("#kpis", Lines).scroll_by_key(key)
             return
         rows = max(self.query_one("#scenarios", Lines).rows, 1)
-        last = max(len(self.entries()) - 1, 0)
-        steps = {"pageup": -rows, "pagedown": rows, "home": -last, "end": last, **_MOVES}
-        self.at = max(min(self.at + steps[key], last), 0)
+        self.at = cursor_after(key, self.at, len(self.entries()), rows)
         if self.entries():
-            self.ours.state.selected[self.NAME] = self.entries()[self.at].name
+            self.host.state.selected[self.NAME] = self.entries()[self.at].name
         self.draw()
 
     def action_run_one(self) -> None:
@@ -196,10 +190,10 @@ class Overview(View):
         else:
             self.running = True
             self._stop.clear()
-            self._run(paths, self.ours.check)
+            self._run(paths)
 
     @work(thread=True, exclusive=True, group="runs", exit_on_error=False)
-    def _run(self, paths: list[Path], check: Any) -> None:
+    def _run(self, paths: list[Path]) -> None:
         def told(done: int, total: int, now: str) -> None:
             self.post_message(self.Told(done, total, now))
 
@@ -210,7 +204,7 @@ class Overview(View):
                 told=told,
                 found=lambda o: self.post_message(self.Found(o)),
                 stop=self._stop,
-                check=check,
+                check=self.check,
             )
         except Cancelled:
             how = "the run was stopped"
@@ -250,7 +244,7 @@ class Overview(View):
 
     def action_look_again(self) -> None:
         """Read the project again."""
-        self.ours.read_project()
+        self.host.read_project()
 
     def closing(self) -> None:
         """Let a run end."""

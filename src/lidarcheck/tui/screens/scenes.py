@@ -10,9 +10,9 @@ from lidarcheck.session.naming import labels_of
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.jobs import Job
 from lidarcheck.tui.jobs.scene_jobs import Effects, offers_of, scene_jobs
-from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.pages.lines import room_for, together
-from lidarcheck.tui.screens.pages.screen import MOVES, PageView
+from lidarcheck.tui.screens.pages.screen import PageView
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.choose import Choose
 from lidarcheck.tui.widgets.lines import Lines
 
@@ -51,7 +51,7 @@ class Scenes(PageView):
             model = self._model(scan)
             return model, self._effects(model)
 
-        return scene_jobs(self.ours.project, chosen)
+        return scene_jobs(self.host.project, chosen)
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """The maps first, so many at once as can be read, then all else."""
@@ -66,25 +66,25 @@ class Scenes(PageView):
     # Choices
 
     def _models(self) -> list[Entry]:
-        return self.ours.project.of("model")
+        return self.host.project.of("model")
 
     def _model(self, scan: Entry | None) -> Entry | None:
         """The model that is chosen for the variant of a frame, else the likely one."""
-        project, variant = self.ours.project, _variant(scan)
+        project, variant = self.host.project, _variant(scan)
         beside = project.root if scan is None else scan.path.parent
-        return chosen_model(project, self.ours.state.selected.get(f"scenes {variant}", ""), beside, variant)
+        return chosen_model(project, self.host.state.selected.get(f"scenes {variant}", ""), beside, variant)
 
     def _scan(self) -> Entry | None:
         """The frame under the cursor."""
-        scans = self.ours.project.of("scan", sound=False)
+        scans = self.host.project.of("scan", sound=False)
         return next((entry for entry in scans if self.job is not None and entry.name == self.job.name), None)
 
     def _effects(self, model: Entry | None) -> Effects:
-        kept = self.ours.state.selected
+        kept = self.host.state.selected
         return Effects() if model is None else Effects.of(kept.get(f"effects {model.name}", ""))
 
     def _choose(self, model: Entry, effects: Effects) -> None:
-        self.ours.state.selected[f"effects {model.name}"] = effects.text()
+        self.host.state.selected[f"effects {model.name}"] = effects.text()
         self.say(f"{model.name}{effects.words() or ', as its file says'}")
         self.project_changed()
 
@@ -96,7 +96,7 @@ class Scenes(PageView):
             return
         now = self._model(scan)
         at = 0 if now is None else (models.index(now) + 1) % len(models)
-        self.ours.state.selected[f"scenes {_variant(scan)}"] = models[at].name
+        self.host.state.selected[f"scenes {_variant(scan)}"] = models[at].name
         self.say(f"model: {models[at].name} ({at + 1} of {len(models)})")
         self.project_changed()
 
@@ -124,7 +124,7 @@ class Scenes(PageView):
                 added = tuple(offer.name for offer in offers if offer.name in on and offer.name not in own)
                 self._choose(entry, Effects(tuple(name for name in own if name not in on), added))
 
-        self.ours.push_screen(Choose(f"Effects of {entry.name}", offers), taken)
+        self.app.push_screen(Choose(f"Effects of {entry.name}", offers), taken)
 
     def action_own_effects(self) -> None:
         """The model as its file says."""

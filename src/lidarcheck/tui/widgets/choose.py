@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.screen import ModalScreen
 
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Line, Lines, cursor_after, line
 
 __all__ = ["Choose", "Switch"]
 
@@ -60,10 +60,9 @@ class Choose(ModalScreen[frozenset[str] | None]):
     def on_key(self, event: events.Key) -> None:
         """Switch, move, take or leave."""
         event.stop()
-        rows, last = max(self.query_one("#switches", Lines).rows, 1), max(len(self._switches) - 1, 0)
-        steps = {"up": -1, "down": 1, "pageup": -rows, "pagedown": rows, "home": -last, "end": last}
-        if event.key in steps:
-            self.at = max(min(self.at + steps[event.key], last), 0)
+        if event.key in CURSOR_KEYS:
+            rows = max(self.query_one("#switches", Lines).rows, 1)
+            self.at = cursor_after(event.key, self.at, len(self._switches), rows)
         elif event.key == "space" and self._switches and self._switches[self.at].able:
             self.on ^= {self._switches[self.at].name}
         elif event.key == "a":

@@ -1,4 +1,4 @@
-"""Questions: one that a key answers, one that a text answers, and the palette."""
+"""Questions: one that a key answers, and one that a text answers."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from lidarcheck.tui.actions.registry import Action
 from lidarcheck.tui.widgets.lines import Line, Lines, line
 
-__all__ = ["Ask", "AskText", "Palette"]
+__all__ = ["Ask", "AskText", "text_input"]
 
 _CSS = """
-Ask, AskText, Palette { background: $background; }
-Ask Input, AskText Input, Palette Input { border: none; height: 1; padding: 0; background: $background; }
+Ask, AskText { background: $background; }
+Ask Input, AskText Input { border: none; height: 1; padding: 0; background: $background; }
 """
 _SCROLL = {"pagedown": 1, "pageup": -1, "down": 1, "up": -1, "space": 1}
 
@@ -38,7 +37,7 @@ class Ask(ModalScreen[str | None]):
 
     def __init__(self, title: str, lines: Sequence[Line], answers: Mapping[str, str], *, unasked: bool = False) -> None:
         super().__init__()
-        self._deaf_s = UNASKED_S if unasked else 0.0
+        self._ignores_keys_s = UNASKED_S if unasked else 0.0
         self._shown_s = 0.0
         self._title, self._lines, self._answers = title, list(lines), dict(answers)
 
@@ -58,7 +57,7 @@ class Ask(ModalScreen[str | None]):
     def on_key(self, event: events.Key) -> None:
         """Answer, scroll or leave."""
         event.stop()
-        if time.monotonic() - self._shown_s < self._deaf_s:
+        if time.monotonic() - self._shown_s < self._ignores_keys_s:
             return
         key = "Enter" if event.key == "enter" else event.character or event.key
         if key in self._answers:
@@ -83,7 +82,7 @@ class AskText(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """The question and a line to type in."""
         yield Lines(self._title, id="question", folds=True)
-        yield _input(self._value)
+        yield text_input(self._value)
 
     def on_mount(self) -> None:
         """What belongs to the question."""
@@ -98,77 +97,8 @@ class AskText(ModalScreen[str | None]):
         self.dismiss(None)
 
 
-class Palette(ModalScreen[Action | None]):
-    """Any action, found by letters of its name or its help."""
-
-    CSS = _CSS
-    AUTO_FOCUS = "Input"
-    BINDINGS: ClassVar[list[Any]] = [
-        Binding("escape", "dismiss_none", show=False),
-        Binding("down", "move(1)", show=False, priority=True),
-        Binding("up", "move(-1)", show=False, priority=True),
-    ]
-
-    def __init__(self, actions: Sequence[Action]) -> None:
-        super().__init__()
-        self._actions = [action for action in actions if action.method]
-        self._found = self._actions
-        self._at = 0
-
-    def compose(self) -> ComposeResult:
-        """A line to type in, and what fits."""
-        yield _input("")
-        yield Lines("Type a part of the name; Enter does it, Esc leaves", id="found")
-
-    def on_mount(self) -> None:
-        """All of them at first."""
-        self._show()
-
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Narrow it down."""
-        words = event.value.lower().split()
-        self._found = [a for a in self._actions if all(word in f"{a.name} {a.help}".lower() for word in words)]
-        self._at = 0
-        self._show()
-
-    def on_input_submitted(self) -> None:
-        """Do what the cursor is on."""
-        self.dismiss(self._found[self._at] if self._found else None)
-
-    def action_move(self, by: int) -> None:
-        """Up and down."""
-        self._at = max(min(self._at + by, len(self._found) - 1), 0)
-        self._show()
-
-    def action_dismiss_none(self) -> None:
-        """Escape."""
-        self.dismiss(None)
-
-    def _show(self) -> None:
-        lines = []
-        for number, action in enumerate(self._found):
-            mark = ">" if number == self._at else " "
-            text = f"{mark} {key_name(action.keys[0]):10}{action.name:18}{action.help}"
-            lines.append(line(text, "cursor" if number == self._at else "text"))
-        self.query_one("#found", Lines).show(lines or [line("  nothing is called so", "dim")], cursor=self._at)
-
-
-def _input(value: str) -> Input:
+def text_input(value: str) -> Input:
+    """A line to type in, as all of the interface's are: without a frame or a blinking cursor."""
     field: Any = Input(value, select_on_focus=False)
     field.cursor_blink = False
     return field  # type: ignore[no-any-return]
-
-
-_NAMES = {
-    "plus": "+", "minus": "-", "equals_sign": "=", "right_square_bracket": "]", "left_square_bracket": "[",
-    "escape": "Esc", "pagedown": "PgDn", "pageup": "PgUp",
-}  # fmt: skip
-
-
-def key_name(key: str) -> str:
-    """A key as people call it."""
-    if key in _NAMES:
-        return _NAMES[key]
-    if key.startswith("ctrl+"):
-        return f"^{key[5:].upper()}"
-    return key if len(key) == 1 else "+".join(part.capitalize() for part in key.split("+"))

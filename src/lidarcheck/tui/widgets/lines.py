@@ -13,12 +13,14 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from lidarcheck.tui.themes import Role, style
+from lidarcheck.tui.widgets.themes import Role, style
 
-__all__ = ["Line", "Lines", "line", "printable", "wrapped"]
+__all__ = ["CURSOR_KEYS", "Line", "Lines", "cursor_after", "diff_lines", "hanging", "line", "printable", "wrapped"]
 
 Line = tuple[tuple[str, Role], ...]
 _INDENT_FROM = 20
+CURSOR_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
+"""The keys that move a cursor, or scroll."""
 
 
 def line(text: str, role: Role = "text") -> Line:
@@ -26,10 +28,27 @@ def line(text: str, role: Role = "text") -> Line:
     return ((text, role),)
 
 
+def cursor_after(key: str, at: int, count: int, page: int) -> int:
+    """Where one of `CURSOR_KEYS` moves a cursor at `at` in a list of `count`; Page Up and Down move by `page`."""
+    steps = {"up": -1, "down": 1, "pageup": -page, "pagedown": page, "home": -count, "end": count}
+    return max(min(at + steps[key], count - 1), 0)
+
+
 def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
+    """A text in as many lines of one look as it needs."""
+    return [line(part, role) for part in textwrap.wrap(text, max(width, 20))]
+
+
+def hanging(text: str, width: int, role: Role = "text") -> list[Line]:
     """A text as lines of one look that fit the width, each behind a blank, the later ones further in."""
     fits = textwrap.wrap(text, max(width - 1, 20), initial_indent=" ", subsequent_indent="   ")
     return [line(part, role) for part in fits]
+
+
+def diff_lines(lines: Sequence[str]) -> list[Line]:
+    """The lines of a unified diff, each in the role of its first letter."""
+    roles: dict[str, Role] = {"+": "good", "-": "bad", "@": "title"}
+    return [line(text, roles.get(text[:1], "text")) for text in lines]
 
 
 def folded(parts: Line, width: int) -> list[Line]:
@@ -114,6 +133,10 @@ class Lines(Widget, can_focus=True):
         """Scroll by pages, where there is no cursor."""
         self._top = max(min(self._top + pages * max(self.rows, 1), len(self._rows) - self.rows), 0)
         self._redraw()
+
+    def scroll_by_key(self, key: str) -> None:
+        """Scroll a page up or down, by one of `CURSOR_KEYS`."""
+        self.page(-1 if key in ("up", "pageup", "home") else 1)
 
     def _redraw(self) -> None:
         rows = self.rows

@@ -44,7 +44,7 @@ def draw_profile(plots: BloomingPlots, pane: Lines, dataset: int, feature: int) 
     found = plots.found(choice)
     where = f"{dataset + 1}/{len(plots.datasets)} {choice.dataset.name}"
     if isinstance(found, str):
-        pane.show(_wrapped(plots.view.ours.inside(found), pane.size.width), title=where)
+        pane.show(_wrapped(plots.view.host.inside(found), pane.size.width), title=where)
         return
     if found is None:
         pane.show([line(" reading ...", "dim")], title=where)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from textual.app import ComposeResult
 from textual.containers import Grid, Horizontal, Vertical
 
-from lidarcheck.tui.screens.base import View
 from lidarcheck.tui.screens.blooming.draw import LEAST
+from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:

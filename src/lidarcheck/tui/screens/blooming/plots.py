@@ -71,7 +71,7 @@ class BloomingPlots:
         """Datasets of the table's direction, and the model; also after the project, the table or the file changed."""
         if not self.shown_once:
             return
-        project, selected = self.view.ours.project, self.view.ours.state.selected
+        project, selected = self.view.host.project, self.view.host.state.selected
         self.datasets = datasets_of(project, self.view.axis)
         names = [dataset.name for dataset in self.datasets]
         wanted = selected.get("dataset", "")
@@ -86,9 +86,9 @@ class BloomingPlots:
 
     def _likely(self, models: list[str]) -> str:
         """Of the models that have a retro-reflector the one whose variant the settings are for, else the first."""
-        paths = {entry.name: entry.path for entry in self.view.ours.project.of("model")}
+        paths = {entry.name: entry.path for entry in self.view.host.project.of("model")}
         able = [name for name in models if _retros(paths[name])]
-        names = " ".join(entry.name.upper() for entry in self.view.ours.project.of("settings"))
+        names = " ".join(entry.name.upper() for entry in self.view.host.project.of("settings"))
         alike = [name for name in able if any(v in names and v in name.upper() for v in ("SLIM", "SMART"))]
         return next(iter([*alike, *able, *models]), "")
 
@@ -107,19 +107,19 @@ class BloomingPlots:
             self.view.say("no measurement in this project shows this table's axis")
             return
         self.dataset = (self.dataset + by) % len(self.datasets)
-        self.view.ours.state.selected["dataset"] = self.datasets[self.dataset].name
+        self.view.host.state.selected["dataset"] = self.datasets[self.dataset].name
         self._ask_and_draw()
 
     def next_model(self) -> None:
         """The next model."""
-        models = self.view.ours.project.of("model")
+        models = self.view.host.project.of("model")
         if not models:
             self.view.say("there is no model in this project")
             return
         paths = [entry.path for entry in models]
         at = (paths.index(self.model) + 1) % len(paths) if self.model in paths else 0
         self.model, self.material = paths[at], None
-        self.view.ours.state.selected["model"] = models[at].name
+        self.view.host.state.selected["model"] = models[at].name
         self.view.say(f"model: {models[at].name}")
         self._find_settings()
         self._ask_and_draw()
@@ -141,7 +141,7 @@ class BloomingPlots:
             self.view.say("all four are shown; V goes back to one of them")
             return
         self.feature = (self.feature + 1) % len(FEATURES)
-        self.view.ours.state.selected["feature"] = str(self.feature)
+        self.view.host.state.selected["feature"] = str(self.feature)
         self.redraw()
 
     # The panes
@@ -247,7 +247,7 @@ class BloomingPlots:
             self._job = (missing, table) if missing else None
             if missing and not self._busy:
                 self._busy = True
-                threading.Thread(target=self._work, args=(self.view.ours,), name="profiles", daemon=True).start()
+                threading.Thread(target=self._work, args=(self.view.host,), name="profiles", daemon=True).start()
 
     def _is_missing(self, choice: Choice, table: LutTable | None) -> bool:
         found = self._profiles.known(choice)

@@ -10,12 +10,12 @@ from textual.binding import Binding
 
 from lidarcheck.formats.lut import Axis
 from lidarcheck.session.lut_session import LutSession
-from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.blooming.editor import Editor
 from lidarcheck.tui.screens.blooming.panes import TILES, BloomingPanes
 from lidarcheck.tui.screens.blooming.plots import DEBOUNCE_S, BloomingPlots
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
 from lidarcheck.tui.screens.blooming.table import TableEditor
+from lidarcheck.tui.screens.shared.view import bindings
 from lidarcheck.tui.widgets.dialogs import AskText
 from lidarcheck.tui.widgets.lines import Lines
 
@@ -214,7 +214,7 @@ class Blooming(BloomingPanes):
         if words:
             self.say(words, bad=True)
         elif self.editor.session is not None:
-            self.say(self.ours.inside(str(self.editor.session.path)))
+            self.say(self.host.inside(str(self.editor.session.path)))
         if not self.query_one("#left").display:
             self.action_arrange()
         self.query_one("#table", Lines).focus()
@@ -314,7 +314,7 @@ class Blooming(BloomingPanes):
 
     def closing(self) -> None:
         """Keep where the cursor was; journals stay where there are edits."""
-        self.ours.state.selected |= {"axis": self.axis, "row": str(self.table.at)}
+        self.host.state.selected |= {"axis": self.axis, "row": str(self.table.at)}
         for session in (self.table.session, *self.settings.sessions.values()):
             if session is not None:
                 session.close()

@@ -11,8 +11,8 @@ from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting, Settings, limits_of
 from lidarcheck.session.settings_session import SettingsSession, left_behind, settings_path
 from lidarcheck.tui.screens.blooming.editor import Editor
-from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.themes import Role
 
 if TYPE_CHECKING:
     from lidarcheck.tui.screens.blooming.screen import Blooming
@@ -36,7 +36,7 @@ class SettingsEditor(Editor[SettingsSession]):
         if not variant:
             self.session, self.variant, self.fault = None, "", "no model, and so no variant"
             return
-        project = self.view.ours.project
+        project = self.view.host.project
         path = settings_path(project, axis, variant)
         if self.session is not None and self.session is self.sessions.get(path):
             return
@@ -51,12 +51,12 @@ class SettingsEditor(Editor[SettingsSession]):
 
     def look_back(self) -> None:
         """Offer edits that an earlier session did not save."""
-        left = left_behind(self.view.ours.project)
+        left = left_behind(self.view.host.project)
         if left is None or self.sessions:
             return
         self.find(left[1], left[0])
         if self.session is not None and self.session.found:
-            self.view.ours.show_screen(self.view.NAME)
+            self.view.host.show_screen(self.view.NAME)
             self.ask_back()
 
     def in_force(self) -> Settings | None:
@@ -76,7 +76,7 @@ class SettingsEditor(Editor[SettingsSession]):
     def lines(self) -> tuple[str, list[Line], bool]:
         """Each value with its limits; below, what they are for."""
         if self.session is None:
-            words = textwrap.wrap(self.view.ours.inside(self.fault), 32)
+            words = textwrap.wrap(self.view.host.inside(self.fault), 32)
             return "Settings", [line(f" {text}", "bad") for text in words], False
         self.within()
         session, here = self.session, self.view.plots.setting()

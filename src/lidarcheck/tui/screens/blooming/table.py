@@ -9,8 +9,8 @@ from lidarcheck.formats.lut import Axis, LutTable
 from lidarcheck.session.file_session import journal_of
 from lidarcheck.session.lut_session import LutSession
 from lidarcheck.tui.screens.blooming.editor import Editor
-from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["TableEditor"]
 
@@ -30,13 +30,13 @@ class TableEditor(Editor[LutSession]):
 
     def files(self) -> list[str]:
         """The names of the project's sound LUT files."""
-        return [entry.name for entry in self.view.ours.project.of("lut")]
+        return [entry.name for entry in self.view.host.project.of("lut")]
 
     def find(self) -> None:
         """Open what was open, or what an ended session left; keep the session where its file is still there."""
         if self.session is not None:
             return
-        project, wanted, names = self.view.ours.project, self.view.ours.state.selected.get("lut", ""), self.files()
+        project, wanted, names = self.view.host.project, self.view.host.state.selected.get("lut", ""), self.files()
         left = (entry.name for entry in project.of("lut") if journal_of(entry.path, project.root).exists())
         usual = [wanted if wanted in names else names[0]] if names else []
         name = next(iter([*left, *usual]), "")
@@ -45,7 +45,7 @@ class TableEditor(Editor[LutSession]):
 
     def open(self, name: str) -> None:
         """Open a LUT file of the project."""
-        app = self.view.ours
+        app = self.view.host
         entry = next(entry for entry in app.project.of("lut") if entry.name == name)
         try:
             session = LutSession(entry.path, app.project.root)
@@ -77,7 +77,7 @@ class TableEditor(Editor[LutSession]):
         if self.session.dirty:
             self.view.say("save the edits first (^S), or take them back (u)", bad=True)
             return False
-        now = self.view.ours.state.selected.get("lut", "")
+        now = self.view.host.state.selected.get("lut", "")
         self.open(names[(names.index(now) + 1) % len(names)] if now in names else names[0])
         return True
 
@@ -92,7 +92,7 @@ class TableEditor(Editor[LutSession]):
         """X, scaled value and Y of each row."""
         table, saved = self.table(), self.table(saved=True)
         if self.session is None or table is None or saved is None:
-            app = self.view.ours
+            app = self.view.host
             words = [line(app.inside(e.fault), "bad") for e in app.project.of("lut", sound=False) if e.fault]
             return "Table", words or [line(" no LUT file in this project", "dim")], False
         self.within()

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.jobs.explained import Adoption, CaseState, adoption, take_back, take_over
-from lidarcheck.tui.screens.base import View
-from lidarcheck.tui.screens.goldens.accept import diff_lines
+from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from lidarcheck.tui.widgets.lines import line
+from lidarcheck.tui.widgets.lines import diff_lines, line
 
 __all__ = ["Adopting"]
 
@@ -35,15 +34,15 @@ class Adopting(View):
 
     def _plan(self, state: CaseState, target: Path, then: Callable[[Adoption], object]) -> None:
         """Make out what would be written, beside the interface."""
-        ours = self.ours
+        host = self.host
 
         def make() -> None:
             try:
-                ours.soon(then, adoption(state, target))
+                host.soon(then, adoption(state, target))
             except LidarcheckError as error:
-                ours.soon(ours.say, error)
+                host.soon(host.say, error)
             except (OSError, ValueError) as error:
-                ours.soon(self._refused, f"cannot be accepted: {error}")
+                host.soon(self._refused, f"cannot be accepted: {error}")
 
         threading.Thread(target=make, name="adopt", daemon=True).start()
 
@@ -52,7 +51,7 @@ class Adopting(View):
 
     def _ask(self, state: CaseState, change: Adoption) -> None:
         """The difference, and what to do with it."""
-        name = self.ours.inside(str(change.target))
+        name = self.host.inside(str(change.target))
         words = []
         if state.found is not None and state.found.verdict == "unknown":
             words.append(line("These terms describe what is missing and do not explain it.", "bad"))
@@ -79,7 +78,7 @@ class Adopting(View):
         if name is None:
             self.say("not accepted: nothing was written")
             return
-        self._plan(state, self.ours.project.root / name, lambda change: self._ask(state, change))
+        self._plan(state, self.host.project.root / name, lambda change: self._ask(state, change))
 
     def _write(self, state: CaseState, change: Adoption) -> None:
         try:
@@ -87,8 +86,8 @@ class Adopting(View):
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot write: {error}")
             return
-        self.say(f"{self.ours.inside(str(change.target))}: written; u takes it back")
-        self._files_changed()
+        self.say(f"{self.host.inside(str(change.target))}: written; u takes it back")
+        self.host.files_changed()
 
     def action_take_back(self) -> None:
         """What was accepted last, once asked."""
@@ -105,9 +104,5 @@ class Adopting(View):
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be taken back: {error}")
             return
-        self.say(f"{self.ours.inside(str(target))}: as it was before")
-        self._files_changed()
-
-    def _files_changed(self) -> None:
-        for view in self.ours.views():
-            view.project_changed()
+        self.say(f"{self.host.inside(str(target))}: as it was before")
+        self.host.files_changed()

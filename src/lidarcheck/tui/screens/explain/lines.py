@@ -7,8 +7,8 @@ from lidarcheck.formats.table import clock_text
 from lidarcheck.inference.interval import Gap
 from lidarcheck.tui.jobs.explain_run import Heard
 from lidarcheck.tui.jobs.explained import CaseState
-from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["answer_parts", "far_in_words", "heard_lines", "step_lines"]
 

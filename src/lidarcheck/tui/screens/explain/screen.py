@@ -10,23 +10,21 @@ from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
-from textual.binding import Binding
 
 from lidarcheck.effects.base import find
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
-from lidarcheck.tui.bars import STOPS
+from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.jobs.explain_run import PROGRAM, ExplainRun, command_of
 from lidarcheck.tui.jobs.explained import CaseState, case_files, look_at, ready
-from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.explain.accept import Adopting
 from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, heard_lines, step_lines
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import AskText
-from lidarcheck.tui.widgets.lines import Line, Lines, line, wrapped
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
 
 __all__ = ["Explain"]
 
-_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
 _EVERY_S = 0.3
 _EMPTY = (
     "no case in this project",
@@ -49,10 +47,7 @@ class Explain(Adopting):
         "these scenes cannot show; what changes in the model. v goes from part to part. While a run goes on: what it "
         "has found so far.",
     }
-    BINDINGS: ClassVar[list[Any]] = [
-        *bindings("explain"),
-        *(Binding(key, f"move('{key}')", show=False) for key in _KEYS),
-    ]
+    BINDINGS: ClassVar[list[Any]] = [*bindings("explain"), *MOVES]
     DEFAULT_CSS = """
     Explain #cases { height: 20%; min-height: 4; }
     Explain #steps { height: 7; display: none; }
@@ -85,16 +80,16 @@ class Explain(Adopting):
 
     def project_changed(self) -> None:
         """Look at the cases and at what earlier runs have left, beside the interface."""
-        ours = self.ours
-        root, paths = ours.project.root, case_files(ours.project)
+        host = self.host
+        root, paths = host.project.root, case_files(host.project)
 
         def look() -> None:
             try:
                 found = [look_at(root, path) for path in paths]
             except (OSError, ValueError) as error:
-                ours.soon(ours.say, f"the cases cannot be read: {error}")
+                host.soon(host.say, f"the cases cannot be read: {error}")
                 return
-            ours.soon(self._looked, found)
+            host.soon(self._looked, found)
 
         threading.Thread(target=look, name="cases", daemon=True).start()
 
@@ -106,7 +101,7 @@ class Explain(Adopting):
     def _looked(self, found: Sequence[CaseState]) -> None:
         self.cases = [self._with_fault(case) for case in found]
         names = [case.name for case in self.cases]
-        wanted = self.ours.state.selected.get(self.NAME, "")
+        wanted = self.host.state.selected.get(self.NAME, "")
         self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
         self.looks += 1
         self.draw()
@@ -163,11 +158,11 @@ class Explain(Adopting):
         if self.run is not None and self.of is not None and case.path == self.of.path:
             return {"found so far": heard_lines(self.run.heard, width)}
         if case.fault:
-            return {"fault": wrapped(self.ours.inside(case.fault), width, "bad")}
+            return {"fault": hanging(self.host.inside(case.fault), width, "bad")}
         if case.found is None:
             words = "stopped before it was done: r goes on" if case.kept else "not explained yet: r does it"
             return {"none yet": [line(f" {words}", "dim")]}
-        return answer_parts(case, width, self.ours.inside(str(case.page)) if case.page else "")
+        return answer_parts(case, width, self.host.inside(str(case.page)) if case.page else "")
 
     def _draw_answer(self, case: CaseState | None) -> None:
         pane, parts = self.query_one("#answer", Lines), self.parts()
@@ -187,23 +182,21 @@ class Explain(Adopting):
 
     def action_move(self, key: str) -> None:
         """The cursor among the cases; in the other panes the text."""
-        pane = self.ours.focused
+        pane = self.app.focused
         if isinstance(pane, Lines) and pane.id in ("steps", "answer"):
             pages = {"home": -(10**6), "end": 10**6}
             pane.page(pages.get(key, -1 if key in ("up", "pageup") else 1))
             return
-        rows, last = max(self.query_one("#cases", Lines).rows, 1), 10**6
-        step = {"up": -1, "down": 1, "pageup": -rows, "pagedown": rows, "home": -last, "end": last}[key]
-        self.at = max(min(self.at + step, len(self.cases) - 1), 0)
+        self.at = cursor_after(key, self.at, len(self.cases), max(self.query_one("#cases", Lines).rows, 1))
         self.part = 0
         if self.chosen:
-            self.ours.state.selected[self.NAME] = self.chosen.name
+            self.host.state.selected[self.NAME] = self.chosen.name
         self.draw()
 
     # Running
 
     def _option(self, name: str) -> str:
-        return self.ours.state.selected.get(f"explain {name}", "")
+        return self.host.state.selected.get(f"explain {name}", "")
 
     def action_explain(self) -> None:
         """Explain the case under the cursor."""
@@ -213,20 +206,20 @@ class Explain(Adopting):
         elif self.run is not None:
             self.say("a run is going on; x stops it")
         elif case.model is None:
-            self.say(f"{case.name} cannot be explained: {self.ours.inside(case.fault)}", bad=True)
+            self.say(f"{case.name} cannot be explained: {self.host.inside(case.fault)}", bad=True)
         else:
             self._start(case)
 
     def _start(self, case: CaseState) -> None:
-        ours = self.ours  # a view that was taken down does not find its app any more
-        soon = ours.soon
+        host = self.host  # a view that was taken down does not find its app any more
+        soon = host.soon
         try:
-            out = ready(ours.project.root, case.path)
+            out = ready(host.project.root, case.path)
             how = {name: self._option(name) for name in ("seed", "exclude")}
             self.run = ExplainRun(
                 command_of(case.path, out, **how, program=self.program),
                 told=lambda: soon(self._told),
-                note=lambda text: soon(ours.note, text, text.startswith("error")),
+                note=lambda text: soon(host.note, text, text.startswith("error")),
                 ended=lambda code: soon(self._ended, code),
             )
         except LidarcheckError as error:
@@ -297,7 +290,7 @@ class Explain(Adopting):
         if not (text.isascii() and text.isdecimal() and int(text) < 2**64):
             self.say(f"{text} is no seed; use a whole number from 0 to 2^64 - 1", bad=True)
             return
-        self.ours.state.selected["explain seed"] = text
+        self.host.state.selected["explain seed"] = text
         self.say(f"the next run has the seed {text}")
         self.draw()
 
@@ -317,7 +310,7 @@ class Explain(Adopting):
         except LidarcheckError as error:
             self.say(error)
             return
-        self.ours.state.selected["explain exclude"] = ",".join(dict.fromkeys(names))
+        self.host.state.selected["explain exclude"] = ",".join(dict.fromkeys(names))
         self.say(f"the next run does not name {counted(len(names), 'effect')}" if names else "all effects may be named")
         self.draw()
 

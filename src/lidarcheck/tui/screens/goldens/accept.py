@@ -12,18 +12,11 @@ from lidarcheck.harness.review.accept import ALL, accept, preview, reject
 from lidarcheck.harness.review.review import ReviewReport
 from lidarcheck.harness.review.wording import verdict_word
 from lidarcheck.tui.jobs.proposals import Waiting, changes, reasons
-from lidarcheck.tui.screens.base import View
-from lidarcheck.tui.themes import Role
+from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from lidarcheck.tui.widgets.lines import Line, line, wrapped
+from lidarcheck.tui.widgets.lines import diff_lines, hanging, line
 
-__all__ = ["Accepting", "diff_lines"]
-
-
-def diff_lines(lines: Sequence[str]) -> list[Line]:
-    """The lines of a diff, each in the role of its first letter."""
-    roles: dict[str, Role] = {"+": "good", "-": "bad", "@": "title"}
-    return [line(text, roles.get(text[:1], "text")) for text in lines]
+__all__ = ["Accepting"]
 
 
 def _in_short(report: ReviewReport, names: Sequence[str]) -> list[str]:
@@ -79,7 +72,7 @@ class Accepting(View):
             return
         ask = AskText(
             "Why is this accepted? The golden keeps the reason.",
-            lines=[part for text in wanted for part in wrapped(text, self.size.width)],
+            lines=[part for text in wanted for part in hanging(text, self.size.width)],
         )
         self.app.push_screen(ask, lambda reason: self._reasoned(report, names, reason))
 
@@ -96,11 +89,11 @@ class Accepting(View):
         except LidarcheckError as error:
             self.say(error)
             return
-        files = ", ".join(self.ours.inside(str(path)) for path in texts)
+        files = ", ".join(self.host.inside(str(path)) for path in texts)
         title = f"Write {files}?" if len(texts) < 4 else f"Write {counted(len(texts), 'golden')}?"
         words = [line("It cannot be taken back here; version control can.", "dim")]
         words += [line(text) for text in _in_short(report, names)]
-        shown = diff_lines([self.ours.inside(text) for text in changes(texts)])
+        shown = diff_lines([self.host.inside(text) for text in changes(texts)])
         ask = Ask(title, [*words, *shown], {"Enter": "write"}, unasked=True)
         self.app.push_screen(ask, lambda key: self._answered(key, report, names, reason))
 
@@ -109,24 +102,23 @@ class Accepting(View):
             self.say("not accepted: nothing was written")
             return
 
-        ours = self.ours
+        host = self.host
 
         def write() -> None:
             # Another review may hold the lock for a while.
             try:
-                ours.soon(self._written, accept(report, names, reason=reason))
+                host.soon(self._written, accept(report, names, reason=reason))
             except LidarcheckError as error:
-                ours.soon(ours.say, error)
+                host.soon(host.say, error)
             except OSError as error:
-                ours.soon(ours.say, f"error: cannot write: {error}")
+                host.soon(host.say, f"error: cannot write: {error}")
 
         threading.Thread(target=write, name="accept", daemon=True).start()
 
     def _written(self, paths: Sequence[Path]) -> None:
         self.marked.clear()
-        self.say(f"accepted: {', '.join(self.ours.inside(str(path)) for path in paths)}")
-        for view in self.ours.views():
-            view.project_changed()
+        self.say(f"accepted: {', '.join(self.host.inside(str(path)) for path in paths)}")
+        self.host.files_changed()
 
     def action_drop(self) -> None:
         """Drop the proposal, once asked."""

@@ -11,23 +11,21 @@ from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
-from textual.binding import Binding
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.harness.review.review import ReviewReport, review
 from lidarcheck.harness.review.wording import objections
-from lidarcheck.tui.bars import STOPS
+from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.jobs.checks import Cancelled
 from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
-from lidarcheck.tui.screens.base import bindings
 from lidarcheck.tui.screens.goldens.accept import Accepting
-from lidarcheck.tui.screens.goldens.kpi_lines import kpi_heading, kpi_lines, moved, name_room
-from lidarcheck.tui.widgets.lines import Line, Lines, line, wrapped
+from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
+from lidarcheck.tui.screens.shared.view import MOVES, bindings
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
 
 __all__ = ["Goldens"]
 
-_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
 _EMPTY = (
     "nothing waits for review",
     "A run on Overview (F2, then r or a) leaves a proposal here where a value is not the golden's.",
@@ -49,10 +47,7 @@ class Goldens(Accepting):
         "against": "What a reader of the golden would want to know: what needs a reason, which the golden then "
         "carries, and what cannot be accepted at all.",
     }
-    BINDINGS: ClassVar[list[Any]] = [
-        *bindings("goldens"),
-        *(Binding(key, f"move('{key}')", show=False) for key in _KEYS),
-    ]
+    BINDINGS: ClassVar[list[Any]] = [*bindings("goldens"), *MOVES]
     DEFAULT_CSS = (
         "Goldens #proposals { height: 2fr; } Goldens #proposed { height: 3fr; } Goldens #against { height: 2fr; }"
     )
@@ -83,16 +78,16 @@ class Goldens(Accepting):
 
     def project_changed(self) -> None:
         """Look at goldens and proposals, beside the interface."""
-        ours = self.ours
-        paths = [entry.path for entry in ours.project.of("scenario")]
+        host = self.host
+        paths = [entry.path for entry in host.project.of("scenario")]
 
         def look() -> None:
             try:
                 found = [one for one in map(waiting, paths) if one is not None]
             except (OSError, ValueError) as error:
-                ours.soon(ours.say, f"goldens cannot be read: {error}")
+                host.soon(host.say, f"goldens cannot be read: {error}")
                 return
-            ours.soon(self._looked, found)
+            host.soon(self._looked, found)
 
         threading.Thread(target=look, name="goldens", daemon=True).start()
 
@@ -110,7 +105,7 @@ class Goldens(Accepting):
         self.waiting = [
             said[one.path] if one.path in said and said[one.path].stamp == one.stamp else one for one in found
         ]
-        wanted = self.ours.state.selected.get(self.NAME, "")
+        wanted = self.host.state.selected.get(self.NAME, "")
         names = [one.name for one in self.waiting]
         self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
         self.looks += 1
@@ -126,7 +121,7 @@ class Goldens(Accepting):
         title = f"Proposals: {counted(len(self.waiting), 'scenario')} to review" if self.waiting else "Proposals"
         lines = [self._line(number, one) for number, one in enumerate(self.waiting)]
         pane = self.query_one("#proposals", Lines)
-        lines = lines or [part for text in _EMPTY for part in wrapped(text, pane.size.width, "dim")]
+        lines = lines or [part for text in _EMPTY for part in hanging(text, pane.size.width, "dim")]
         pane.show(lines, title=title, cursor=self.at if self.waiting else None)
         self._draw_kpis(self.chosen)
         self._draw_against(self.chosen)
@@ -173,12 +168,12 @@ class Goldens(Accepting):
         if one is None:
             lines: list[Line] = []
         elif one.fault:
-            lines = wrapped(self.ours.inside(one.fault), pane.size.width, "bad")
+            lines = hanging(self.host.inside(one.fault), pane.size.width, "bad")
         elif one.found is None:
             lines = [line(" not reviewed yet: r runs all seeds and says what speaks against it", "dim")]
         else:
-            said = [self.ours.inside(text) for text in objections(one.found)]
-            lines = [part for text in said for part in wrapped(text, pane.size.width)] or [
+            said = [self.host.inside(text) for text in objections(one.found)]
+            lines = [part for text in said for part in hanging(text, pane.size.width)] or [
                 line(" nothing speaks against it: a accepts", "good")
             ]
         pane.show(lines)
@@ -187,20 +182,19 @@ class Goldens(Accepting):
 
     def action_move(self, key: str) -> None:
         """The cursor of the pane that has the focus; words scroll."""
-        pane = self.ours.focused
+        pane = self.app.focused
         if not isinstance(pane, Lines) or pane.id == "against":
-            self.query_one("#against", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+            self.query_one("#against", Lines).scroll_by_key(key)
             return
-        rows, last = max(pane.rows, 1), 10**6
-        step = {"up": -1, "down": 1, "pageup": -rows, "pagedown": rows, "home": -last, "end": last}[key]
+        rows = max(pane.rows, 1)
         if pane.id == "proposed":
-            self.kpi_at = max(min(self.kpi_at + step, len(self.kpis()) - 1), 0)
+            self.kpi_at = cursor_after(key, self.kpi_at, len(self.kpis()), rows)
         else:
-            before, self.at = self.at, max(min(self.at + step, len(self.waiting) - 1), 0)
+            before, self.at = self.at, cursor_after(key, self.at, len(self.waiting), rows)
             if self.at != before:
                 self.kpi_at, self.marked = 0, set()
             if self.chosen:
-                self.ours.state.selected[self.NAME] = self.chosen.name
+                self.host.state.selected[self.NAME] = self.chosen.name
         self.draw()
 
     def action_mark(self) -> None:
@@ -223,7 +217,7 @@ class Goldens(Accepting):
 
     def action_review_every(self) -> None:
         """Review every scenario, one by one."""
-        paths = [entry.path for entry in self.ours.project.of("scenario")]
+        paths = [entry.path for entry in self.host.project.of("scenario")]
         if not paths:
             self.say("there is no scenario here")
             return
@@ -236,7 +230,7 @@ class Goldens(Accepting):
             return
         self.running = True
         self._stop.clear()
-        threading.Thread(target=self._run, args=(self.ours.soon, groups, names), name="review", daemon=True).start()
+        threading.Thread(target=self._run, args=(self.host.soon, groups, names), name="review", daemon=True).start()
 
     def _run(self, soon: Callable[..., object], groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
         def told(done: int, total: int, now: str) -> None:

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.actions.registry import ACTIONS
+from lidarcheck.tui.actions import command_of
 from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import line
 
 if TYPE_CHECKING:
     from lidarcheck.figures.html.page_files import Writer
-    from lidarcheck.tui.screens.pages.screen import PageView
 
 __all__ = ["Exports", "file_name"]
 
@@ -25,14 +25,14 @@ __all__ = ["Exports", "file_name"]
 class Exports:
     """Asks where to, and has a thread write there, one thing at a time. `writing`: what, empty for nothing."""
 
-    def __init__(self, view: PageView) -> None:
+    def __init__(self, view: View) -> None:
         self.view = view
         self.writing = ""
 
-    def ask_directory(self, job: Job, made: Computed) -> None:
-        """Page, numbers and pictures, to a directory that is asked for."""
+    def ask_directory(self, job: Job, made: Computed, kind: str, files: Mapping[str, Writer]) -> None:
+        """Page, numbers, pictures of a kind and other `files`, to a directory that is asked for."""
         title = "Write report.html, result.json and pictures/ to which directory?"
-        self._ask(title, f"{file_name(job.name)}_out", partial(self._directory, job, made))
+        self._ask(title, f"{file_name(job.name)}_out", partial(self._directory, job, made, kind, files))
 
     def ask_file(self, title: str, name: str, write: Callable[[Path], str], job: Job) -> None:
         """A file whose name is asked for; `write` gets its path, in a thread, and gives what is to be said."""
@@ -42,14 +42,12 @@ class Exports:
         if self.writing:
             self.view.say(f"{self.writing} is being written")
             return
-        self.view.ours.push_screen(AskText(title, name), lambda given: then(given) if given else None)
+        self.view.app.push_screen(AskText(title, name), lambda given: then(given) if given else None)
 
-    def _directory(self, job: Job, made: Computed, name: str) -> None:
+    def _directory(self, job: Job, made: Computed, kind: str, files: Mapping[str, Writer], name: str) -> None:
         from lidarcheck.figures.html.page_files import PAGE, RESULT, check_out_dir
 
-        out = self.view.ours.project.root / name
-        kind = self.view.kind_of.get("histogram", "histogram")
-        files = self.view.more_files(made, kind)
+        out = self.view.host.project.root / name
         write = partial(self._write_page, made, out, name, kind, files)
         try:
             check_out_dir(out, besides=job.files, files=files, option="the page")
@@ -61,7 +59,7 @@ class Exports:
     def _file(self, write: Callable[[Path], str], job: Job, name: str) -> None:
         from lidarcheck.figures.html.outputs import check_writable
 
-        path = self.view.ours.project.root / name
+        path = self.view.host.project.root / name
         try:
             check_writable(path, option="this", besides=job.files)
         except LidarcheckError as error:
@@ -76,7 +74,7 @@ class Exports:
             return
         words = [line(f"{file} is there already") for file in there]
         ask = Ask(f"{name}: replace what is there?", words, {"y": "replace it"})
-        self.view.ours.push_screen(ask, lambda key: self.start(name, write) if key == "y" else None)
+        self.view.app.push_screen(ask, lambda key: self.start(name, write) if key == "y" else None)
 
     def start(self, name: str, write: Callable[[], str]) -> None:
         """Have something written by a thread, which the end of the interface waits for."""
@@ -85,7 +83,7 @@ class Exports:
             return
         self.writing = name
         self.view.say(f"{name}: writing ...")
-        app = self.view.ours
+        host = self.view.host
 
         def run() -> None:
             said: str | LidarcheckError
@@ -95,7 +93,7 @@ class Exports:
                 said, bad = error, True
             except Exception as error:  # noqa: BLE001 - a fault in writing must not take the interface with it
                 said, bad = f"error: {name}: internal error, {type(error).__name__}: {error}", True
-            app.soon(self._written, said, bad)
+            host.soon(self._written, said, bad)
 
         threading.Thread(target=run, name=f"write {name}").start()
 
@@ -106,13 +104,8 @@ class Exports:
     def _write_page(self, made: Computed, out: Path, name: str, kind: str, files: Mapping[str, Writer]) -> str:
         from lidarcheck.figures.html.page_files import PAGE, PICTURES, RESULT, write_page
 
-        write_page(made.page, made.document, out, command=_command(self.view.NAME), kind=kind, files=files)
+        write_page(made.page, made.document, out, command=command_of(self.view.NAME), kind=kind, files=files)
         return f"{name}: {', '.join([PAGE, RESULT, *([f'{PICTURES}/'] if made.page.figures() else []), *files])}"
-
-
-def _command(screen: str) -> str:
-    """The command that computes what a screen shows."""
-    return next((action.twin for action in ACTIONS if (action.screen, action.name) == (screen, "compute")), "")
 
 
 def file_name(words: str) -> str:

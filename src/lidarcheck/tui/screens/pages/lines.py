@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from lidarcheck.tui.jobs.jobs import Job
-from lidarcheck.tui.themes import Role
-from lidarcheck.tui.widgets.lines import Line, line, printable
+from lidarcheck.tui.widgets.lines import Line, line, printable, wrapped
+from lidarcheck.tui.widgets.themes import Role
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page, Table
@@ -25,17 +24,11 @@ __all__ = [
     "room_for",
     "together",
     "word_lines",
-    "wrapped",
 ]
 
 _NAME = (20, 34)
 LEAST_WIDTH, LEAST_HEIGHT = 40, 10
 """What a figure needs to be read."""
-
-
-def wrapped(text: str, width: int, role: Role = "text") -> list[Line]:
-    """A text in as many lines as it needs."""
-    return [line(part, role) for part in textwrap.wrap(text, max(width, 20))]
 
 
 def name_room(jobs: Sequence[Job]) -> int:

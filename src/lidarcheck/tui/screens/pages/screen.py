@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.containers import Horizontal
 
 from lidarcheck.tui.jobs.jobs import Computed, Job
@@ -19,22 +18,19 @@ from lidarcheck.tui.screens.pages.lines import (
     name_room,
     no_page_lines,
     note_lines,
-    together,
     word_lines,
-    wrapped,
 )
 from lidarcheck.tui.screens.pages.work import PageWork
-from lidarcheck.tui.widgets.lines import Line, Lines
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, wrapped
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
     from lidarcheck.figures.html.page_files import Writer
 
-__all__ = ["MOVES", "PageView", "together"]
+__all__ = ["PAGE_ROWS", "PageView"]
 
-MOVES: list[Binding] = [
-    Binding(key, f"move('{key}')", show=False) for key in ("up", "down", "pageup", "pagedown", "home", "end")
-]
+PAGE_ROWS = 4
+"""How far Page Up and Page Down go in a short list."""
 _BOTH_FROM = 130
 _REST_S = 0.15
 
@@ -119,7 +115,7 @@ class PageView(PageWork):
     def project_changed(self) -> None:
         """List the jobs, with the cursor on the one it was on."""
         self.listed = self.jobs()
-        wanted = self.ours.state.selected.get(self.NAME, "")
+        wanted = self.host.state.selected.get(self.NAME, "")
         names = [job.name for job in self.listed]
         self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
         self.draw()
@@ -166,7 +162,7 @@ class PageView(PageWork):
             words.show(self._no_page(width), title="Words")
             figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
             return
-        lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.ours.inside)
+        lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.host.inside)
         words.show(lines, title=f"{job.name}: {made.page.title}")
         if figures.size.width:
             title, drawn = self.shown(made.page)
@@ -188,16 +184,14 @@ class PageView(PageWork):
         """The cursor in the list; in the other panes the keys scroll."""
         for name in ("words", "figures"):
             if self.query_one(f"#{name}", Lines).has_focus:
-                self.query_one(f"#{name}", Lines).page(-1 if key in ("up", "pageup", "home") else 1)
+                self.query_one(f"#{name}", Lines).scroll_by_key(key)
                 return
-        last = max(len(self.listed) - 1, 0)
-        steps = {"up": -1, "down": 1, "pageup": -4, "pagedown": 4, "home": -last, "end": last}
-        before, self.at = self.at, max(min(self.at + steps[key], last), 0)
+        before, self.at = self.at, cursor_after(key, self.at, len(self.listed), PAGE_ROWS)
         if self.at != before:
             self.turned = 0
             self.query_one("#words", Lines).page(-(10**6))
         if self.job is not None:
-            self.ours.state.selected[self.NAME] = self.job.name
+            self.host.state.selected[self.NAME] = self.job.name
         self.draw()
 
     def action_turn(self, by: int) -> None:
@@ -237,7 +231,7 @@ class PageView(PageWork):
 
     def action_look_again(self) -> None:
         """Read the project again."""
-        self.ours.read_project()
+        self.host.read_project()
 
     def action_export(self) -> None:
         """Write page, numbers and pictures to a directory that is asked for."""
@@ -245,4 +239,5 @@ class PageView(PageWork):
         if job is None or made is None:
             self.say("nothing is computed here yet: r computes it")
         else:
-            self.exports.ask_directory(job, made)
+            kind = self.kind_of.get("histogram", "histogram")
+            self.exports.ask_directory(job, made, kind, self.more_files(made, kind))

@@ -8,13 +8,12 @@ from collections.abc import Hashable
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.bars import STOPS
+from lidarcheck.tui.host import STOPS, Host
 from lidarcheck.tui.jobs.jobs import Cancelled, Computed, Job, Pages, computed
-from lidarcheck.tui.screens.base import View
+from lidarcheck.tui.screens.shared.view import View
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Page
-    from lidarcheck.tui.app import LidarcheckApp
 
 __all__ = ["PageWork"]
 
@@ -49,7 +48,7 @@ class PageWork(View):
 
     def fault_of(self, job: Job) -> str:
         """Why there is no page of it; empty where nothing speaks against one."""
-        return self.ours.inside(job.fault or self.faults.get(job.key(), ""))
+        return self.host.inside(job.fault or self.faults.get(job.key(), ""))
 
     def action_compute(self) -> None:
         """Compute what is under the cursor, beside the interface."""
@@ -57,7 +56,7 @@ class PageWork(View):
         if job is None:
             self.say("there is nothing to compute here")
         elif job.fault:
-            self.say(self.ours.inside(job.fault), bad=True)
+            self.say(self.host.inside(job.fault), bad=True)
         elif self.running is not None:
             how = "is being stopped; wait a moment" if self._stop.is_set() else "is being computed; x stops it"
             self.say(f"{self.running.name} {how}")
@@ -66,11 +65,11 @@ class PageWork(View):
         else:
             self.running, self._stop = job, threading.Event()
             self.draw()
-            work = (self.ours, job, job.key(), self._stop)
+            work = (self.host, job, job.key(), self._stop)
             self.worker = threading.Thread(target=self._compute, args=work, name=job.name, daemon=True)
             self.worker.start()
 
-    def _compute(self, app: LidarcheckApp, job: Job, key: Hashable, stop: threading.Event) -> None:
+    def _compute(self, host: Host, job: Job, key: Hashable, stop: threading.Event) -> None:
         """In a thread. A fault in a computation must not take the interface with it."""
         told = 0.0
 
@@ -81,20 +80,20 @@ class PageWork(View):
             if time.monotonic() - told > _TELL_S:
                 told = time.monotonic()
                 count = f" {done}/{of}" if of > 1 else ""
-                app.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
+                host.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
 
         try:
             on_progress(0, 1, "reading")
             made = job.compute(on_progress)
             on_progress(1, 1, "done")
-            app.soon(self._computed, job, key, made)
+            host.soon(self._computed, job, key, made)
         except Cancelled:
-            app.soon(self._failed, job, key, "", f"{job.name}: stopped")
+            host.soon(self._failed, job, key, "", f"{job.name}: stopped")
         except LidarcheckError as error:
-            app.soon(self._failed, job, key, "; ".join(error.lines()).removeprefix("error: "), error)
+            host.soon(self._failed, job, key, "; ".join(error.lines()).removeprefix("error: "), error)
         except Exception as error:  # noqa: BLE001 - see above
             words = f"internal error, {type(error).__name__}: {error}"
-            app.soon(self._failed, job, key, words, f"error: {job.name}: {words}")
+            host.soon(self._failed, job, key, words, f"error: {job.name}: {words}")
 
     def _progress(self, job: Job, text: str) -> None:
         if self.running is job:

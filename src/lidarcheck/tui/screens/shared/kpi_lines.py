@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lidarcheck.tui.jobs.checks import KpiLine
-from lidarcheck.tui.themes import Role
 from lidarcheck.tui.widgets.lines import Line, line
+from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["kpi_heading", "kpi_lines", "moved", "name_room"]
 

@@ -1,20 +1,21 @@
-"""What every screen is: panes of lines, keys from the registry, help for the pane that has the focus."""
+"""What every screen is: panes of lines, keys from the table of actions, help for the pane that has the focus."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar, cast
 
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.actions.registry import ACTIONS
-from lidarcheck.tui.widgets.lines import Lines
+from lidarcheck.tui.actions import ACTIONS
+from lidarcheck.tui.host import Host
+from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Lines
 
-if TYPE_CHECKING:
-    from lidarcheck.tui.app import LidarcheckApp
+__all__ = ["MOVES", "View", "bindings"]
 
-__all__ = ["View", "bindings"]
+MOVES: list[BindingType] = [Binding(key, f"move('{key}')", show=False) for key in CURSOR_KEYS]
+"""The keys of a screen with a cursor, whose `action_move` gets the key."""
 
 
 def bindings(screen: str) -> list[BindingType]:
@@ -28,15 +29,15 @@ def bindings(screen: str) -> list[BindingType]:
 
 
 class View(Vertical):
-    """A screen of the interface. `NAME`: in the registry; `WORDS`: a pane's id to what F1 says of it."""
+    """A screen of the interface. `NAME`: as in `actions.SCREENS`; `WORDS`: a pane's id to what F1 says of it."""
 
     NAME = ""
     WORDS: ClassVar[dict[str, str]] = {}
 
     @property
-    def ours(self) -> LidarcheckApp:
+    def host(self) -> Host:
         """The app."""
-        return cast("LidarcheckApp", self.app)
+        return cast("Host", self.app)
 
     def panes(self) -> list[Lines]:
         """The panes that can have the focus, in order."""
@@ -61,8 +62,8 @@ class View(Vertical):
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""
-        self.ours.say(text, bad=bad)
+        self.host.say(text, bad=bad)
 
     def progress(self, text: str) -> None:
         """What a run of this screen says while it runs; empty when it has ended."""
-        self.ours.progress(text, self.NAME)
+        self.host.progress(text, self.NAME)

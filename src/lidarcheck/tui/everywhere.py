@@ -1,0 +1,149 @@
+"""The actions that are the same on every screen: help, palette, going about, log, theme, a pane's text."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+
+from textual.app import App
+
+from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.session.project import Project
+from lidarcheck.session.state import State
+from lidarcheck.tui.actions import SCREENS, Action, actions_of
+from lidarcheck.tui.bars import Bars
+from lidarcheck.tui.help import help_lines
+from lidarcheck.tui.palette import Palette
+from lidarcheck.tui.screens.shared.view import View
+from lidarcheck.tui.widgets.dialogs import Ask, AskText
+from lidarcheck.tui.widgets.lines import Lines
+from lidarcheck.tui.widgets.themes import THEMES
+
+__all__ = ["Everywhere"]
+
+
+class Everywhere(App[int]):
+    """An app with screens of panes, bars and a log."""
+
+    project: Project
+    state: State
+    bars: Bars
+
+    @abstractmethod
+    def views(self) -> Sequence[View]:
+        """All screens."""
+
+    @property
+    @abstractmethod
+    def view(self) -> View:
+        """The screen that is seen."""
+
+    @abstractmethod
+    def show_screen(self, name: str) -> None:
+        """Go to a screen, as soon as it is there."""
+
+    @abstractmethod
+    def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
+        """One line for the user, which the log keeps."""
+
+    def files_changed(self) -> None:
+        """Have every screen look at the project again."""
+        for view in self.views():
+            view.project_changed()
+
+    def action_show(self, name: str) -> None:
+        """A screen."""
+        self.show_screen(name)
+
+    def action_help(self) -> None:
+        """Help for what has the focus, and every key."""
+        pane = self.focused.id if self.focused else ""
+        words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
+        lines = help_lines(words, self.view.NAME, self.size.width)
+        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
+
+    def action_palette(self) -> None:
+        """Any action by its name."""
+        self.push_screen(Palette(actions_of(self.view.NAME)), self._chosen)
+
+    async def _chosen(self, action: Action | None) -> None:
+        if action is not None:
+            await self.run_action(action.method, self.view if action.screen else self)
+
+    def action_jump(self) -> None:
+        """By label: screens in capitals, panes in small letters."""
+        places = {place.label: place.title for place in SCREENS.values()}
+        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self.bars.log]}
+        self.push_screen(Ask("Go to", [], places), self._jumped)
+
+    def _jumped(self, key: str | None) -> None:
+        screen = next((name for name, place in SCREENS.items() if key == place.label), "")
+        if screen:
+            self.show_screen(screen)
+            return
+        if key == "l" and not self.bars.log.has_class("shown"):
+            self.action_log()
+        for pane in [*self.view.panes(), self.bars.log]:
+            if key == pane.label:
+                pane.focus()
+
+    def action_next_pane(self, by: int) -> None:
+        """The focus goes round."""
+        log = self.bars.log
+        panes = [pane for pane in [*self.view.panes(), log] if pane.size.area]
+        if panes:
+            at = panes.index(self.focused) if self.focused in panes else -by
+            panes[(at + by) % len(panes)].focus()
+
+    def action_log(self) -> None:
+        """Show or hide the log."""
+        pane = self.bars.log
+        self.state.log = not self.state.log
+        pane.set_class(self.state.log, "shown")
+        self.bars.show_log()
+        if not self.state.log and self.focused is pane:
+            self.view.panes()[0].focus()
+
+    def action_theme(self) -> None:
+        """The next theme."""
+        self.theme = THEMES[(THEMES.index(self.theme) + 1) % len(THEMES)]
+        self.state.theme = self.theme
+        self.say(f"theme: {self.theme}")
+        self.files_changed()
+
+    def _pane(self) -> Lines:
+        return self.focused if isinstance(self.focused, Lines) else self.view.panes()[0]
+
+    def action_copy(self) -> None:
+        """To the clipboard of the terminal, which may be far away."""
+        text = self._pane().text
+        self.copy_to_clipboard(text)
+        self.say(f"{len(text.splitlines())} lines sent to the terminal's clipboard (OSC 52)")
+
+    def action_write(self) -> None:
+        """To a file, whose name is asked for."""
+        pane = self._pane()
+        ask = AskText("Write this pane to which new file?", f"{pane.id}.txt")
+        self.push_screen(ask, lambda name: self._write(pane, name))
+
+    def _write(self, pane: Lines, name: str | None) -> None:
+        if not name:
+            return
+        try:
+            _write_new(self.project.root / name, name, pane.text)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        self.say(f"{name}: written")
+
+
+def _write_new(path: Path, name: str, text: str) -> None:
+    """Write a file that is not there yet; `name`: as it was given."""
+    from lidarcheck.formats.atomic import write_text
+
+    if path.exists():
+        raise UsageError(f"{name} is there already", fix="give another name")
+    if not path.parent.is_dir():
+        raise InputError("its directory does not exist", file=path, fix="make it first")
+    write_text(path, text)

@@ -1,0 +1,46 @@
+"""What a screen may ask of the app that it stands in, and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.project import Project
+from lidarcheck.session.state import State
+
+__all__ = ["STOPS", "Host"]
+
+STOPS = "   x stops it"
+"""At the end of the line that tells how far a run is."""
+
+
+class Host(Protocol):
+    """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start."""
+
+    project: Project
+    state: State
+
+    def inside(self, text: str) -> str:
+        """A text without the project's own path in front of its files."""
+
+    def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
+        """One line for the user, which the log keeps."""
+
+    def note(self, text: str, bad: bool) -> None:
+        """A line for the log alone."""
+
+    def progress(self, text: str, screen: str) -> None:
+        """What a run of a screen says while it runs; empty when it has ended."""
+
+    def soon(self, do: Callable[..., Any], *arguments: Any) -> None:
+        """Do something in the interface's own thread; from any thread, also when the interface has ended."""
+
+    def show_screen(self, name: str) -> None:
+        """Go to a screen, as soon as it is there."""
+
+    def read_project(self) -> None:
+        """Look at the project's files again, beside the interface."""
+
+    def files_changed(self) -> None:
+        """Have every screen look at the project again: one of them has written files."""

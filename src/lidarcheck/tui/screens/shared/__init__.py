@@ -1,0 +1,1 @@
+"""What several screens have: what every screen is, and KPIs as lines."""
