@@ -33,12 +33,14 @@ def judge(item: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[st
     if heart is None or old["codes"] != new["codes"]:
         return "different", [str(one) for one in every]
     core = list(differences(heart(old), heart(new)))
+    if not core:  # the same numbers, so there is no reason for anything else to differ
+        return "different", [str(one) for one in every]
     level = "near" if all(one.near for one in core) else "different"
     lines = [str(one) for one in core]
     if item == "explain" and level == "different":
         lines += [*_alternatives("then", old), *_alternatives("now", new)]
-    said = len(every) - len(core)
-    return level, [*lines, f"{said} other places, with it: {every[0]}"] if said > 0 else lines
+    said = {one.words for one in core}
+    return level, [*lines, *(f"with it, {one}" for one in every if one.words not in said)]
 
 
 def differences(old: Any, new: Any, path: str = "") -> Iterator[Difference]:

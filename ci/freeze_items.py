@@ -143,14 +143,14 @@ def _simulate(inputs: Path) -> Iterator[Piece]:
             yield Piece(f"{file.stem} {fidelity}", [["simulate", *ideals, *model, *rest, "--fidelity", fidelity]])
         effects = tomllib.loads(file.read_text(encoding="utf-8")).get("effects", [])
         if AIMED & {effect["name"] for effect in effects}:
-            words = ["simulate", "in/ideals/yard.txt", *model, "--scene", "in/ideals/yard.toml", "--out", "yard.txt"]
-            yield Piece(f"{file.stem} in its scene", [[*words, "--seed", 7, "--jobs", 1, "-q"]])
+            cast = ("--scene", "in/ideals/yard.toml", "--out", "yard.txt", "--seed", 7, "--jobs", 1, "-q")
+            yield Piece(f"{file.stem} in its scene", [["simulate", "in/ideals/yard.txt", *model, *cast]])
     for variant in VARIANTS:
         plain = ("--model", f"in/models/plain_{variant}.toml", "--jobs", 1, "-q")
-        words = ["simulate", "in/ideals/tiny.txt", "--fidelity", "reference", "--out", "tiny.txt", *plain]
-        yield Piece(f"plain_{variant} reference", [words])
-        many = ["simulate", "in/ideals/wall.txt", "--frames", 3, "--format", "parquet", "--out", "many", *plain]
-        yield Piece(f"plain_{variant} many frames", [many])
+        slow = ("--fidelity", "reference", "--out", "tiny.txt")
+        yield Piece(f"plain_{variant} reference", [["simulate", "in/ideals/tiny.txt", *slow, *plain]])
+        many = ("--frames", 3, "--format", "parquet", "--out", "many")
+        yield Piece(f"plain_{variant} many frames", [["simulate", "in/ideals/wall.txt", *many, *plain]])
 
 
 def _formats() -> list[Piece]:

@@ -42,8 +42,10 @@ class Tool:
                 process.terminate()
                 raise
             process.returncode = os.waitstatus_to_exitcode(status)
-            texts = [file.seek(0) or file.read().decode() for file in (out, err)]
-        return Result(process.returncode, texts[0], texts[1], used.ru_utime + used.ru_stime)
+            out.seek(0)
+            err.seek(0)
+            seconds = used.ru_utime + used.ru_stime
+            return Result(process.returncode, out.read().decode(), err.read().decode(), seconds)
 
     def run(self, *words: object, place: Path) -> None:
         """A command that must end well."""
