@@ -13,6 +13,7 @@ import lidarcheck.harness.check
 import lidarcheck.harness.scenario.measure  # noqa: F401
 from lidarcheck.harness.review.accept import accept
 from lidarcheck.harness.review.review import review
+from scenario_texts import kpis, wall_scenario
 
 pytest_plugins = ["pytester"]
 
@@ -39,21 +40,8 @@ command = ["{python}", "-S", "postpro.py", "{{ideal}}", "{{ini}}", "{{scan}}", "
 ini = "gain.ini"
 """
 
-WALL = """\
-description = "a wall"
-model = "models/model.toml"
-
-[[beams]]
-shape = "surface"
-layers = [250, 254]
-points = [470, 489]
-material = 1
-range_m = [20.0, 20.0]
-
-[[kpis]]
-kpi = "area_mean"
-tolerance = 2
-
+WALL = f"""\
+{wall_scenario((250, 254), (470, 489), 20.0, "models/model.toml")}{kpis(area_mean=2)}
 [[kpis]]
 kpi = "width_mean"
 name = "width_mean.wall"

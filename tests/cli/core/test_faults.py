@@ -9,22 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from scenario_texts import kpis, surface
+
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = [sys.executable, "-m", "lidarcheck"]
 SLOW = """
 description = "an external model that takes its time"
 [model.external]
 command = ["bash", "-c", "echo $$ >> pids; sleep 300 & sleep 300; :", "{scan}"]
-[[beams]]
-shape = "surface"
-layers = [200, 201]
-points = [0, 9]
-material = 1
-range_m = [20.0, 21.0]
-[[kpis]]
-kpi = "echoes_per_beam"
-tolerance = 0.1
 """
+SLOW += surface((200, 201), (0, 9), (20.0, 21.0)) + kpis(echoes_per_beam=0.1)
 
 
 def wait_for(condition: object, seconds: float = 20.0) -> None:

@@ -16,6 +16,7 @@ from lidarcheck.cli import main
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import Column, progress, stage, table
 from lidarcheck.errors import InputError
+from scenario_texts import TRIANGLE_PLY
 
 
 def test_a_place_that_can_be_written_is_left_alone(tmp_path):
@@ -164,21 +165,6 @@ material = 1
 layers = [255, 264]
 points = [470, 489]
 """
-MESH = """\
-ply
-format ascii 1.0
-element vertex 3
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-end_header
-0 -5 -5
-0 5 -5
-0 0 5
-3 0 1 2
-"""
 MODEL = """\
 variant = "SMART"
 
@@ -197,7 +183,7 @@ EXTERNAL = '[external]\ncommand = ["cp", "table.txt", "{scan}"]\n'
 def simulation(tmp_path, monkeypatch):
     """A directory with an ideal scan, a model with a table, and a scene with a mesh, made current."""
     monkeypatch.chdir(tmp_path)
-    files = {"scene.toml": MESH_SCENE, "mesh.ply": MESH, "model.toml": MODEL, "lut.txt": LUT}
+    files = {"scene.toml": MESH_SCENE, "mesh.ply": TRIANGLE_PLY, "model.toml": MODEL, "lut.txt": LUT}
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     assert main(["scene", "scene.toml", "--out", "ideal.txt", "--quiet"]) == 0

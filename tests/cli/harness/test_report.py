@@ -13,23 +13,9 @@ from lidarcheck.cli.core.workflow_output import finish
 from lidarcheck.cli.harness.report import workflows
 from lidarcheck.figures.data import Distribution, Page, Section
 from lidarcheck.harness.goldens.file import load_golden, save_golden
+from scenario_texts import PANEL_MODEL, kpis, wall_scenario
 
-SCENARIO = """\
-description = "a wall"
-model = "models/SMART.toml"
-
-[[beams]]
-shape = "surface"
-layers = [250, 250]
-points = [470, 473]
-material = 1
-range_m = [30.0, 30.0]
-
-[[kpis]]
-kpi = "detection_probability"
-tolerance = 0.05
-"""
-MODEL = 'variant = "SMART"\n[materials.1]\nname = "panel"\nreflectance = 0.8\n'
+SCENARIO = wall_scenario((250, 250), (470, 473)) + kpis(detection_probability=0.05)
 WORKFLOWS = set(workflows())
 FIGURE = Distribution("Range", "residual", "m", {"real": np.arange(9.0), "simulated": np.arange(7.0)})
 
@@ -43,7 +29,7 @@ def made(tmp_path_factory):
         patch.setattr("lidarcheck.harness.review.review.uncommitted", lambda *_: ("", ""))
         Path("scenarios/models").mkdir(parents=True)
         Path("scenarios/wall.toml").write_text(SCENARIO)
-        Path("scenarios/models/SMART.toml").write_text(MODEL)
+        Path("scenarios/models/SMART.toml").write_text(PANEL_MODEL)
         assert main(["review", "--accept", "all", "--quiet"]) == 0
         assert main(["review", "--release", "--quiet"]) == 0
         Path("results").mkdir()

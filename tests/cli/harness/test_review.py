@@ -6,23 +6,9 @@ from pathlib import Path
 import pytest
 
 from lidarcheck.cli import main
+from scenario_texts import PANEL_MODEL, kpis, wall_scenario
 
-SCENARIO = """\
-description = "a wall"
-model = "models/SMART.toml"
-
-[[beams]]
-shape = "surface"
-layers = [250, 251]
-points = [470, 479]
-material = 1
-range_m = [30.0, 30.0]
-
-[[kpis]]
-kpi = "detection_probability"
-tolerance = 0.05
-"""
-MODEL = 'variant = "SMART"\n[materials.1]\nname = "panel"\nreflectance = 0.8\n'
+SCENARIO = wall_scenario((250, 251), (470, 479)) + kpis(detection_probability=0.05)
 
 
 @pytest.fixture
@@ -32,7 +18,7 @@ def project(tmp_path, monkeypatch):
     monkeypatch.setattr("lidarcheck.harness.review.review.uncommitted", lambda *_: ("", ""))
     Path("scenarios/models").mkdir(parents=True)
     Path("scenarios/wall.toml").write_text(SCENARIO)
-    Path("scenarios/models/SMART.toml").write_text(MODEL)
+    Path("scenarios/models/SMART.toml").write_text(PANEL_MODEL)
     return tmp_path
 
 

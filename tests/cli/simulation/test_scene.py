@@ -11,6 +11,7 @@ from lidarcheck.formats import load_ideal
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.scenes.files.file import builtin_names
 from lidarcheck.sensor import beam_directions
+from scenario_texts import TRIANGLE_PLY
 
 PANEL = """\
 [[scene.objects]]
@@ -144,21 +145,6 @@ def test_a_fault_of_the_scenarios_sampling_has_its_line(here, capsys):
     assert not Path("a.txt").exists()
 
 
-MESH_PLY = """\
-ply
-format ascii 1.0
-element vertex 3
-property float x
-property float y
-property float z
-element face 1
-property list uchar int vertex_indices
-end_header
-0 -5 -5
-0 5 -5
-0 0 5
-3 0 1 2
-"""
 MESH = """\
 [[objects]]
 shape = "mesh"
@@ -174,24 +160,24 @@ points = [470, 489]
 
 @pytest.mark.parametrize("out", ["mesh.ply", "link.ply", "./mesh.ply", "elsewhere/mesh.ply"])
 def test_an_output_never_replaces_a_mesh_of_the_scene(here, out, capsys):
-    Path("mesh.ply").write_text(MESH_PLY)
+    Path("mesh.ply").write_text(TRIANGLE_PLY)
     Path("mesh.toml").write_text(MESH)
     Path("link.ply").symlink_to("mesh.ply")
     Path("elsewhere").symlink_to(here)
     assert main(["scene", "mesh.toml", "--out", out]) == 2
     assert f"error: {Path(out)}: would replace another file of this command" in capsys.readouterr().err
-    assert Path("mesh.ply").read_text() == MESH_PLY
+    assert Path("mesh.ply").read_text() == TRIANGLE_PLY
     assert Path("link.ply").is_symlink()
     assert main(["scene", "mesh.toml", "--out", "other.ply", "--quiet"]) == 0
 
 
 def test_an_output_never_replaces_what_a_link_in_the_scene_leads_to(here, capsys):
-    Path("kept.ply").write_text(MESH_PLY)
+    Path("kept.ply").write_text(TRIANGLE_PLY)
     Path("mesh.ply").symlink_to("kept.ply")
     Path("mesh.toml").write_text(MESH)
     assert main(["scene", "mesh.toml", "--out", "kept.ply"]) == 2
     assert "would replace another file" in capsys.readouterr().err
-    assert Path("kept.ply").read_text() == MESH_PLY
+    assert Path("kept.ply").read_text() == TRIANGLE_PLY
 
 
 @pytest.mark.parametrize("link", ["own.toml", "m.toml", "scenario.toml"])

@@ -20,6 +20,7 @@ from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
+from scenario_texts import kpis, panel_scene, surface
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 WITHOUT_EFFECTS = sorted(
@@ -146,25 +147,9 @@ variant = "SLIM"
 [model.materials.1]
 reflectance = 0.5
 
-[[beams]]
-shape = "surface"
-layers = [10, 29]
-points = [100, 149]
-material = 1
-range_m = [60.0, 90.0]
-
-[[kpis]]
-kpi = "detection_probability"
-tolerance = 0.01
-
-[[kpis]]
-kpi = "area_mean"
-tolerance = 1.0
-
-[[kpis]]
-kpi = "area_distance"
-tolerance = 1.0
 """
+SMALL += surface((10, 29), (100, 149), (60.0, 90.0))
+SMALL += kpis(detection_probability=0.01, area_mean=1.0, area_distance=1.0)
 
 
 def small(directory: Path, text: str = SMALL) -> Scenario:
@@ -205,18 +190,7 @@ def test_frames_are_different_draws(tmp_path):
     assert first.tolist() == single.samples["area_distance"].tolist()
 
 
-IN_A_SCENE = """
-[[scene.objects]]
-shape = "panel"
-position_m = [25.0, 0.0, 0.0]
-width_m = 1.0
-height_m = 1.0
-material = 1
-
-[sampling]
-layers = [250, 259]
-points = [475, 484]
-"""
+IN_A_SCENE = panel_scene((250, 259), (475, 484))
 
 
 def test_effects_are_told_the_scene(tmp_path, monkeypatch):

@@ -26,6 +26,7 @@ from lidarcheck.harness.scenario.shapes import (
 )
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import azimuth_deg, beam_directions, elevation_deg
+from scenario_texts import panel_scene
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 SHIPPED = sorted(SCENARIOS.glob("*.toml"))
@@ -322,18 +323,7 @@ def test_other_measured_echoes_are_another_scenario(tmp_path):
 # Scenes
 
 
-SCENE = """
-[[scene.objects]]
-shape = "panel"
-position_m = [25.0, 0.0, 0.0]
-width_m = 1.0
-height_m = 1.0
-material = 1
-
-[sampling]
-layers = [240, 279]
-points = [450, 509]
-"""
+SCENE = panel_scene((240, 279), (450, 509))
 
 
 def test_a_scene_in_place_of_shapes(tmp_path):

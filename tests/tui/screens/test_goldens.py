@@ -16,18 +16,15 @@ from lidarcheck.harness.review.review import review
 from lidarcheck.session.places import sha256
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.themes import THEMES
+from scenario_texts import surface
 from tui_kit import ROOT, app_on, as_stored, drive, says, sees, text_of, until
 
 KPIS = """description = "a surface"
 model = "../models/SMART.toml"
 
-[[beams]]
-shape = "surface"
-layers = [240, 241]
-points = [0, 9]
-material = 1
-range_m = [50, 51]
-[[kpis]]
+"""
+KPIS += surface((240, 241), (0, 9), (50, 51))
+KPIS += """[[kpis]]
 name = "area_mean"
 kpi = "area_mean"
 tolerance = 1.0
