@@ -1,1 +1,4 @@
-"""A scene's file: its objects and their shapes."""
+"""A scene's file: its objects and their shapes.
+
+`file` reads one, `shapes` says what each kind of object may have, `objects` builds them.
+"""
