@@ -94,8 +94,8 @@ class FrameBatch:
         if self.out.exists() and not self.out.is_dir():
             raise InputError("is not a directory", file=self.out, fix="name a directory for the frames")
 
-    def run(self, pool: WorkerPool, told: ProgressCallback = lambda _done, _of, _what: None) -> FramesWritten:
-        """Simulate and write what is not there yet; `told` hears frames done, of how many, and the last one's name.
+    def run(self, pool: WorkerPool, progress: ProgressCallback = lambda _done, _of, _what: None) -> FramesWritten:
+        """Simulate and write what is not there yet; `progress` gets frames done, of how many, and the last one's name.
 
         The same bytes for every worker pool. On an error or interrupt the frames that were written stay.
         """
@@ -103,12 +103,12 @@ class FrameBatch:
         with self._directory(), one_blas_thread():
             left = [task for task in tasks if not task.place.exists()]
             kept, echoes = len(tasks) - len(left), 0
-            told(kept, len(tasks), "")
+            progress(kept, len(tasks), "")
             for done, (content, count) in enumerate(pool.map(_simulated, self._packed(left)), start=1):
                 place = left[done - 1].place
                 write_bytes(place, content)
                 echoes += count
-                told(kept + done, len(tasks), place.name)
+                progress(kept + done, len(tasks), place.name)
         return FramesWritten(len(left), kept, echoes)
 
     def _tasks(self) -> Iterator[_Task]:

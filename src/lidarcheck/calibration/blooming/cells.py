@@ -113,7 +113,7 @@ def cells_of_scan(
     """
     lines = np.unique(target.line)
     fired = own or _fired(scan, target, axis, lines)
-    _check_field(target, fired, axis, name, told=own is not None)
+    _check_field(target, fired, axis, name, from_ideal=own is not None)
     own = fired
     keep = ~own.left_out
     echo = _echo_of_beam(scan, target, axis, own)
@@ -161,8 +161,8 @@ def _fired(scan: Scan, target: BrightTarget, axis: Axis, lines: npt.NDArray[np.i
     return OwnLight(line, place, light, np.zeros(len(line)), np.zeros(len(line), dtype=bool))
 
 
-def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, told: bool) -> None:
-    """Refuse a target at the first or last beam that was fired; `told`: by an ideal scan, not by where echoes are."""
+def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, from_ideal: bool) -> None:
+    """Refuse a target at the first or last beam that was fired; `from_ideal`: found by an ideal scan."""
     low, high = int(own.place.min()), int(own.place.max())
     at_end = (target.place <= low) | (target.place >= high)
     if np.any(at_end):
@@ -174,7 +174,7 @@ def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, 
             f"of {low} to {high}"
         )
         fix = "use a frame in which all of it is seen; the light of the rest would be missing"
-        if not told:
+        if not from_ideal:
             fix += "; where nothing beside it echoes, --ideal says which beams were fired"
         raise InputError(what, file=name, fix=fix)
 

@@ -26,7 +26,7 @@ from lidarcheck.sensor import Sensor
 
 __all__ = ["SMOOTHNESS", "FittedNumber", "FreeLight", "SmoothnessScore", "TableFit", "fit_table"]
 
-Told = Callable[[str], object]
+ProgressCallback = Callable[[str], object]
 
 SMOOTHNESS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
 """Weights to choose from: 1 over the variance of a bend [decades per unit of asinh(x/10), squared]."""
@@ -101,24 +101,24 @@ def fit_table(
     shape: PulseShape | None = None,
     free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
-    told: Told = lambda _what: None,
+    progress: ProgressCallback = lambda _what: None,
 ) -> TableFit:
     """The table that the cells of all distances show; `smoothness` None: chosen by leaving one out.
 
-    `shape`: the model's pulse, the sensor's own where None; its length is where a free pulse starts. `told` hears what
-    is being done.
+    `shape`: the model's pulse, the sensor's own where None; its length is where a free pulse starts. `progress` gets
+    what is being done, in words.
     """
     problem = TableProblem(cells, nodes, sensor, shape=shape or PulseShape(sensor.pulse_fwhm_ns), free=free)
-    told("first fit")
+    progress("first fit")
     theta = problem.start()
     for _ in range(_ROUNDS if len(problem.pulses) else 1):
         theta = problem.solve(theta, smoothness or SMOOTHNESS[len(SMOOTHNESS) // 2])
     scores: tuple[SmoothnessScore, ...] = ()
     if smoothness is None:
-        told("leaving out each distance")
+        progress("leaving out each distance")
         scores = _scores(problem, theta)
         smoothness = max(score.smoothness for score in scores if score.above <= score.error)
-    told("last fit")
+    progress("last fit")
     for _ in range(_ROUNDS):
         theta = problem.solve(theta, smoothness)
     return _result(problem, theta, smoothness, scores)
@@ -141,7 +141,7 @@ def _scores(problem: TableProblem, theta: FloatArray) -> tuple[SmoothnessScore, 
     losses: list[list[FloatArray]] = [[] for _ in SMOOTHNESS]
     for left in _folds(problem)[1]:
         fitted, others = theta, problem.used & ~left
-        scored = left & _told_by(problem, theta, weight, others)
+        scored = left & _predicted_by(problem, theta, weight, others)
         for found, smoothness in zip(losses, SMOOTHNESS, strict=True):
             fitted = problem.solve(fitted, smoothness, others, only_table=True)
             found.append(huber_cost(problem.residuals(fitted, weight, scored)))
@@ -155,8 +155,8 @@ def _scores(problem: TableProblem, theta: FloatArray) -> tuple[SmoothnessScore, 
     )
 
 
-def _told_by(problem: TableProblem, theta: FloatArray, weight: FloatArray, use: BoolArray) -> BoolArray:
-    """Cells at least nine tenths of whose bloom comes by nodes that the cells in `use` tell of."""
+def _predicted_by(problem: TableProblem, theta: FloatArray, weight: FloatArray, use: BoolArray) -> BoolArray:
+    """Cells at least nine tenths of whose bloom comes by nodes that the cells in `use` determine."""
     slopes = problem.slopes(theta, weight, use)[:, : problem.k]
     known = np.sum(slopes**2, axis=0) > _TOLD**-2
     bloom = problem.matrix * 10.0 ** theta[: problem.k]

@@ -37,7 +37,7 @@ __all__ = [
     "rms_of",
 ]
 
-Told = Callable[[str], object]
+ProgressCallback = Callable[[str], object]
 
 LEAST_CELLS = 8
 """Offsets beside the target that must have echoes: a fit of fewer is a drawing."""
@@ -205,7 +205,7 @@ def calibrate(
     *,
     free: FreeLight = FreeLight(),  # noqa: B008 - frozen
     smoothness: float | None = None,
-    told: Told = lambda _what: None,
+    progress: ProgressCallback = lambda _what: None,
 ) -> BloomingCalibration:
     """Fit the table of `lut` to all measurements and give the file with it; its X stay as they are."""
     table = lut.tables.get(bench.axis)
@@ -215,7 +215,9 @@ def calibrate(
     for cells in measured:
         _check_cover(cells, nodes, lut)
     _check_number(measured, nodes)
-    fit = fit_table(measured, nodes, bench.sensor, shape=bench.shape, free=free, smoothness=smoothness, told=told)
+    fit = fit_table(
+        measured, nodes, bench.sensor, shape=bench.shape, free=free, smoothness=smoothness, progress=progress
+    )
     rows = _rows(fit, table)
     new = lut
     for number, row in enumerate(rows):

@@ -68,9 +68,9 @@ class Returns:
     amplitude: FloatArray
     of: IndexArray
 
-    def bright(self, told: Brightness) -> IndexArray:
+    def bright(self, bright: Brightness) -> IndexArray:
         """Those that are bright on a known beam."""
-        least = np.where(self.range_m < told.far_m, told.above, told.far_above)
+        least = np.where(self.range_m < bright.far_m, bright.above, bright.far_above)
         return np.flatnonzero((self.amplitude >= least) & (self.layer >= 0) & (self.point >= 0))
 
 
@@ -132,11 +132,11 @@ def _amplitude(scan: Scan) -> tuple[str, FloatArray]:
     )
 
 
-def returns_of(scan: Scan, range_m: FloatArray, told: Brightness) -> Returns:
+def returns_of(scan: Scan, range_m: FloatArray, bright: Brightness) -> Returns:
     """The echoes put together where they belong to one return; `range_m` of all echoes, shape (n,)."""
     n = len(scan)
     keys = beam_keys(scan.layer, scan.point)
-    strong = np.flatnonzero(told.values >= told.strong)
+    strong = np.flatnonzero(bright.values >= bright.strong)
     order = strong[np.lexsort((range_m[strong], keys[strong]))]
     again = (np.diff(keys[order]) == 0) & (np.diff(range_m[order]) <= AGAIN_M)
     first = np.arange(n)
@@ -146,8 +146,8 @@ def returns_of(scan: Scan, range_m: FloatArray, told: Brightness) -> Returns:
         near = range_m[order] - range_m[head] <= AGAIN_M
         first[order[near]] = head[near]
     heads, of = np.unique(first, return_inverse=True)
-    amplitude: FloatArray = np.bincount(of, told.values, len(heads)).astype(np.float64)
-    moment = np.bincount(of, told.values * range_m, len(heads))
+    amplitude: FloatArray = np.bincount(of, bright.values, len(heads)).astype(np.float64)
+    moment = np.bincount(of, bright.values * range_m, len(heads))
     alone = np.bincount(of, minlength=len(heads)) == 1
     together_m = range_m[heads]
     together_m[~alone] = moment[~alone] / amplitude[~alone]

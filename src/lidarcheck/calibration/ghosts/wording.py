@@ -37,23 +37,23 @@ def those_expected(signs: list[Sign], expected_m: Sequence[float], name: str) ->
     return [sign for sign, here in zip(signs, np.any(near, axis=0), strict=True) if here]
 
 
-def no_sign(scan: Scan, range_m: FloatArray, told: Brightness, others: Sequence[str], name: str) -> InputError:
+def no_sign(scan: Scan, range_m: FloatArray, bright: Brightness, others: Sequence[str], name: str) -> InputError:
     """What there is instead of a sign; `others`: words on bright clusters that an ordinary surface could be."""
     if not len(scan):
         return InputError("the scan has no echoes, so no sign", file=name, fix="give a scan of a traffic sign")
-    top = int(np.argmax(told.values))
-    most = f"the brightest of {len(scan)} echoes has {told.column} {told.values[top]:g} at {range_m[top]:.2f} m"
-    least = f"{told.above:.0f}, {told.why}"
-    count = len(returns_of(scan, range_m, told).bright(told))
+    top = int(np.argmax(bright.values))
+    most = f"the brightest of {len(scan)} echoes has {bright.column} {bright.values[top]:g} at {range_m[top]:.2f} m"
+    least = f"{bright.above:.0f}, {bright.why}"
+    count = len(returns_of(scan, range_m, bright).bright(bright))
     if not count:
         what = f"no sign: {most}, and a sign's have at least {least}"
         return InputError(what, file=name, fix="check the sensor variant, or set the least with --bright")
     if not others:
-        what = f"no sign: {count} returns are bright ({told.column} from {least}), but no three of them side by side"
+        what = f"no sign: {count} returns are bright ({bright.column} from {least}), but no three of them side by side"
         return InputError(f"{what} within {LARGEST_M:g} m; {most}", file=name, fix="lower or raise --bright")
     near = "; ".join(others[:3]) + (f"; and {len(others) - 3} more" if len(others) > 3 else "")
     return InputError(
-        f"no sign: what is bright ({told.column} from {least}) could be ordinary surfaces that are near ({near})",
+        f"no sign: what is bright ({bright.column} from {least}) could be ordinary surfaces that are near ({near})",
         file=name,
         fix="a sign is told by a ghost, or by standing beyond such surfaces; raise --bright where it is brighter",
     )

@@ -21,15 +21,15 @@ __all__ = ["scaling_courses"]
 PULSES = (1, 2, 4, 8)
 FRAMES = (1, 2, 5, 10)
 WAYS: tuple[Fidelity, ...] = ("fast", "exact")
-Told = Callable[[int, int, str], object]
+ProgressCallback = Callable[[int, int, str], object]
 Timed = Callable[[float, "Fidelity"], float]
 
 
-def scaling_courses(quick: bool, told: Told) -> list[Course]:
+def scaling_courses(quick: bool, progress: ProgressCallback) -> list[Course]:
     """Million points a second of the SMART lab frame over each of the four, one curve for each fidelity.
 
     Several pulses per beam are sub-beams on surfaces half a metre apart; the fast path leaves them to the exact chain.
-    `told` hears (done, of, name).
+    `progress` is called with (done, of, name).
     """
     whole = bench_scene.lab_frame()
     if quick:
@@ -45,7 +45,7 @@ def scaling_courses(quick: bool, told: Told) -> list[Course]:
     ]
     found = []
     for done, (title, label, at, timed) in enumerate(plan):
-        told(done, len(plan), title.lower())
+        progress(done, len(plan), title.lower())
         found.append(_course(title, label, at, timed))
     return found
 
