@@ -1,4 +1,4 @@
-"""The notebook: what was done is there again, exactly, for the same work only, and for one run at a time."""
+"""The checkpoint: what was done is there again, exactly, for the same work only, and for one run at a time."""
 
 import math
 import os
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.workers.checkpoint import Checkpoint, notebook_key
+from lidarcheck.workers.checkpoint import Checkpoint, checkpoint_key
 
 
 def test_what_was_put_is_there_for_the_next_run(tmp_path):
@@ -86,7 +86,7 @@ def test_a_line_that_was_cut_off_costs_only_itself(tmp_path):
 
 
 @pytest.mark.parametrize("damage", [b"", b"no notebook\n", b"\x00\xff\n\n", None])
-def test_a_damaged_notebook_starts_afresh(tmp_path, damage, caplog):
+def test_a_damaged_checkpoint_starts_afresh(tmp_path, damage, caplog):
     with Checkpoint(tmp_path / "n", "k") as first:
         first.put("a", 111)
     file = tmp_path / "n" / "notebook.jsonl"
@@ -172,7 +172,7 @@ def test_a_full_disk_is_said(tmp_path):
     book.close()
 
 
-def test_a_closed_notebook_takes_nothing(tmp_path):
+def test_a_closed_checkpoint_takes_nothing(tmp_path):
     book = Checkpoint(tmp_path / "n", "k")
     book.close()
     book.close()
@@ -182,12 +182,12 @@ def test_a_closed_notebook_takes_nothing(tmp_path):
 
 def test_the_key_knows_everything_that_matters():
     base = ({"a.txt": "00", "b.txt": "11"}, "model", 0, ("fog", "rain"))
-    key = notebook_key(*base)
-    assert key == notebook_key({"b.txt": "11", "a.txt": "00"}, "model", 0, ("rain", "fog"))
+    key = checkpoint_key(*base)
+    assert key == checkpoint_key({"b.txt": "11", "a.txt": "00"}, "model", 0, ("rain", "fog"))
     others = [
-        notebook_key({"a.txt": "01", "b.txt": "11"}, *base[1:]),
-        notebook_key(base[0], "other", *base[2:]),
-        notebook_key(*base[:2], 1, base[3]),
-        notebook_key(*base[:3], ("fog",)),
+        checkpoint_key({"a.txt": "01", "b.txt": "11"}, *base[1:]),
+        checkpoint_key(base[0], "other", *base[2:]),
+        checkpoint_key(*base[:2], 1, base[3]),
+        checkpoint_key(*base[:3], ("fog",)),
     ]
     assert len({key, *others}) == 5

@@ -21,13 +21,13 @@ from lidarcheck import __version__
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.workers.identity import source_of_results
 
-__all__ = ["Checkpoint", "notebook_key"]
+__all__ = ["Checkpoint", "checkpoint_key"]
 
 _log = logging.getLogger(__name__)
 _FILE, _LOCK = "notebook.jsonl", "lock"
 
 
-def notebook_key(hashes: Mapping[str, str], model: object, seed: int, exclude: Iterable[str] = ()) -> str:
+def checkpoint_key(hashes: Mapping[str, str], model: object, seed: int, exclude: Iterable[str] = ()) -> str:
     """A key that only the same work has: the same files, model, seed, exclusions and the same source of lidarcheck."""
     parts = {
         "hashes": dict(sorted(hashes.items())),
@@ -87,7 +87,7 @@ class Checkpoint:
         text = json.dumps(_listed(value))
         with self._guard:
             if self._stream is None:
-                raise UsageError("the notebook is closed", fix="put values before it is closed")
+                raise UsageError("the checkpoint is closed", fix="put values before it is closed")
             try:
                 self._stream.write(_line([name, text]))
                 self._stream.flush()
@@ -166,7 +166,7 @@ def _listed(value: Any) -> Any:
     if isinstance(value, Mapping):
         strange = [key for key in value if not isinstance(key, str)]
         if strange:
-            raise TypeError(f"a notebook's keys are text, not {strange[0]!r}")
+            raise TypeError(f"a checkpoint's keys are text, not {strange[0]!r}")
         return {key: _listed(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_listed(item) for item in value]

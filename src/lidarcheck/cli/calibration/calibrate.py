@@ -144,10 +144,10 @@ def _calibrated(
 ) -> None:
     """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
     from lidarcheck.calibration.parameters.loop import calibrate as run
-    from lidarcheck.workers.checkpoint import Checkpoint, notebook_key
+    from lidarcheck.workers.checkpoint import Checkpoint, checkpoint_key
     from lidarcheck.workers.cores import usable_cores
 
-    key = notebook_key(loaded.hashes, loaded.model, seed, [repr(asked)])
+    key = checkpoint_key(loaded.hashes, loaded.model, seed, [repr(asked)])
     with Checkpoint(out / KEPT, key) as checkpoint:
         if len(checkpoint):
             note(f"going on with what an interrupted run left in {out / KEPT}")

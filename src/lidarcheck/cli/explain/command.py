@@ -178,9 +178,9 @@ def _explained(
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
     from lidarcheck.explain.workflow import explain as run
-    from lidarcheck.workers.checkpoint import Checkpoint, notebook_key
+    from lidarcheck.workers.checkpoint import Checkpoint, checkpoint_key
 
-    key = notebook_key(loaded.hashes, loaded.model, seed, exclude)
+    key = checkpoint_key(loaded.hashes, loaded.model, seed, exclude)
     with Checkpoint(out / KEPT, key) as checkpoint:
         if len(checkpoint):
             note(f"going on with what an interrupted run left in {out / KEPT}")

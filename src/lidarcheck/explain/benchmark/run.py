@@ -280,10 +280,10 @@ def _by_effect(values: Any, effects: Sequence[str]) -> dict[str, Any]:
 
 
 def _key(place: Path, seed: int, only: str | None, explain: str) -> dict[str, Any]:
-    from lidarcheck.workers.checkpoint import notebook_key
+    from lidarcheck.workers.checkpoint import checkpoint_key
 
     files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(place.glob("*.py"))}
-    return {"seed": seed, "only": only, "explain": explain, "of": notebook_key(files, None, 0)}
+    return {"seed": seed, "only": only, "explain": explain, "of": checkpoint_key(files, None, 0)}
 
 
 @contextlib.contextmanager
