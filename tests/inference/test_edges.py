@@ -100,7 +100,7 @@ def test_what_comes_to_stand_before_more_than_the_outermost_beams_is_at_the_bord
 
 
 @pytest.mark.parametrize(
-    "lab",
+    "simulator",
     [
         pytest.param(lambda: lab_of(street(0, **WHERE)), id="nothing is off"),
         pytest.param(lambda: lab_of(met(INNER_POINT)), id="not at the edge"),

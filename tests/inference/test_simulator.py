@@ -60,5 +60,5 @@ def test_no_more_than_a_few_simulations_are_kept() -> None:
     first = used.shows(model(CROSSTALK), 1)
     for k in range(20):
         used.shows(model(make("dead_time", {"shift_ns": 0.1 * k})), 1)
-    assert len(used._unread) <= 12
+    assert len(used._simulations._unread) <= 12
     assert np.array_equal(used.shows(model(CROSSTALK), 1), first)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ _SMOOTH = 0.06
 _STEEP = 0.15
 """A surface seen at a grazing angle may lie farther by such a part of its range one beam on."""
 _LAYER_DEG, _POINT_DEG = 0.05, 0.125
+_MOST_POINTS = 1024
+"""More than a layer has points."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,11 @@ class BeamTable:
 
     def __len__(self) -> int:
         return len(self.key)
+
+    @functools.cached_property
+    def column(self) -> IndexArray:
+        """The point column of each beam, counted through all frames from 0, shape (n,): what is swept at one moment."""
+        return np.asarray(np.unique(self.frame * _MOST_POINTS + self.point, return_inverse=True)[1])
 
 
 def key_of(frame: npt.ArrayLike, layer: npt.ArrayLike, point: npt.ArrayLike) -> IndexArray:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.pairing import Observations
 
-__all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation"]
+__all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_weights"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -20,8 +20,11 @@ Partners = tuple[tuple[IndexArray, IndexArray], tuple[IndexArray, IndexArray]]
 CLIP = 6.0
 """A residual counts at most so many standard deviations: single strays do not move a mean."""
 SPREAD_CLIP = 16.0
+"""The same of a squared difference of neighbours."""
 SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))
 """The features whose scatter is looked at, and between which neighbours: 0 along the column, 1 along the layer."""
+_MOST_WEIGHT = 5.0
+"""No slope weighs more: at a grazing angle a single beam would outweigh all others."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,11 @@ class Expected:
     at_edge: npt.NDArray[np.bool_]
     partner: Partners
 
+    @property
+    def log_area(self) -> FloatArray:
+        """The mean ln AREA of each beam's surface, NaN where it is hardly seen, shape (n,)."""
+        return np.where(self.known, self.mean[:, 1], np.nan)
+
 
 def expectation(beams: BeamTable, base: Sequence[Observations]) -> Expected:
     """What a model shows of each beam, from what it shows with some seeds."""
@@ -61,6 +69,13 @@ def expectation(beams: BeamTable, base: Sequence[Observations]) -> Expected:
     apart = np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside)
     at_edge = np.asarray(np.any((beside >= 0.0) & apart, axis=1)) | beams.crease
     return Expected(probability, mean, spread, known, square_mean, square_spread, at_edge, partner)
+
+
+def pose_weights(beams: BeamTable, expected: Expected) -> FloatArray:
+    """Change of the range with the two angles in units of its spread, of order one; shape (n, 2)."""
+    weight = beams.slope_m_per_deg / expected.spread[:, :1]
+    scale = np.sqrt((weight**2).mean(axis=0)) + 1e-9
+    return np.asarray(np.clip(weight / scale, -_MOST_WEIGHT, _MOST_WEIGHT))
 
 
 def _scatter(

@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import SIDES, BeamTable
 from lidarcheck.inference.pairing import Observations
-from lidarcheck.inference.strata import RANGE_EDGES_M
+from lidarcheck.inference.strata import RANGE_EDGES_M, range_bin
 from lidarcheck.inference.summary import Summary
 
-__all__ = ["FalseEchoes"]
+__all__ = ["FalseEchoes", "sides_of_surface"]
 
 FloatArray = npt.NDArray[np.float64]
+IndexArray = npt.NDArray[np.int64]
 
 _STRAY = 0.15
 """The part of the beams along an edge that a usual error of the pose leads to the other side."""
@@ -81,6 +82,12 @@ class FalseEchoes:
         return _histogram(beams.bright[beam[match], side], _MATCH_OFFSETS)
 
 
+def sides_of_surface(beams: BeamTable, beam: IndexArray, range_m: FloatArray) -> IndexArray:
+    """Whether echoes of some beams lie in front of their surface (0), behind it (1), or there is none (2); (m,)."""
+    distance = beams.distance_m[beam]
+    return np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
+
+
 def _histogram(value: npt.NDArray[Any], edges: Sequence[float]) -> FloatArray:
     """How many lie between ascending edges, the last bin open."""
     place = np.searchsorted(np.asarray(edges), value, side="right")
@@ -89,7 +96,7 @@ def _histogram(value: npt.NDArray[Any], edges: Sequence[float]) -> FloatArray:
 
 def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
     """How strong echoes are, over range; a mean that counts as much as the number behind it."""
-    place = np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1
+    place = range_bin(range_m)
     n = len(RANGE_EDGES_M)
     count = np.bincount(place, minlength=n)
     return np.asarray(np.bincount(place, (log_area - 4.8) / 0.6, n) / np.sqrt(np.maximum(count, 1)))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import SIDES, BeamTable
 
-__all__ = ["RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions"]
+__all__ = ["RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
@@ -69,6 +69,11 @@ def binned(covariate: str, value: FloatArray, edges: Sequence[float], unit: str)
     place = np.where(np.isnan(value), -1, place)
     ends = [*(f"{a:g}-{b:g} {unit}" for a, b in itertools.pairwise(edges)), f"over {edges[-1]:g} {unit}"]
     return _used(covariate, place, ends)
+
+
+def range_bin(range_m: FloatArray) -> IndexArray:
+    """The bin of each range between `RANGE_EDGES_M`, the last open; same shape."""
+    return np.asarray(np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1)
 
 
 def _used(covariate: str, place: IndexArray, names: Sequence[str]) -> Division:

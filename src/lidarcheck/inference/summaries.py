@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation
-from lidarcheck.inference.extra_echoes import FalseEchoes
+from lidarcheck.inference.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
+from lidarcheck.inference.extra_echoes import FalseEchoes, sides_of_surface
 from lidarcheck.inference.kernels import add_up, write_residuals, write_scatter
 from lidarcheck.inference.pairing import FEATURES, Observations
 from lidarcheck.inference.strata import Division, divisions, fine_divisions
@@ -42,12 +42,15 @@ _MEANS, _SCATTERED, _FINE_MEANS, _SPREADS = (0, 1, 2, 3, 8), (4, 5, 6, 7), (0, 1
 _COLUMN = "from column to column"
 _SCATTER_OVER = ("all", "range", "amplitude", "material", "point", "frame", "edge")
 """Covariates over which scatter is looked at; the means go over all."""
+_MOST_SQUARE = 25.0
+"""A column counts at most five standard deviations: one that is struck is no spread."""
 _EXTRAS = ("echoes in front", "echoes behind", "echoes without a surface")
 
 
-def compressed(z: FloatArray) -> FloatArray:
-    """c asinh(z / c): near zero z itself, far off its logarithm, so that a form that is wrong by a fifth stays near."""
-    return np.asarray(_LINEAR * np.arcsinh(z / _LINEAR))
+def compressed(z: FloatArray, linear: float = _LINEAR) -> FloatArray:
+    """c asinh(z / c): near zero z itself, beyond c (`linear`) its logarithm, so that a form that is wrong by a fifth
+    stays near."""
+    return np.asarray(linear * np.arcsinh(z / linear))
 
 
 class _Sums(NamedTuple):
@@ -77,14 +80,13 @@ class Summaries:
         others, of which the summaries' own means and spreads are taken."""
         self.beams = beams
         self.expected = expectation(beams, base)
-        log_area = np.where(self.expected.known, self.expected.mean[:, 1], np.nan)
-        coarse = divisions(beams, log_area, materials)
+        coarse = divisions(beams, self.expected.log_area, materials)
         self._coarse = _sums(coarse)
         self._scattered = _sums([d for d in coarse if d.covariate in _SCATTER_OVER])
         self._fine = _sums(fine_divisions(beams))
         self._lines = _lines(beams, next(d for d in coarse if d.covariate == "point"))
         self._in_column = np.array([covariate == _COLUMN for covariate, _ in self._lines.bins])
-        self._pose = _pose_weights(beams, self.expected)
+        self._pose = pose_weights(beams, self.expected)
         self._strays = FalseEchoes(beams)
         self.names = [
             *_named([_STATISTICS[j] for j in _MEANS], self._coarse),
@@ -160,8 +162,7 @@ class Summaries:
         """Numbers of other echoes in front of, behind and without a surface, of each beam, (n, 3)."""
         lone = observations.extra_side < 0
         beam, range_m = observations.extra_beam[lone], observations.extra_m[lone]
-        distance = self.beams.distance_m[beam]
-        kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
+        kind = sides_of_surface(self.beams, beam, range_m)
         cells = len(self.beams) * len(_EXTRAS)
         return np.bincount(beam * len(_EXTRAS) + kind, minlength=cells).reshape(-1, len(_EXTRAS)).astype(np.float64)
 
@@ -208,19 +209,11 @@ def _sums(found: Sequence[Division]) -> _Sums:
 def _lines(beams: BeamTable, strips: Division) -> _Sums:
     """Strips of points, frames, and last the (frame, point) columns: what is swept at one moment."""
     frames = int(beams.frame.max()) + 1
-    _, column = np.unique(beams.frame * 1024 + beams.point, return_inverse=True)
-    columns = tuple(str(i) for i in range(int(column.max()) + 1))
+    columns = tuple(str(i) for i in range(int(beams.column.max()) + 1))
     by_frame = Division("frame", beams.frame, tuple(str(i) for i in range(frames)))
-    return _sums([strips, by_frame, Division(_COLUMN, np.asarray(column), columns)])
-
-
-def _pose_weights(beams: BeamTable, expected: Expected) -> FloatArray:
-    """Change of the range with the two angles in units of its spread, of order one; shape (n, 2)."""
-    weight = beams.slope_m_per_deg / expected.spread[:, :1]
-    scale = np.sqrt((weight**2).mean(axis=0)) + 1e-9
-    return np.asarray(np.clip(weight / scale, -5.0, 5.0))
+    return _sums([strips, by_frame, Division(_COLUMN, beams.column, columns)])
 
 
 def _unevenness(t: FloatArray) -> float:
     """By how much standardised sums of lines spread more than by chance, in standard deviations of that."""
-    return float((np.minimum(t**2, 25.0) - 1.0).sum() / np.sqrt(2.0 * len(t)))
+    return float((np.minimum(t**2, _MOST_SQUARE) - 1.0).sum() / np.sqrt(2.0 * len(t)))

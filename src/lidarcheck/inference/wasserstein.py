@@ -21,9 +21,9 @@ from lidarcheck.inference.interval import Gap, Interval
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
-from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions
+from lidarcheck.inference.simulations import observed
+from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
 from lidarcheck.inference.summaries import Expected, expectation
-from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
@@ -36,10 +36,16 @@ IndexArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 PARTS = (*FEATURES, "detected", "other echoes")
-_BASE_SEEDS = 6
+_EXPECTATION_SEEDS = 6
+"""Simulations of which each beam's expectation is the mean."""
 _SEEDS, _FLOORS = 4, 6
+"""Simulations that stand for a model, and those that tell how far its own are apart."""
+_FIRST_EXPECTATION, _FIRST_GAP, _FIRST_GAP_FLOOR, _FIRST_EXCESS, _FIRST_EXCESS_FLOOR = 9000, 9100, 9200, 9300, 9400
+"""Where the seeds of each begin: no fit uses any of them, and no two share one."""
 _RESAMPLED = 16
+"""Draws of all beams anew, of which an interval's ends are quantiles."""
 _CLIP = 12.0
+"""A residual counts at most so many standard deviations: a single false echo moves no mean."""
 _STRATA = ("material", "amplitude", "layer", "point", "edge", "field of view")
 _RATE_SPREAD = 0.05
 """One other echo in twenty beams weighs as much as a shift by a standard deviation."""
@@ -61,10 +67,12 @@ class Scale:
         """The scale of some frames, in the spreads of a model."""
         beams = beams_of([f.ideal for f in frames], model)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
-        runs = mapped(lambda k: _sights(frames, surfaces, beams, model, seed, 9000 + k), range(_BASE_SEEDS))
+        runs = mapped(
+            lambda k: observed(frames, surfaces, beams, model, (seed << 16) + _FIRST_EXPECTATION + k),
+            range(_EXPECTATION_SEEDS),
+        )
         expected = expectation(beams, runs)
-        log_area = np.where(expected.known, expected.mean[:, 1], np.nan)
-        found = [*divisions(beams, log_area, {}), *fine_divisions(beams)]
+        found = [*divisions(beams, expected.log_area, {}), *fine_divisions(beams)]
         strata = tuple(d.bin for d in found if d.covariate in _STRATA)
         return cls(tuple(frames), beams, expected, strata, seed, surfaces)
 
@@ -87,7 +95,7 @@ class Scale:
         nuisance = nuisance or Nuisance()
         run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
         seeds = range(first, first + count)
-        return mapped(lambda k: _sights(self.frames, posed, self.beams, run, self.seed, k), seeds)
+        return mapped(lambda k: observed(self.frames, posed, self.beams, run, (self.seed << 16) + k), seeds)
 
     def excess(self, model: Model, nuisance: Nuisance | None = None) -> tuple[float, float]:
         """The gap that a model leaves beyond its own noise, and that noise's standard deviation."""
@@ -103,8 +111,8 @@ class Scale:
         A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
         scatters more than the sensor.
         """
-        shown = self.simulated(model, 9300, _SEEDS, nuisance)
-        others = self.simulated(model, 9400, _FLOORS, nuisance)
+        shown = self.simulated(model, _FIRST_EXCESS, _SEEDS, nuisance)
+        others = self.simulated(model, _FIRST_EXCESS_FLOOR, _FLOORS, nuisance)
         noise = np.array([self.distance(other, shown, weight) for other in others])
         return np.abs(self.distance(self.measured, shown, weight) - noise.mean(axis=0)), noise
 
@@ -170,20 +178,12 @@ class Scale:
         def rates(observations: Observations) -> FloatArray:
             mine = used[observations.extra_beam]
             beam = observations.extra_beam[mine]
-            cell = np.searchsorted(np.asarray(RANGE_EDGES_M), observations.extra_m[mine], side="right") - 1
+            cell = range_bin(observations.extra_m[mine])
             return np.bincount(stratum[beam] * cells + cell, weight[beam], bins * cells).astype(np.float64)
 
         difference = np.abs(rates(one) - sum(rates(o) for o in others) / len(others)).reshape(bins, cells)
         # A bin in which one echo in five beams is other has a spread of its own.
         return float(difference.sum() / max(count.sum(), 1e-9) / _RATE_SPREAD)
-
-
-def _sights(
-    frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: BeamTable, model: Model, seed: int, k: int
-) -> Observations:
-    shown = functools.partial(simulate, model=model, seed=(seed << 16) + k, threads=1)
-    pairs = zip(frames, surfaces, strict=True)
-    return observations_of(beams, [shown(one.ideal, frame=f.number, surfaces=one) for f, one in pairs])
 
 
 def _apart_in(
@@ -250,8 +250,8 @@ def _by_chance(own: FloatArray) -> FloatArray:
 def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:
     """The parts of the gap between the measurement and a model, as it is and with beams drawn anew, and those between
     the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts)."""
-    shown = scale.simulated(model, 9100, _SEEDS)
-    others = scale.simulated(model, 9200, _FLOORS)
+    shown = scale.simulated(model, _FIRST_GAP, _SEEDS)
+    others = scale.simulated(model, _FIRST_GAP_FLOOR, _FLOORS)
     chance = np.array([scale.distance(other, shown) for other in others])
     return scale.distances(scale.measured, shown, _drawn_anew(scale)), chance
 
@@ -260,7 +260,7 @@ def _drawn_anew(scale: Scale) -> list[FloatArray]:
     """How often each beam counts: once, and as drawn with replacement, so many times."""
     rng = np.random.default_rng(np.random.SeedSequence([scale.seed & 0xFFFFFFFF, 5]))
     # Whole columns are drawn: what shakes or moves in the sweep moves a column at once.
-    column = np.unique(scale.beams.frame * 1024 + scale.beams.point, return_inverse=True)[1]
+    column = scale.beams.column
     columns = column.max() + 1
     drawn = [rng.multinomial(columns, np.full(columns, 1.0 / columns)) for _ in range(_RESAMPLED)]
     return [np.ones(len(scale.beams)), *(times[column].astype(float) for times in drawn)]

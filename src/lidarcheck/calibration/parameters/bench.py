@@ -17,7 +17,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.pairing import Observations, observations_of
-from lidarcheck.model.chain import simulate
+from lidarcheck.inference.simulations import observed
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
@@ -31,7 +31,7 @@ _BASE_SEEDS, _NOISE_SEEDS = 6, 5
 _SHRUNK = 0.1
 """Part of each correlation that is not believed: there are more sums than independent columns of beams."""
 _LEAST_COUNT = 4.0
-"""The least variance of a count of rare echoes: of four that are expected none may come."""
+"""The least variance of a count of rare echoes, as if four were expected."""
 
 
 def seed_of(seed: int, purpose: str, k: int = 0) -> int:
@@ -92,10 +92,7 @@ class FitData:
 
     def observations(self, model: Model, purpose: str, k: int) -> Observations:
         """What the model shows of each beam with the k-th seed of a purpose."""
-        seed = seed_of(self.seed, purpose, k)
-        pairs = zip(self.frames, self._surfaces, strict=True)
-        scans = [simulate(f.ideal, model, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
-        return observations_of(self.beams, scans)
+        return observed(self.frames, self._surfaces, self.beams, model, seed_of(self.seed, purpose, k))
 
     def totals(self, reference: FitReference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
         """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such

@@ -15,9 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.expectation import Expected, expectation
+from lidarcheck.inference.expectation import Expected, expectation, pose_weights
+from lidarcheck.inference.extra_echoes import sides_of_surface
 from lidarcheck.inference.pairing import Observations
-from lidarcheck.inference.strata import RANGE_EDGES_M, divisions
+from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, range_bin
+from lidarcheck.inference.summaries import compressed
 
 __all__ = ["Statistics"]
 
@@ -27,8 +29,12 @@ BoolArray = npt.NDArray[np.bool_]
 
 _LINEAR = 5.0
 """Up to about so many standard deviations a beam counts as it is, beyond by the logarithm: one stray moves no mean."""
+_MOST_SQUARE = 25.0
+"""A squared residual counts at most five standard deviations."""
 _FEWEST_BEAMS = 25
+"""Fewer beams make no bin: their sum is far from normal."""
 _MOST_CLUSTERS = 1024
+"""Clusters that are kept apart: the scatter of so many is known well, and more only take memory."""
 _MEANS = ("range", "area", "detected")
 _SHAPES = ("peak", "width", "range spread", "area spread", "width spread")
 _SHAPES_OVER = ("all", "range", "amplitude", "material")
@@ -36,6 +42,7 @@ _MEANS_OVER = (
     *_SHAPES_OVER, "incidence", "layer", "point", "edge", "layers to a bright target", "points to a bright target",
 )  # fmt: skip
 _TYPICAL_LOG_AREA = 4.5
+"""About the mean of false echoes, so that their strength and their number are told apart."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +65,12 @@ class Statistics:
         self.beams = beams
         self.expected: Expected = expectation(beams, base)
         self.cluster, self.clusters = _clusters(beams)
-        log_area = np.where(self.expected.known, self.expected.mean[:, 1], np.nan)
-        found = [d for d in divisions(beams, log_area, {}) if d.covariate in _MEANS_OVER]
+        found = [d for d in divisions(beams, self.expected.log_area, {}) if d.covariate in _MEANS_OVER]
         numbers = {d.covariate: np.where(used, d.bin, -1) for d in found}
         self._means = self._bins([numbers[name] for name in numbers])
         self._shapes = self._bins([numbers[name] for name in numbers if name in _SHAPES_OVER])
         self._used = used
-        slopes = beams.slope_m_per_deg / self.expected.spread[:, :1]
-        self._slopes = np.clip(slopes / (np.sqrt((slopes**2).mean(axis=0)) + 1e-9), -5.0, 5.0)
+        self._slopes = pose_weights(beams, self.expected)
         strips = numbers["point"]
         self._posed = self._bins([np.where(used, 0, -1), strips])
         self._of_range = len(RANGE_EDGES_M)
@@ -102,11 +107,11 @@ class Statistics:
     def _parts(self, observations: Observations, *, clustered: bool) -> list[FloatArray]:
         valid = observations.detected & self.expected.known
         u = (observations.feature - self.expected.mean) / self.expected.spread
-        u = np.where(valid[:, None], _LINEAR * np.arcsinh(u / _LINEAR), 0.0)
+        u = np.where(valid[:, None], compressed(u, _LINEAR), 0.0)
         sure = ~self.expected.at_edge
         losses = np.where(sure, observations.detected - self.expected.probability, 0.0)
         means = np.column_stack([u[:, 0], u[:, 1], losses])
-        squares = np.where(valid[:, None], np.minimum(u[:, [0, 1, 3]] ** 2, 25.0) - 1.0, 0.0)
+        squares = np.where(valid[:, None], np.minimum(u[:, [0, 1, 3]] ** 2, _MOST_SQUARE) - 1.0, 0.0)
         shapes = np.column_stack([u[:, 2], u[:, 3], squares])
         posed = u[:, :1] * self._slopes
         return [
@@ -125,9 +130,7 @@ class Statistics:
         """Other echoes by kind and range, and by material of their beam's surface."""
         keep = self._used[observations.extra_beam]
         beam, range_m, area = observations.extra_beam[keep], observations.extra_m[keep], observations.extra_area[keep]
-        distance = self.beams.distance_m[beam]
-        kind = np.where(distance == 0.0, 2, np.where(range_m < distance, 0, 1))
-        cell = np.searchsorted(np.asarray(RANGE_EDGES_M), range_m, side="right") - 1
+        kind, cell = sides_of_surface(self.beams, beam, range_m), range_bin(range_m)
         bins = self._of_range
         rows = self.clusters if clustered else 1
         row = self.cluster[beam] if clustered else np.zeros(len(beam), dtype=np.int64)
@@ -144,7 +147,6 @@ class Statistics:
 
 def _clusters(beams: BeamTable) -> tuple[IndexArray, int]:
     """The cluster of each beam, and how many there are: a frame's columns, or some of them side by side."""
-    columns, place = np.unique(beams.frame * 1024 + beams.point, return_inverse=True)
-    joined = -(-len(columns) // _MOST_CLUSTERS)
-    cluster = place // joined
+    joined = -(-(int(beams.column.max()) + 1) // _MOST_CLUSTERS)
+    cluster = beams.column // joined
     return np.asarray(cluster, dtype=np.int64), int(cluster.max()) + 1
