@@ -11,7 +11,7 @@ import importlib
 __version__ = "0.1.0"
 
 _HOME = {
-    "Calibration": "lidarcheck.calibration.parameters.loop",
+    "Calibration": "lidarcheck.calibration.parameters.workflow",
     "Case": "lidarcheck.cases.case",
     "Comparison": "lidarcheck.kpi.comparison",
     "Explanation": "lidarcheck.explain.report.explanation",

@@ -5,7 +5,7 @@ from lidarcheck.api import read_model as read_model
 from lidarcheck.api import read_scan as read_scan
 from lidarcheck.api import write_model as write_model
 from lidarcheck.api import write_scan as write_scan
-from lidarcheck.calibration.parameters.loop import Calibration as Calibration
+from lidarcheck.calibration.parameters.workflow import Calibration as Calibration
 from lidarcheck.cases.case import Case as Case
 from lidarcheck.errors import LidarcheckError as LidarcheckError
 from lidarcheck.explain.report.explanation import Explanation as Explanation

@@ -10,7 +10,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.parameters.loop import Calibration
+    from lidarcheck.calibration.parameters.workflow import Calibration
     from lidarcheck.cases.case import Case
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
@@ -87,8 +87,8 @@ def calibrate(
     most before the last fit. `jobs`: threads; they change the time, never the result. `LidarcheckError` for what is no
     parameter or cannot be fitted.
     """
-    from lidarcheck.calibration.parameters.loop import Asked
-    from lidarcheck.calibration.parameters.loop import calibrate as run
+    from lidarcheck.calibration.parameters.workflow import Request
+    from lidarcheck.calibration.parameters.workflow import calibrate as run
 
-    asked = Asked(tuple(free), bounds or {}, starts or {}, fixed or {})
-    return run(case, asked, seed=seed, jobs=jobs, rounds=rounds)
+    request = Request(tuple(free), bounds or {}, starts or {}, fixed or {})
+    return run(case, request, seed=seed, jobs=jobs, rounds=rounds)

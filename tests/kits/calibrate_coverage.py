@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from calibrate_kit import Truth, write_case
-from lidarcheck.calibration.parameters.loop import Asked, calibrate
+from lidarcheck.calibration.parameters.workflow import Request, calibrate
 from lidarcheck.cases.case import load_case
 
 KINDS = (
@@ -55,12 +55,12 @@ def main() -> None:
         truth = truth_of(number)
         with tempfile.TemporaryDirectory() as place:
             case = load_case(write_case(truth, Path(place)), fewest=1)
-            found = calibrate(case, Asked(tuple(truth.values)), seed=number)
+            found = calibrate(case, Request(tuple(truth.values)), seed=number)
         for p in found.parameters:
             holds = p.low <= truth.values[p.name] <= p.high
-            print(number, p.name, truth.values[p.name], p.value, p.low, p.high, p.told, holds, flush=True)
-            fitted += p.told == "fitted"
-            inside += p.told == "fitted" and holds
+            print(number, p.name, truth.values[p.name], p.value, p.low, p.high, p.status, holds, flush=True)
+            fitted += p.status == "fitted"
+            inside += p.status == "fitted" and holds
     print(f"{inside} of {fitted} within their intervals")
 
 

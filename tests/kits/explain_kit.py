@@ -8,7 +8,7 @@ import numpy as np
 from lidarcheck.effects import make
 from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
 from lidarcheck.formats import save_ideal, save_scan
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scan import IdealScan
 

@@ -10,7 +10,7 @@ import numpy as np
 from lidarcheck.cases.frame import Frame
 from lidarcheck.effects.base import make
 from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.showcase.scene import MATERIALS, ideal_scan
 from lidarcheck.model.spec import Model

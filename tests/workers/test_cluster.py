@@ -18,7 +18,7 @@ from cluster_kit import Farm, until
 from explain_kit import MODEL, ideal_scan
 from explain_kit import write_case as small_case
 from lidarcheck import __version__
-from lidarcheck.calibration.parameters.loop import Asked, calibrate
+from lidarcheck.calibration.parameters.workflow import Request, calibrate
 from lidarcheck.cases.case import load_case
 from lidarcheck.cli import main
 from lidarcheck.cli.bench.cluster import costs
@@ -114,7 +114,7 @@ def checked(inputs, out, pool):
 
 
 def calibrated(inputs, out, pool):
-    found = calibrate(load_case(inputs / "lab", fewest=1), Asked(("signal_at_1m",)), rounds=1, pool=pool)
+    found = calibrate(load_case(inputs / "lab", fewest=1), Request(("signal_at_1m",)), rounds=1, pool=pool)
     rounds = [dataclasses.replace(one, seconds=0.0) for one in found.rounds]
     return json_text([found.parameters, rounds, found.samples, found.misfit, found.floor, found.warnings])
 

@@ -43,7 +43,7 @@ from lidarcheck.explain.search.second_look import second_look
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.interval import Gap
+from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale, gap_of
 from lidarcheck.model.spec import Model

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.beam_table import BeamTable, beams_of
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES, Observations, observations_of

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calibrate_kit import Truth, write_case
-from lidarcheck.calibration.parameters.bench import FitData
-from lidarcheck.calibration.parameters.loop import Asked, calibrate, prepared
-from lidarcheck.calibration.parameters.roles import deal, is_separable, thinned
+from lidarcheck.calibration.parameters.fit_data import FitData
+from lidarcheck.calibration.parameters.holdout import is_separable, split_beams, thinned
+from lidarcheck.calibration.parameters.workflow import Request, calibrate, prepared
 from lidarcheck.cases.case import load_case
 from lidarcheck.cli import main
 from lidarcheck.effects import make
@@ -93,7 +93,7 @@ def readout_case(tmp_path_factory):
 def readout(readout_case):
     values, case = readout_case
     seen = []
-    found = calibrate(case, Asked(tuple(values)), seed=2, watched=lambda one, left: seen.append((one, left)))
+    found = calibrate(case, Request(tuple(values)), seed=2, on_round=lambda one, left: seen.append((one, left)))
     return found, seen
 
 
@@ -121,7 +121,7 @@ def test_the_course_is_told_round_by_round(readout):
         for f in figures
         if isinstance(f, Distribution)
     )
-    assert document(found)["held_out"]["after"] == found.rounds[-1].held.value
+    assert document(found)["held_out"]["after"] == found.rounds[-1].held_out.value
 
 
 class Stop(Exception):
@@ -135,20 +135,20 @@ def test_an_interrupted_run_goes_on_and_ends_the_same(readout, readout_case, tmp
         if one.number == 1:
             raise Stop
 
-    asked = Asked(tuple(values))
+    asked = Request(tuple(values))
     with pytest.raises(Stop), Checkpoint(tmp_path / "kept", "key") as checkpoint:
-        calibrate(case, asked, seed=2, watched=stop, checkpoint=checkpoint)
+        calibrate(case, asked, seed=2, on_round=stop, checkpoint=checkpoint)
     with Checkpoint(tmp_path / "kept", "key") as checkpoint:
         assert len(checkpoint) == 1
         again = calibrate(case, asked, seed=2, checkpoint=checkpoint)
     assert again.parameters == readout[0].parameters
-    assert [one.held for one in again.rounds] == [one.held for one in readout[0].rounds]
+    assert [one.held_out for one in again.rounds] == [one.held_out for one in readout[0].rounds]
 
 
 def test_confounded_parameters_are_named_and_left_open(signal_case):
-    asked = Asked(("signal_at_1m", "effects.signal_gain.gain"))
+    asked = Request(("signal_at_1m", "effects.signal_gain.gain"))
     found = calibrate(load_case(signal_case, fewest=1), asked, rounds=1)
-    assert {p.told for p in found.parameters} == {"not identified"}
+    assert {p.status for p in found.parameters} == {"not identified"}
     assert [(p.low, p.high) for p in found.parameters] == [(0.0, 1e9), (0.0, 100.0)]
     (words,) = [w for w in found.warnings if "cannot both be fitted" in w]
     assert "only their product shows" in words
@@ -159,20 +159,20 @@ def test_all_reflectances_and_the_signal_are_confounded_too(signal_case):
     case = load_case(signal_case, fewest=1)
     met = {int(i) for f in case.frames for i in f.ideal.material_id[f.ideal.distance_m > 0.0]}
     names = ("signal_at_1m", *(f"materials.{i}.reflectance" for i in sorted(met)))
-    found = calibrate(case, Asked(names), rounds=1)
+    found = calibrate(case, Request(names), rounds=1)
     assert any("cannot all be fitted: only their products show" in w for w in found.warnings)
-    fixed = calibrate(case, Asked(names, fixed={"signal_at_1m": 4800.0, "pulse_fwhm_ns": 5.6}), rounds=1)
+    fixed = calibrate(case, Request(names, fixed={"signal_at_1m": 4800.0, "pulse_fwhm_ns": 5.6}), rounds=1)
     assert not any("cannot" in w for w in fixed.warnings)
-    assert {p.told for p in fixed.parameters} == {"fitted"}
+    assert {p.status for p in fixed.parameters} == {"fitted"}
 
 
 def test_what_changes_nothing_is_said_and_not_fitted(signal_case):
     case = load_case(signal_case, fewest=1)
     with pytest.raises(UsageError, match="nothing to fit"):
-        calibrate(case, Asked(("materials.sign.retro_gain",)))
-    found = calibrate(case, Asked(("signal_at_1m", "materials.sign.retro_gain")), rounds=1)
+        calibrate(case, Request(("materials.sign.retro_gain",)))
+    found = calibrate(case, Request(("signal_at_1m", "materials.sign.retro_gain")), rounds=1)
     signal, gain = found.parameters
-    assert (signal.told, gain.told) == ("fitted", "no effect")
+    assert (signal.status, gain.status) == ("fitted", "no effect")
     assert gain.value == gain.start
     assert any("materials.7.retro_gain changes nothing" in w for w in found.warnings)
     assert found.model.materials == case.model.materials
@@ -181,27 +181,27 @@ def test_what_changes_nothing_is_said_and_not_fitted(signal_case):
 def test_one_frame_holds_out_blocks_of_beams(tmp_path):
     how = {**SMALL, "frames": 1, "layers": range(210, 306, 3), "points": range(430, 526, 2)}
     case = load_case(case_of(tmp_path, {"effects.range_offset.offset_m": 0.2}, seed=9, **how), fewest=1)
-    found = calibrate(case, Asked(("effects.range_offset.offset_m",)), rounds=2)
+    found = calibrate(case, Request(("effects.range_offset.offset_m",)), rounds=2)
     assert any("every other block" in note for note in found.notes)
     assert far(found.parameters[0], 0.2) < FIVE_ERRORS
-    bench = FitData.of(case.frames, case.model, 0)
-    roles = deal(bench, "case")
-    assert not (roles.fit.used & roles.held.used).any()
-    assert (roles.fit.used | roles.held.used).all()
+    data = FitData.of(case.frames, case.model, 0)
+    split = split_beams(data, "case")
+    assert not (split.fit.used & split.held_out.used).any()
+    assert (split.fit.used | split.held_out.used).all()
 
 
 def test_beams_can_be_left_out_only_where_none_looks_at_another(signal_case):
     case = load_case(signal_case, fewest=1)
-    bench = FitData.of(case.frames, case.model, 0)
-    assert is_separable(bench, case.model)
-    assert not is_separable(bench, case.model.with_(make("vibration", {"pitch_deg": 0.5})))
-    fewer = thinned(bench, 400, "test")
+    data = FitData.of(case.frames, case.model, 0)
+    assert is_separable(data, case.model)
+    assert not is_separable(data, case.model.with_(make("vibration", {"pitch_deg": 0.5})))
+    fewer = thinned(data, 400, "test")
     assert len(fewer.beams) <= 400
-    counts = [np.count_nonzero(fewer.beams.material_id == i) for i in np.unique(bench.beams.material_id)]
-    there = [np.count_nonzero(bench.beams.material_id == i) for i in np.unique(bench.beams.material_id)]
+    counts = [np.count_nonzero(fewer.beams.material_id == i) for i in np.unique(data.beams.material_id)]
+    there = [np.count_nonzero(data.beams.material_id == i) for i in np.unique(data.beams.material_id)]
     assert all(count >= min(of, 400 // len(there)) for count, of in zip(counts, there, strict=True))
-    whole, part = bench.observations(case.model, "test", 0), fewer.observations(case.model, "test", 0)
-    kept = np.isin(bench.beams.key, fewer.beams.key)
+    whole, part = data.observations(case.model, "test", 0), fewer.observations(case.model, "test", 0)
+    kept = np.isin(data.beams.key, fewer.beams.key)
     assert np.array_equal(whole.feature[kept], part.feature)
 
 
@@ -209,12 +209,12 @@ def test_too_few_beams_are_refused(tmp_path):
     how = {"frames": 1, "layers": range(240, 252), "points": range(470, 482)}
     case = load_case(case_of(tmp_path, {}, seed=2, **how), fewest=1)
     with pytest.raises(InputError, match="beams that meet a surface are left"):
-        calibrate(case, Asked(("signal_at_1m",)))
+        calibrate(case, Request(("signal_at_1m",)))
 
 
 def test_the_start_is_the_model_with_what_is_asked(signal_case):
     case = load_case(signal_case, fewest=1)
-    asked = Asked(("effects.fog.mor_m",), starts={"effects.fog.mor_m": 500.0}, fixed={"effects.fog.backscatter": 0.0})
+    asked = Request(("effects.fog.mor_m",), starts={"effects.fog.mor_m": 500.0}, fixed={"effects.fog.backscatter": 0.0})
     model, free, _ = prepared(case, asked)
     assert [one.name for one in free] == ["effects.fog.mor_m"]
     assert model.effects == (make("fog", {"mor_m": 500.0, "backscatter": 0.0}),)
@@ -258,12 +258,12 @@ def test_a_case_without_frames_is_refused(tmp_path, capsys):
 
 
 def test_an_interrupt_leaves_the_best_so_far(signal_case, tmp_path, capsys, monkeypatch):
-    from lidarcheck.calibration.parameters import loop
+    from lidarcheck.calibration.parameters import workflow
 
     def stopped(self, history, x):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(loop._Loop, "finish", stopped)
+    monkeypatch.setattr(workflow._Rounds, "finish", stopped)
     out = tmp_path / "out"
     assert main(["calibrate", str(signal_case), "--free", "signal_at_1m", "--out", str(out), "--rounds", "1"]) == 130
     assert "has the best numbers so far, of round 1" in capsys.readouterr().err

@@ -7,7 +7,7 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.decision.model_check import Open, calibrated, widening
 from lidarcheck.explain.decision.model_check import carries_over as closed_by
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model

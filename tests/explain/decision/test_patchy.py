@@ -10,7 +10,7 @@ from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.decision.patchy import patches_in, patchiness_of, with_patches
 from lidarcheck.explain.report.explanation import Finding
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import simulate

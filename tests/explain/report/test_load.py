@@ -11,7 +11,7 @@ from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.explain.report.load import changed_since, load_explanation
 from lidarcheck.explain.report.model_diff import model_diff, write_model
 from lidarcheck.explain.report.text import report_text
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.model import load_model
 
 

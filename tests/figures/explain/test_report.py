@@ -19,7 +19,7 @@ from lidarcheck.figures.explain.report import explanation_html, verify_pictures,
 from lidarcheck.figures.explain.strips import candidate_strip, feature_strip, gap_strip
 from lidarcheck.figures.explain.tables import Detected, FieldMap, Histogram, Pictures, ResidualCurve
 from lidarcheck.figures.explain.terminal import closed_most, terminal_histograms, terminal_waterfall
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.sensor import Material
 
 VERDICTS = ("explained", "unknown", "no_gap")

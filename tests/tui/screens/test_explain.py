@@ -16,7 +16,7 @@ from lidarcheck.cases.case import load_case
 from lidarcheck.effects import catalogue, make
 from lidarcheck.explain.report.model_diff import write_model
 from lidarcheck.formats import save_scan
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.model import load_model, simulate
 from lidarcheck.tui.jobs.explain_run import ExplainRun, Heard, command_of
 from lidarcheck.tui.jobs.explained import place_of

@@ -18,9 +18,10 @@ from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, Material
 
 __all__ = [
     "FitParameter",
+    "Fitted",
     "added_effects",
+    "free_names",
     "free_parameters",
-    "held",
     "known_names",
     "value_of",
     "with_fixed",
@@ -78,6 +79,23 @@ class FitParameter:
     def ends(self) -> tuple[float, float]:
         """The bounds on the scale of the fit."""
         return self.to_x(self.low), self.to_x(self.high)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A parameter as fitted.
+
+    `low`, `high`: its 90 % interval, the whole of its bounds where the data leave it open. `status`: "fitted", "no
+    effect" or "not identified".
+    """
+
+    name: str
+    unit: str
+    start: float
+    value: float
+    low: float
+    high: float
+    status: str = "fitted"
 
 
 def known_names(model: Model) -> list[str]:
@@ -184,7 +202,7 @@ def added_effects(model: Model, names: Iterable[str]) -> tuple[Model, dict[str, 
     return model, added
 
 
-def held(model: Model, names: Sequence[str], fixed: Iterable[str]) -> list[str]:
+def free_names(model: Model, names: Sequence[str], fixed: Iterable[str]) -> list[str]:
     """The free names, those of all materials spelled out, less what is fixed."""
     wanted: list[str] = []
     for name in names:

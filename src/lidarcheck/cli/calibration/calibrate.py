@@ -23,7 +23,7 @@ from lidarcheck.cli.explain.watch import clock_text
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.calibration.parameters.loop import Asked, Calibration, Round
+    from lidarcheck.calibration.parameters.workflow import Calibration, Request, Round
     from lidarcheck.cases.case import Case
     from lidarcheck.workers import WorkerPool
 
@@ -72,9 +72,9 @@ def calibrate(
 ) -> int:
     """Fit named parameters of the model to measured frames."""
     hush(quiet)
-    from lidarcheck.calibration.parameters.loop import Asked
+    from lidarcheck.calibration.parameters.workflow import Request
 
-    asked = Asked(
+    asked = Request(
         _names(free),
         dict(_interval(text) for text in _names(bounds or ())),
         dict(_value(text, "--start") for text in _names(start or ())),
@@ -114,10 +114,10 @@ def _number(text: str, where: str) -> float:
     raise UsageError(f"{where}: {text.strip()!r} is no number", fix="give numbers as 0.25 or 3e-4")
 
 
-def _checked(case: Path, asked: Asked, out: Path, json: str | None) -> Case:
+def _checked(case: Path, asked: Request, out: Path, json: str | None) -> Case:
     """The case, once it is known that all is there, that there is something to fit, and where results go."""
     check_directory(out, case)
-    from lidarcheck.calibration.parameters.loop import prepared
+    from lidarcheck.calibration.parameters.workflow import prepared
     from lidarcheck.cases.case import load_case
 
     with stage("reading the case"):
@@ -134,7 +134,7 @@ def _checked(case: Path, asked: Asked, out: Path, json: str | None) -> Case:
 
 def _calibrated(
     loaded: Case,
-    asked: Asked,
+    asked: Request,
     out: Path,
     seed: int,
     jobs: int | None,
@@ -143,7 +143,7 @@ def _calibrated(
     pool: WorkerPool | None,
 ) -> None:
     """Run the loop, going on where an interrupted run stopped, and `write` what it found; only then is that let go."""
-    from lidarcheck.calibration.parameters.loop import calibrate as run
+    from lidarcheck.calibration.parameters.workflow import calibrate as run
     from lidarcheck.workers.checkpoint import Checkpoint, checkpoint_key
     from lidarcheck.workers.cores import usable_cores
 
@@ -154,8 +154,8 @@ def _calibrated(
         with _course(rounds) as (told, watched, seen):
             try:
                 found = run(
-                    loaded, asked, seed=seed, jobs=jobs or usable_cores(), pool=pool, rounds=rounds, told=told,
-                    watched=watched, checkpoint=checkpoint,
+                    loaded, asked, seed=seed, jobs=jobs or usable_cores(), pool=pool, rounds=rounds, progress=told,
+                    on_round=watched, checkpoint=checkpoint,
                 )  # fmt: skip
             except KeyboardInterrupt:
                 _say_best(seen, loaded, asked, out)
@@ -186,22 +186,22 @@ def _course(rounds: int) -> Iterator[tuple[Callable[[str], None], Callable[[Roun
 def _lines(one: Round, left_s: float | None) -> list[str]:
     left = "" if left_s is None else f", at most {clock_text(left_s)} left"
     values = "  ".join(f"{name} {value:.5g}" for name, value in one.values.items())
-    head = f"round {one.number:<2} held out {one.held.value:.4f}  fitted {one.fit.value:.4f}  "
+    head = f"round {one.number:<2} held out {one.held_out.value:.4f}  fitted {one.fit.value:.4f}  "
     text = f"{head}{values}  ({clock_text(one.seconds)}{left})"
     width = shutil.get_terminal_size().columns if sys.stderr.isatty() else 200
     return textwrap.wrap(text, max(width, 40), subsequent_indent="         ", break_on_hyphens=False)
 
 
-def _say_best(seen: Sequence[Round], loaded: Case, asked: Asked, out: Path) -> None:
+def _say_best(seen: Sequence[Round], loaded: Case, asked: Request, out: Path) -> None:
     """Write the model with the best numbers so far, and say that they are not the last."""
     if len(seen) < 2:
         note("interrupted before the first round was done; nothing is written")
         return
-    from lidarcheck.calibration.parameters.loop import prepared
     from lidarcheck.calibration.parameters.parameters import with_values
+    from lidarcheck.calibration.parameters.workflow import prepared
     from lidarcheck.model.files.write import write_model
 
-    best = min(seen, key=lambda one: one.held.value)
+    best = min(seen, key=lambda one: one.held_out.value)
     write_model(loaded.model_file, with_values(prepared(loaded, asked)[0], best.values), out / MODEL)
     note(
         f"interrupted: {out / MODEL} has the best numbers so far, of round {best.number}, without intervals; "

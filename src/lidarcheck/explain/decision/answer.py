@@ -21,7 +21,7 @@ from lidarcheck.explain.empirical.description import Description
 from lidarcheck.explain.report.explanation import Explanation, Finding, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.inference.interval import Gap
+from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model

@@ -18,7 +18,7 @@ from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import own_distance, select_shown
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import POSE_ERROR_DEG
 from lidarcheck.inference.simulator import Simulator

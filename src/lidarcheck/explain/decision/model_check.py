@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
-from lidarcheck.inference.interval import Gap
+from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES
 from lidarcheck.inference.wasserstein import PARTS, Scale

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.report.explanation import Finding
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lidarcheck.effects.base import Effect
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.spec import Model
 
 __all__ = [

@@ -12,7 +12,7 @@ from typing import Any
 from lidarcheck.effects.base import find
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
 

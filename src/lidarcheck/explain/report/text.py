@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 
 __all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
 

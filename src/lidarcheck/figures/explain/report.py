@@ -19,7 +19,7 @@ from lidarcheck.figures.explain.tables import FieldMap, Pictures
 from lidarcheck.figures.explain.words import verdict_of
 from lidarcheck.figures.html.pages import page_environment
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 from lidarcheck.model.spec import Model
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import math
 
 from lidarcheck.explain.report.explanation import Candidate
 from lidarcheck.figures.drawing.svg import amount, svg
-from lidarcheck.inference.interval import Gap, Interval
+from lidarcheck.inference.intervals import Gap, Interval
 
 __all__ = ["candidate_strip", "feature_strip", "gap_reach", "gap_strip"]
 

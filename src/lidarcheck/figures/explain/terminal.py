@@ -9,7 +9,7 @@ import numpy as np
 from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.figures.drawing.terminal import NARROWEST, WIDEST, Series, curves
 from lidarcheck.figures.explain.tables import Histogram, Pictures
-from lidarcheck.inference.interval import Interval
+from lidarcheck.inference.intervals import Interval
 
 __all__ = ["closed_most", "terminal_histograms", "terminal_waterfall"]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.calibration.parameters.intervals import Fitted
-from lidarcheck.calibration.parameters.loop import Calibration, Round
+from lidarcheck.calibration.parameters.parameters import Fitted
+from lidarcheck.calibration.parameters.workflow import Calibration, Round
 from lidarcheck.figures.data import Course, Curve, Distribution, Page, Section, Table
 
 __all__ = ["document", "number", "page"]
@@ -35,8 +35,8 @@ def page(found: Calibration, diff: list[str], provenance: Mapping[str, str]) -> 
 
 def summary(found: Calibration) -> str:
     """The verdict in a sentence or two."""
-    fitted = [p for p in found.parameters if p.told == "fitted"]
-    before, after = found.rounds[0].held.value, found.rounds[found.kept].held.value
+    fitted = [p for p in found.parameters if p.status == "fitted"]
+    before, after = found.rounds[0].held_out.value, found.rounds[found.kept].held_out.value
     count = "1 parameter is" if len(fitted) == 1 else f"{len(fitted) or 'no'} parameters are"
     moved = "falls from" if found.improved else "does not improve: it was"
     text = (
@@ -54,8 +54,8 @@ def document(found: Calibration) -> dict[str, Any]:
         "kept_round": found.kept,
         "improved": found.improved,
         "held_out": {
-            "before": found.rounds[0].held.value,
-            "after": found.rounds[found.kept].held.value,
+            "before": found.rounds[0].held_out.value,
+            "after": found.rounds[found.kept].held_out.value,
             "floor": found.floor,
         },
         "misfit": found.misfit,
@@ -74,18 +74,18 @@ def number(value: float) -> str:
 
 def _parameter(p: Fitted) -> dict[str, Any]:
     names = ("name", "unit", "start", "value", "low", "high")
-    return {**{name: getattr(p, name) for name in names}, "status": p.told}
+    return {**{name: getattr(p, name) for name in names}, "status": p.status}
 
 
 def _round(one: Round) -> dict[str, Any]:
     values = {"round": one.number, "values": dict(one.values), "beams": one.beams, "seconds": round(one.seconds, 2)}
-    return {**values, "fit": one.fit.value, "held_out": one.held.value, "held_out_by_seed": one.held.draws}
+    return {**values, "fit": one.fit.value, "held_out": one.held_out.value, "held_out_by_seed": one.held_out.draws}
 
 
 def _parameters(found: Calibration) -> Table:
     header = ("parameter", "start", "value", "90 % low", "90 % high", "unit", "")
     rows = tuple(
-        (p.name, number(p.start), number(p.value), number(p.low), number(p.high), p.unit, _TOLD[p.told])
+        (p.name, number(p.start), number(p.value), number(p.low), number(p.high), p.unit, _TOLD[p.status])
         for p in found.parameters
     )
     return Table("", header, rows, header[1:5])
@@ -99,7 +99,7 @@ def _course(found: Calibration) -> Table:
             str(one.number),
             *(number(one.values[name]) for name in names),
             f"{one.fit.value:.4f}",
-            f"{one.held.value:.4f}",
+            f"{one.held_out.value:.4f}",
         )
         for one in found.rounds
     )
@@ -108,8 +108,8 @@ def _course(found: Calibration) -> Table:
 
 def _course_figures(found: Calibration) -> tuple[Course, ...]:
     rounds = np.array([float(one.number) for one in found.rounds])
-    out = np.array([one.held.value for one in found.rounds])
-    spread = np.array([2.0 * np.std(one.held.draws) / np.sqrt(len(one.held.draws)) for one in found.rounds])
+    out = np.array([one.held_out.value for one in found.rounds])
+    spread = np.array([2.0 * np.std(one.held_out.draws) / np.sqrt(len(one.held_out.draws)) for one in found.rounds])
     distances = Course(
         "Distance over rounds",
         "round",
@@ -121,13 +121,13 @@ def _course_figures(found: Calibration) -> tuple[Course, ...]:
         ),
         log_y=True,
     )
-    return (distances, *(_values(found, p, rounds) for p in found.parameters if p.told != "no effect"))
+    return (distances, *(_values(found, p, rounds) for p in found.parameters if p.status != "no effect"))
 
 
 def _values(found: Calibration, p: Fitted, rounds: Any) -> Course:
     values = np.array([one.values[p.name] for one in found.rounds])
     low, high = values.copy(), values.copy()
-    if p.told == "fitted":
+    if p.status == "fitted":
         low[-1], high[-1] = p.low, p.high
     label = f"{p.name} [{p.unit}]" if p.unit else p.name
     return Course(f"{p.name} over rounds", "round", label, (Curve(p.name, rounds, values, low, high),))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lidarcheck.explain.report.text import gap_bar, report_sections
 from lidarcheck.formats.table import clock_text
-from lidarcheck.inference.interval import Gap
+from lidarcheck.inference.intervals import Gap
 from lidarcheck.tui.jobs.explain_run import Heard
 from lidarcheck.tui.jobs.explained import CaseState
 from lidarcheck.tui.widgets.lines import Line, line

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from statistics import NormalDist
 
-__all__ = ["Gap", "Interval"]
+__all__ = ["HALF_WIDTH", "LEVEL", "Gap", "Interval"]
+
+LEVEL = 0.90
+"""An interval holds the true value nine times out of ten."""
+HALF_WIDTH = NormalDist().inv_cdf(0.5 + 0.5 * LEVEL)
+"""Half of such an interval, in standard errors of what is normally distributed: 1.645."""
 
 
 @dataclass(frozen=True, slots=True)

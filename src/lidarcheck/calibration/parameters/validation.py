@@ -9,19 +9,22 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.parameters.bench import FitData, seed_of
+from lidarcheck.calibration.parameters.fit_data import FitData, seed_of
 from lidarcheck.inference.pairing import FEATURES, Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import Shared, WorkerPool
 
-__all__ = ["Distance", "HeldOut"]
+__all__ = ["Distance", "Validation"]
 
 FloatArray = npt.NDArray[np.float64]
 
 _SEEDS = 4
-_FIRST = 9500
+"""Simulations of which a distance on what is held out is the mean; on the fitted side one is enough to look at."""
+_FIRST, _FIRST_FLOOR = 9500, 9600
+"""Where their seeds begin, and those of the second of two runs: no fit and no gap uses any of them."""
 _SIGMAS = 2.0
+"""Standard errors by which one distance must be less than another to be nearer beyond chance."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +58,16 @@ class _Side:
     pool: WorkerPool
 
     @cached_property
-    def held(self) -> Shared[_Side]:
+    def shared(self) -> Shared[_Side]:
         return Shared(replace(self, pool=WorkerPool()))
 
     @classmethod
-    def of(cls, bench: FitData, model: Model) -> _Side:
-        scale = Scale.of(bench.frames, model, seed_of(bench.seed, "held out") >> 24)
-        return cls(scale, scale.measured, bench.used.astype(np.float64), bench.pool)
+    def of(cls, data: FitData, model: Model) -> _Side:
+        scale = Scale.of(data.frames, model, seed_of(data.seed, "held out") >> 24)
+        return cls(scale, scale.measured, data.used.astype(np.float64), data.pool)
 
     def distance(self, model: Model, seeds: int) -> Distance:
-        return Distance(tuple(self.pool.map(_Side.far, ((self.held, model, _FIRST + k) for k in range(seeds)))))
+        return Distance(tuple(self.pool.map(_Side.far, ((self.shared, model, _FIRST + k) for k in range(seeds)))))
 
     def far(self, model: Model, k: int) -> float:
         """With one seed."""
@@ -75,38 +78,38 @@ class _Side:
 
     def floor(self, model: Model) -> float:
         """The distance of two runs of one model."""
-        others = self.scale.simulated(model, _FIRST + 100, 2)
+        others = self.scale.simulated(model, _FIRST_FLOOR, 2)
         shown = self.scale.simulated(model, _FIRST, 2)
         return float(np.mean([self._between(a, b) for a, b in zip(others, shown, strict=True)]))
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class Validation:
     """Both sides of the split, each with its distance."""
 
     fitted: _Side
-    out: _Side
+    held_out: _Side
 
     @classmethod
-    def of(cls, fit: FitData, held: FitData, model: Model) -> HeldOut:
-        """The sides of two benches, on the scale of a model."""
-        return cls(_Side.of(fit, model), _Side.of(held, model))
+    def of(cls, fit: FitData, held_out: FitData, model: Model) -> Validation:
+        """The sides of a split, on the scale of a model."""
+        return cls(_Side.of(fit, model), _Side.of(held_out, model))
 
-    def fit(self, model: Model) -> Distance:
+    def on_fitted(self, model: Model) -> Distance:
         """On the beams that are fitted."""
         return self.fitted.distance(model, 1)
 
-    def held(self, model: Model) -> Distance:
+    def on_held_out(self, model: Model) -> Distance:
         """On the beams that are held out."""
-        return self.out.distance(model, _SEEDS)
+        return self.held_out.distance(model, _SEEDS)
 
     def floor(self, model: Model) -> float:
         """What two runs of a model are apart on the beams that are held out."""
-        return self.out.floor(model)
+        return self.held_out.floor(model)
 
     def samples(self, before: Model, after: Model) -> Mapping[str, Mapping[str, FloatArray]]:
         """The features of the surfaces' echoes on what is held out: measured, and as both models show them."""
-        side = self.out
+        side = self.held_out
         shown = {
             "real": side.measured,
             "simulated before": side.scale.simulated(before, _FIRST, 1)[0],

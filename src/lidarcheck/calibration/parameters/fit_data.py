@@ -1,4 +1,4 @@
-"""Frames on the bench: what was measured on some of their beams, and what any model shows there."""
+"""Frames to fit: what was measured on some of their beams, and what any model shows there."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _BASE_SEEDS, _NOISE_SEEDS = 6, 5
+"""Simulations of which each beam's expectation is the mean, and those by which columns of beams scatter."""
 _SHRUNK = 0.1
 """Part of each correlation that is not believed: there are more sums than independent columns of beams."""
 _LEAST_COUNT = 4.0
@@ -53,8 +54,8 @@ class FitReference:
     measured_parts: FloatArray
 
     @functools.cached_property
-    def held(self) -> Shared[Statistics]:
-        """The statistics for the tasks of a crew."""
+    def shared(self) -> Shared[Statistics]:
+        """The statistics for the tasks of a worker pool."""
         return Shared(self.statistics)
 
 
@@ -77,18 +78,18 @@ class FitData:
 
     @classmethod
     def of(cls, frames: Sequence[Frame], model: Model, seed: int, pool: WorkerPool | None = None) -> FitData:
-        """A bench on which all beams of the frames take part."""
+        """The frames with all of their beams."""
         beams = beams_of([f.ideal for f in frames], model)
         return cls(frames, beams, np.ones(len(beams), dtype=bool), seed, pool)
 
     @functools.cached_property
-    def held(self) -> Shared[FitData]:
-        """The bench for the tasks of a crew."""
+    def shared(self) -> Shared[FitData]:
+        """The frames for the tasks of a worker pool."""
         return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without who works: a worker has no workers of its own."""
-        return {**{name: value for name, value in self.__dict__.items() if name != "held"}, "pool": WorkerPool()}
+        return {**{name: value for name, value in self.__dict__.items() if name != "shared"}, "pool": WorkerPool()}
 
     def observations(self, model: Model, purpose: str, k: int) -> Observations:
         """What the model shows of each beam with the k-th seed of a purpose."""
@@ -97,19 +98,19 @@ class FitData:
     def totals(self, reference: FitReference, asked: Iterable[tuple[Model, str, int]]) -> list[FloatArray | None]:
         """The statistics that models show, each with the k-th seed of a purpose; None where no sensor has such
         numbers."""
-        return [*self.pool.map(_total, ((self.held, reference.held, *one) for one in asked))]
+        return [*self.pool.map(_total, ((self.shared, reference.shared, *one) for one in asked))]
 
     def by_cluster(self, reference: FitReference, model: Model, purpose: str, seeds: int) -> FloatArray:
         """The statistics over each cluster with the first seeds of a purpose, (seeds, n_clusters, n_statistics)."""
-        return self._by_cluster(reference.held, model, purpose, seeds)
+        return self._by_cluster(reference.shared, model, purpose, seeds)
 
     def _by_cluster(self, statistics: Shared[Statistics], model: Model, purpose: str, seeds: int) -> FloatArray:
-        tasks = ((self.held, statistics, model, purpose, k) for k in range(seeds))
+        tasks = ((self.shared, statistics, model, purpose, k) for k in range(seeds))
         return np.array([*self.pool.map(_clustered, tasks)])
 
     def reference(self, model: Model, purpose: str) -> FitReference:
         """The statistics around a model, with seeds of their own."""
-        tasks = ((self.held, model, f"{purpose} base", k) for k in range(_BASE_SEEDS))
+        tasks = ((self.shared, model, f"{purpose} base", k) for k in range(_BASE_SEEDS))
         statistics = Statistics(self.beams, self.used, [*self.pool.map(FitData.observations, tasks)])
         drawn = self._by_cluster(Shared(statistics), model, f"{purpose} noise", _NOISE_SEEDS)
         drawn -= drawn.mean(axis=0)
@@ -120,7 +121,7 @@ class FitData:
         return FitReference(statistics, metric, parts.sum(axis=0), parts)
 
     def restricted(self, keep: BoolArray) -> FitData:
-        """A bench with no more than the beams that are kept, (n_beams,)."""
+        """The frames with no more than the beams that are kept, (n_beams,)."""
         frames = [
             _frame_of(frame, self.beams.key[keep & (self.beams.frame == i)], i) for i, frame in enumerate(self.frames)
         ]
@@ -130,15 +131,15 @@ class FitData:
         return FitData(frames, _beams_of(self.beams, keep), self.used[keep], self.seed, self.pool)
 
 
-def _total(bench: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
+def _total(data: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray | None:
     try:
-        return statistics.total(bench.observations(model, purpose, k))
+        return statistics.total(data.observations(model, purpose, k))
     except UsageError:
         return None
 
 
-def _clustered(bench: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
-    return statistics.by_cluster(bench.observations(model, purpose, k))
+def _clustered(data: FitData, statistics: Statistics, model: Model, purpose: str, k: int) -> FloatArray:
+    return statistics.by_cluster(data.observations(model, purpose, k))
 
 
 def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:
