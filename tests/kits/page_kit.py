@@ -9,7 +9,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.figures.data import Cloud, Distribution, Page, Section, Table
 from lidarcheck.tui import actions, app
 from lidarcheck.tui.actions import Action, page_actions
-from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES

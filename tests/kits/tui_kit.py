@@ -15,7 +15,7 @@ from lidarcheck.harness.gate.evidence import Evidence, Verdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.files.model_file import save_model
-from lidarcheck.session.lut_session import LutSession
+from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.widgets import dialogs
 
@@ -143,7 +143,7 @@ async def as_stored(app, pilot, name):
 def edit_until_killed(root, seed, say):
     """What a user does, faster: edits, undoes and saves at random, and says each once it is done."""
     draw = random.Random(seed)
-    session = LutSession(root / "a_lut.ini", root)
+    session = EditedLut(root / "a_lut.ini", root)
     if session.found:
         session.bring_back()
     say("ready", session.current.content)
@@ -192,7 +192,7 @@ def check_killed(root, said, known):
     known.update(content for word, content in said if word == "saving")
     disk = (root / "a_lut.ini").read_bytes()
     assert disk in known, "the file is neither old nor new"
-    session = LutSession(root / "a_lut.ini", root)
+    session = EditedLut(root / "a_lut.ini", root)
     assert not session.read_only, "the lock outlived its holder"
     if session.found:
         session.bring_back()

@@ -15,13 +15,15 @@ from lidarcheck.cli import main
 from lidarcheck.cli.core.app import COMMANDS
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.lut import load_lut, parse_lut
+from lidarcheck.session.edited_file import ChangedOnDisk
+from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.session.journal import read_journal
-from lidarcheck.session.lut_session import ChangedOnDisk, LutSession
-from lidarcheck.session.places import private_directory
+from lidarcheck.session.own_files import make_own_directory
 from lidarcheck.session.project import read_project
 from lidarcheck.session.state import State, load_state, save_state
 from lidarcheck.tui.actions import ACTIONS, SCREENS
-from lidarcheck.tui.jobs.checks import Cancelled, Runs, check_scenario, run_scenarios
+from lidarcheck.tui.jobs.checks import Runs, check_scenario, run_scenarios
+from lidarcheck.tui.jobs.job import Cancelled
 from lidarcheck.tui.jobs.profiles import datasets_of
 from lidarcheck.tui.widgets.lines import folded
 from tui_kit import LUT, ROOT, fake_check, make_project
@@ -41,7 +43,7 @@ def lut(tmp_path):
 
 @pytest.fixture
 def session(lut):
-    session = LutSession(lut, lut.parent)
+    session = EditedLut(lut, lut.parent)
     yield session
     session.close()
 
@@ -110,7 +112,7 @@ def test_lut_smooth_on_the_command_line_is_the_same(lut, capsys):
     bent = LUT.replace("0.0001000, 0.0001000", "0.0300000, 0.0001000").encode()
     assert bent != LUT.encode()
     lut.write_bytes(bent)
-    session = LutSession(lut, lut.parent)
+    session = EditedLut(lut, lut.parent)
     assert session.smooth("vertical", range(5, 20))
     session.save()
     session.close()
@@ -145,7 +147,7 @@ def test_a_crash_brings_edits_back_with_their_history(session, lut):
     session.set("vertical", [4], "300")
     shown = session.current.content
     crash(session)
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     assert "2 rows not saved" in again.found_in_words()
     with pytest.raises(UsageError, match="earlier session"):
         again.set("vertical", [1], "1")
@@ -161,7 +163,7 @@ def test_a_crash_right_after_the_file_was_replaced_leaves_nothing_to_bring_back(
     session.set("vertical", [1], "500")
     lut.write_bytes(session.current.content)  # as save does, before it can tell the journal
     crash(session)
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     assert not again.found
     assert not journal_of(again).exists()
     again.close()
@@ -171,7 +173,7 @@ def test_edits_of_a_crash_are_held_against_a_file_that_somebody_changed(session,
     session.set("vertical", [1], "500")
     crash(session)
     lut.write_bytes(LUT.replace("the end", "another end").encode())
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     again.bring_back()
     with pytest.raises(ChangedOnDisk, match="changed since it was read"):
         again.save()
@@ -188,7 +190,7 @@ def test_a_line_that_was_not_finished_is_left_out(session, lut, cut):
     crash(session)
     path = journal_of(session)
     path.write_bytes(path.read_bytes()[:-cut])
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     again.bring_back()
     assert [row.scaled for row in again.current.tables["vertical"].rows()][1:3] != [500, 501]
     assert again.current.tables["vertical"].rows()[1].scaled == 500
@@ -201,7 +203,7 @@ def test_a_damaged_journal_is_put_aside_and_the_file_can_be_edited(session, lut)
     path = journal_of(session)
     head, edit = path.read_text().splitlines()
     path.write_text(f"{head}\n{edit.replace(chr(34) + 'old', chr(34) + 'odd')}\n")
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     assert "the journal is damaged" in again.notice
     assert path.with_suffix(".damaged").exists()
     assert again.set("vertical", [1], "600")
@@ -211,7 +213,7 @@ def test_a_damaged_journal_is_put_aside_and_the_file_can_be_edited(session, lut)
 def test_what_is_left_is_kept_beside(session, lut):
     session.set("vertical", [1], "500")
     crash(session)
-    again = LutSession(lut, lut.parent)
+    again = EditedLut(lut, lut.parent)
     again.forget()
     assert not again.dirty
     assert len(read_journal(journal_of(again).with_suffix(".left"))) == 2
@@ -253,7 +255,7 @@ def test_a_save_that_fails_changes_nothing(session, lut, monkeypatch):
 
 
 def test_two_instances_on_one_file(session, lut):
-    other = LutSession(lut, lut.parent)
+    other = EditedLut(lut, lut.parent)
     assert f"is being edited by process {os.getpid()}" in other.read_only
     with pytest.raises(UsageError, match="is being edited"):
         other.set("vertical", [1], "500")
@@ -267,12 +269,12 @@ def test_two_instances_on_one_file(session, lut):
 
 def test_the_lock_of_a_killed_process_is_free(lut):
     program = (
-        "import sys, time; from pathlib import Path; from lidarcheck.session.lut_session import LutSession\n"
-        "s = LutSession(Path(sys.argv[1]), Path(sys.argv[1]).parent); print(s.read_only, flush=True); time.sleep(60)"
+        "import sys, time; from pathlib import Path; from lidarcheck.session.edited_lut import EditedLut\n"
+        "s = EditedLut(Path(sys.argv[1]), Path(sys.argv[1]).parent); print(s.read_only, flush=True); time.sleep(60)"
     )
     child = subprocess.Popen([sys.executable, "-c", program, str(lut)], stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "\n"
-    here = LutSession(lut, lut.parent)
+    here = EditedLut(lut, lut.parent)
     assert f"process {child.pid}" in here.read_only
     child.kill()
     child.wait()
@@ -294,7 +296,7 @@ def test_what_a_killed_save_left_is_swept_up(session, lut):
         part.write_text("half")
     os.utime(old, (1, 1))
     crash(session)
-    LutSession(lut, lut.parent).close()
+    EditedLut(lut, lut.parent).close()
     assert not old.exists()
     assert new.exists()
 
@@ -377,7 +379,7 @@ def test_a_project_that_was_removed_is_not_made_again(tmp_path):
     save_state(State(screen="noise"), tmp_path / "gone")
     assert not (tmp_path / "gone").exists()
     with pytest.raises(InputError, match="cannot make the directory"):
-        private_directory(tmp_path / "gone")
+        make_own_directory(tmp_path / "gone")
 
 
 def test_a_folded_line_keeps_its_roles_and_every_letter():
@@ -410,7 +412,7 @@ def test_a_run_is_kept_and_a_fault_does_not_stop_the_others(project, tmp_path):
             load_scenario(paths[0])
         return fake_check(paths, progress)
 
-    run_scenarios(paths, told=lambda *_: None, found=found.append, stop=threading.Event(), check=check)
+    run_scenarios(paths, on_progress=lambda *_: None, on_outcome=found.append, stop=threading.Event(), check=check)
     assert [outcome.verdict for outcome in found] == ["fault", "fell out"]
     assert "broken.toml" in found[0].problems[0]
     assert [kpi.verdict for kpi in found[1].kpis] == ["equivalent", "regressed"]
@@ -427,7 +429,7 @@ def test_a_run_stops_when_it_is_told_to(project):
     stop, start = threading.Event(), time.monotonic()
     stop.set()
     with pytest.raises(Cancelled):
-        run_scenarios([project / "scenarios/background_SMART.toml"] * 9, told=print, found=print, stop=stop)
+        run_scenarios([project / "scenarios/background_SMART.toml"] * 9, on_progress=print, on_outcome=print, stop=stop)
     assert time.monotonic() - start < 1.0
 
 

@@ -7,7 +7,7 @@ import pytest
 from textual import events
 
 from lidarcheck.formats.lut import load_lut
-from lidarcheck.session.lut_session import LutSession
+from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.session.state import load_state
 from lidarcheck.tui import bars
 from lidarcheck.tui.app import LidarcheckApp
@@ -31,12 +31,12 @@ def blooming(app):
 async def on_blooming(app, pilot):
     await pilot.press("f5")
     view = blooming(app)
-    await until(pilot, lambda: app.view is view and view.session is not None)
+    await until(pilot, lambda: app.view is view and view.file is not None)
     return view
 
 
 def scaled(view, row):
-    return view.session.current.tables[view.axis].rows()[row].scaled
+    return view.file.current.tables[view.axis].rows()[row].scaled
 
 
 def test_a_scenario_is_run_and_kept(project):
@@ -143,9 +143,9 @@ def test_every_edit_by_its_key(project):
         await pilot.press("a")
         assert len(view.marked) == 26
         await pilot.press("a", *"0.02", "enter")
-        assert view.session.current.tables["vertical"].y[2] == 0.02
+        assert view.file.current.tables["vertical"].y[2] == 0.02
         await pilot.press(*"2e", "minus", "4", "enter")
-        assert view.session.current.tables["vertical"].y[2] == 2e-4
+        assert view.file.current.tables["vertical"].y[2] == 2e-4
         await pilot.press(*"1001", "enter")
         await says(app, pilot, "scaled Y = 1001 is out of range; use a whole number from 0 to 1000")
         await pilot.press("enter")
@@ -154,7 +154,7 @@ def test_every_edit_by_its_key(project):
         await sees(app, pilot, "Not saved: 3 rows")
         await pilot.press("escape", *("u",) * 20)
         await says(app, pilot, "nothing to take back")
-        assert not view.session.dirty
+        assert not view.file.dirty
         await pilot.press("d", "s", "R")
         await says(app, pilot, "read again")
 
@@ -167,7 +167,7 @@ def test_tables_files_datasets_models(project):
         await pilot.press("t")
         await says(app, pilot, "one table")
         await pilot.press("o")
-        assert view.session.path.name == "both_lut.ini"
+        assert view.file.path.name == "both_lut.ini"
         await pilot.press("t")
         assert view.axis == "horizontal"
         await until(pilot, lambda: "no measured profile" in text_of(app))
@@ -176,13 +176,13 @@ def test_tables_files_datasets_models(project):
         await pilot.press("t", "plus", "o")
         await says(app, pilot, "save the edits first")
         await pilot.press("u")
-        plots = view.plots
-        assert plots.model.stem in ("SLIM", "sign_SLIM")
+        selection = view.selection
+        assert selection.model.stem in ("SLIM", "sign_SLIM")
         await pilot.press("n")
-        assert plots.datasets[plots.dataset].name == "measured/sign_157m.csv"
+        assert selection.datasets[selection.dataset].name == "measured/sign_157m.csv"
         await pilot.press("p", "v")
-        assert plots.dataset == 0
-        assert plots.feature == 1
+        assert selection.dataset == 0
+        assert selection.feature == 1
         await pilot.press("k")
         await says(app, pilot, "target: material")
         await pilot.press("m")
@@ -195,9 +195,9 @@ def test_the_expected_profile_follows_an_edit(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
         await until(pilot, lambda: view.plots.expected is not None)
-        before, count = view.plots.expected.value.copy(), view.plots.computed
+        before, count = view.plots.expected.value.copy(), view.plots.worker.computed
         await pilot.press("a", "right_square_bracket", "right_square_bracket", "right_square_bracket")
-        await until(pilot, lambda: view.plots.computed > count and view.plots.expected is not None)
+        await until(pilot, lambda: view.plots.worker.computed > count and view.plots.expected is not None)
         beside = ~view.plots.expected.on_target
         assert (view.plots.expected.value[beside, 1] >= before[beside, 1]).all()
         assert view.plots.expected.value[beside, 1].mean() > 1.05 * before[beside, 1].mean()
@@ -223,14 +223,14 @@ def test_a_file_changed_on_disk_asks(project):
         view._look_at_disk()
         await pilot.pause()
         await pilot.press("r")
-        assert not view.session.dirty
-        assert b"his" in view.session.current.content
+        assert not view.file.dirty
+        assert b"his" in view.file.current.content
 
     drive(app_on(project), do)
 
 
 def test_a_crash_is_offered_at_the_next_start(project):
-    session = LutSession(project / "both_lut.ini", project)
+    session = EditedLut(project / "both_lut.ini", project)
     session.set("vertical", [1], "500")
     session._journal.close()
     session._lock.drop()
@@ -244,13 +244,13 @@ def test_a_crash_is_offered_at_the_next_start(project):
         view = blooming(app)
         assert scaled(view, 1) == 500
         await pilot.press("u")
-        assert not view.session.dirty
+        assert not view.file.dirty
 
     drive(app_on(project), do)
 
 
 def test_another_instance_is_noticed(project):
-    session = LutSession(project / "a_lut.ini", project)
+    session = EditedLut(project / "a_lut.ini", project)
 
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
@@ -258,7 +258,7 @@ def test_another_instance_is_noticed(project):
         await says(app, pilot, "is being edited by process")
         session.close()
         await pilot.press("R", "plus")
-        assert view.session.dirty
+        assert view.file.dirty
         await pilot.press("u")
 
     drive(app_on(project), do)
@@ -321,7 +321,7 @@ def test_the_next_start_is_as_the_last_one_was(project):
     async def again(app, pilot):
         view = blooming(app)
         await until(pilot, lambda: app.view is view)
-        assert (view.session.path.name, view.at, app.theme) == ("both_lut.ini", 2, "light")
+        assert (view.file.path.name, view.at, app.theme) == ("both_lut.ini", 2, "light")
         assert app.bars.log.size.height
 
     drive(app_on(project), again)
@@ -338,7 +338,7 @@ def test_leaving_with_edits_keeps_them(project):
 
     drive(app_on(project), do)
     assert (project / "a_lut.ini").read_bytes() == LUT.encode()
-    session = LutSession(project / "a_lut.ini", project)
+    session = EditedLut(project / "a_lut.ini", project)
     assert session.found
     session.forget()
     session.close()
@@ -365,7 +365,7 @@ def test_keys_in_one_go_with_a_screens_key_act_on_that_screen(project):
         # As a terminal hands over what was typed ahead: no key waits for the one before.
         for key, character in (("f2", None), ("f", "f"), ("f5", None), ("plus", "+")):
             app.post_message(events.Key(key, character))
-        await until(pilot, lambda: view.session.current.tables[view.axis].rows()[0].scaled == before + 1)
+        await until(pilot, lambda: view.file.current.tables[view.axis].rows()[0].scaled == before + 1)
         assert overview.fallen_only
         assert app.view is view
 
@@ -384,11 +384,11 @@ def test_a_question_that_comes_by_itself_takes_no_key_that_was_typed_before(proj
         await sees(app, pilot, "has changed on the disk")
         await pilot.press("r", "o", "escape")
         assert isinstance(app.screen, Ask)
-        assert view.session.dirty
+        assert view.file.dirty
         assert b"his" in lut.read_bytes()
         app.screen._ignores_keys_s = 0.0
         await pilot.press("r")
-        await until(pilot, lambda: not view.session.dirty)
+        await until(pilot, lambda: not view.file.dirty)
 
     drive(app_on(project), do)
 

@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from lidarcheck.session.history import Edit, History, edit_between
-from lidarcheck.tui.screens.blooming import plots as blooming_plots
+from lidarcheck.tui.jobs import profile_worker
 from tui_kit import app_on, drive, make_project, says, sees, text_of, until
 
 WIDE, NARROW = (160, 50), (80, 24)
@@ -24,7 +24,7 @@ async def on_blooming(app, pilot):
 
 async def rested(pilot, view):
     """Wait until what was asked for is drawn."""
-    await until(pilot, lambda: view.plots._timer is None and not view.plots._busy)
+    await until(pilot, lambda: view.plots.rests)
 
 
 def heads(app):
@@ -82,23 +82,23 @@ def test_only_what_is_seen_is_computed_and_only_once(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
         await rested(pilot, view)
-        assert view.plots.computed == 1
+        assert view.plots.worker.computed == 1
         await pilot.press("n")
         await until(pilot, lambda: view.plots.expected is not None)
-        assert view.plots.computed == 2
+        assert view.plots.worker.computed == 2
         await pilot.press("p", "n", "p", "v", "V", "V")
         await rested(pilot, view)
-        assert view.plots.computed == 2
+        assert view.plots.worker.computed == 2
         await pilot.press("plus")
         await rested(pilot, view)
-        assert view.plots.computed == 3
+        assert view.plots.worker.computed == 3
         await pilot.press("u")
         await rested(pilot, view)
-        assert view.plots.computed == 3
+        assert view.plots.worker.computed == 3
         assert view.plots.expected is not None
         await pilot.press("r", "n")
         await until(pilot, lambda: view.plots.expected is not None)
-        assert view.plots.computed == 4
+        assert view.plots.worker.computed == 4
 
     drive(app_on(project, screen="blooming"), do, NARROW)
 
@@ -109,8 +109,8 @@ def test_the_curve_follows_at_once_and_several_cells_together(project):
         curve = view.query_one("#curve")
         before = curve.text
         await pilot.press("shift+down", "shift+down", *"900", "enter")
-        assert [row.scaled for row in view.session.current.tables["vertical"].rows()[:3]] == [900] * 3
-        assert [change.row for change in view.session.diff()] == [0, 1, 2]
+        assert [row.scaled for row in view.file.current.tables["vertical"].rows()[:3]] == [900] * 3
+        assert [change.row for change in view.file.diff()] == [0, 1, 2]
         await until(pilot, lambda: curve.text != before and "on disk" in curve.text)
         await until(pilot, lambda: view.plots.expected is not None)
 
@@ -124,15 +124,15 @@ def test_the_first_time_on_a_machine_is_said_and_compiled_aside(project, monkeyp
         measured.append("begun")
         aside.wait(60)
 
-    monkeypatch.setattr(blooming_plots, "first_time", lambda: len(measured) == 0)
-    monkeypatch.setattr(blooming_plots, "compile_aside", compile_aside)
+    monkeypatch.setattr(profile_worker, "first_time", lambda: len(measured) == 0)
+    monkeypatch.setattr(profile_worker, "compile_aside", compile_aside)
 
     async def do(app, pilot):
         await says(app, pilot, "the sensor model is compiled first, once on this machine")
         await sees(app, pilot, "computing ...")
         await sees(app, pilot, "69.0 m, 1/2")
         await pilot.press("plus")
-        assert app.view.session.dirty
+        assert app.view.file.dirty
         assert app.view.plots.expected is None
         aside.set()
         await until(pilot, lambda: app.view.plots.expected is not None)

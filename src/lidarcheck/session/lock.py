@@ -45,8 +45,8 @@ class FileLock:
     def holder(self) -> str:
         """Who has the lock, in words."""
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            told = json.loads(self.path.read_text(encoding="utf-8"))
-            return f"process {int(told['pid'])} on {str(told['host'])[:64]}"
+            holder = json.loads(self.path.read_text(encoding="utf-8"))
+            return f"process {int(holder['pid'])} on {str(holder['host'])[:64]}"
         return "another process"
 
     def drop(self) -> None:

@@ -1,6 +1,6 @@
 """What is in a project's directory: scenarios, goldens, models, LUTs, settings, measurements; and what is wrong there.
 
-Files are told by what is in them. One that has a fault is named with it and does not keep the others from being used.
+Files are recognised by what is in them. One that has a fault is named with it, and the others can still be used.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _entry(path: Path, name: str) -> Entry | None:
         return None
     kind = _expected(name, suffix)
     try:
-        return _told(path, name, suffix)
+        return _recognised(path, name, suffix)
     except LidarcheckError as error:
         fault = error.lines()[0].removeprefix("error: ")
     except OSError as error:
@@ -146,7 +146,7 @@ def _expected(name: str, suffix: str) -> str | None:
     return "scan"
 
 
-def _told(path: Path, name: str, suffix: str) -> Entry | None:
+def _recognised(path: Path, name: str, suffix: str) -> Entry | None:
     if suffix == ".toml":
         return _toml(path, name)
     if suffix == ".json":

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
-from lidarcheck.session.places import private_directory
+from lidarcheck.session.own_files import make_own_directory, own_directory
 
 __all__ = ["State", "load_state", "save_state"]
 
@@ -28,7 +28,7 @@ def load_state(root: Path) -> State:
     """The state that the last session left; a new one where there is none that can be read."""
     state = State()
     with contextlib.suppress(OSError, ValueError):
-        found: Any = json.loads((root / ".lidarcheck" / "tui" / "state.json").read_text(encoding="utf-8"))
+        found: Any = json.loads((own_directory(root) / "state.json").read_text(encoding="utf-8"))
         if isinstance(found, dict):
             state.screen, state.theme = str(found.get("screen", "")), str(found.get("theme", ""))
             state.log = found.get("log") is True
@@ -43,4 +43,4 @@ def save_state(state: State, root: Path) -> None:
     with contextlib.suppress(InputError, OSError):
         from lidarcheck.formats.atomic import write_text
 
-        write_text(private_directory(root) / "state.json", json.dumps(asdict(state), indent=1) + "\n")
+        write_text(make_own_directory(root) / "state.json", json.dumps(asdict(state), indent=1) + "\n")

@@ -18,9 +18,9 @@ from lidarcheck.explain.report.model_diff import write_model
 from lidarcheck.formats import save_scan
 from lidarcheck.inference.intervals import Interval
 from lidarcheck.model import load_model, simulate
-from lidarcheck.tui.jobs.explain_run import ExplainRun, Heard, command_of
-from lidarcheck.tui.jobs.explained import place_of
-from lidarcheck.tui.screens.explain.lines import heard_lines, step_lines
+from lidarcheck.tui.jobs.explain_cases import results_directory
+from lidarcheck.tui.jobs.explain_process import ExplainProcess, ExplainProgress, command_of
+from lidarcheck.tui.screens.explain.lines import found_lines, step_lines
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.themes import THEMES
 from tui_kit import app_on, as_stored, drive, says, sees, status, text_of, until
@@ -93,7 +93,7 @@ def project(made, tmp_path):
 @pytest.fixture
 def explained(made, project):
     """The project after a run."""
-    out = place_of(project, project / "fog/case.toml")
+    out = results_directory(project, project / "fog/case.toml")
     shutil.copytree(made / "explained", out)
     return project
 
@@ -121,7 +121,7 @@ async def asked(app, pilot, kind):
 
 
 def out_of(project):
-    return place_of(project, project / "fog/case.toml")
+    return results_directory(project, project / "fog/case.toml")
 
 
 def test_cases_are_listed_and_faults_are_one_line(project):
@@ -508,30 +508,30 @@ def test_a_real_run_is_cancelled_and_goes_on_to_name_what_is_missing(offset):
 
 
 def test_lines_that_are_no_progress_are_kept_apart():
-    heard = Heard()
-    assert heard.take('{"steps": ["a", "b"]}')
+    progress = ExplainProgress()
+    assert progress.take('{"steps": ["a", "b"]}')
     for line in ("warning: x", "[1]", "7", "{}", '{"step": "a", "done": "x"}', "error: no", "error: more"):
-        assert not heard.take(line)
-    assert heard.fault == "no"
-    assert heard.take('{"step": "b", "done": 1, "of": 4, "part": 0.5, "elapsed_s": 1.0, "left_s": null}')
-    assert heard.steps == {"a": (1, 1), "b": (1, 4)}
-    texts = ["".join(text for text, _ in line) for line in step_lines(heard)]
+        assert not progress.take(line)
+    assert progress.fault == "no"
+    assert progress.take('{"step": "b", "done": 1, "of": 4, "part": 0.5, "elapsed_s": 1.0, "left_s": null}')
+    assert progress.steps == {"a": (1, 1), "b": (1, 4)}
+    texts = ["".join(text for text, _ in line) for line in step_lines(progress)]
     assert texts[0].split() == ["done", "a"]
     assert texts[1].startswith(">  25 %  b")
     assert texts[1].count("#") == 5
 
 
 def test_the_gap_shrinks_in_bars():
-    heard = Heard(found=[("gap", "2.0 before"), ("gap", "0.5 with fog"), ("gap", "strange")])
-    bars = ["".join(text for text, _ in line).count("#") for line in heard_lines(heard, 96)]
+    progress = ExplainProgress(found=[("gap", "2.0 before"), ("gap", "0.5 with fog"), ("gap", "strange")])
+    bars = ["".join(text for text, _ in line).count("#") for line in found_lines(progress, 96)]
     assert bars == [40, 10, 0]
 
 
 def test_the_process_has_a_session_of_its_own(made, tmp_path):
     ended = []
-    run = ExplainRun(
+    run = ExplainProcess(
         [sys.executable, str(made / "program.py"), "waits", str(made), "--out", str(tmp_path / "o")],
-        told=lambda: None, note=lambda _text: None, ended=ended.append,
+        on_progress=lambda: None, on_line=lambda _text: None, on_end=ended.append,
     )  # fmt: skip
     assert os.getsid(run._process.pid) != os.getsid(0)
     os.killpg(run._process.pid, signal.SIGKILL)
@@ -571,7 +571,7 @@ def test_a_run_from_the_background_can_be_stopped():
     try:
         sleeps = [sys.executable, "-c", "import sys, time; print('up', file=sys.stderr, flush=True); time.sleep(300)"]
         said = threading.Event()
-        run = ExplainRun(sleeps, told=said.set, note=lambda _text: None, ended=lambda _code: ended.set())
+        run = ExplainProcess(sleeps, on_progress=said.set, on_line=lambda _text: None, on_end=lambda _code: ended.set())
         assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
         assert said.wait(60)
         run.stop()

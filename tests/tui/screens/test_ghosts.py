@@ -10,7 +10,7 @@ from lidarcheck.figures.data import Cloud
 from lidarcheck.figures.pages.ghost_steps import steps_of
 from lidarcheck.formats import load_scan
 from lidarcheck.model import load_model
-from lidarcheck.session.models import NONE
+from lidarcheck.session.model_choice import NONE
 from lidarcheck.session.project import read_project
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.jobs.ghosts import ALL, FIT, ghost_jobs, sign_scans

@@ -13,7 +13,7 @@ from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.review import review as review_module
 from lidarcheck.harness.review.accept import ALL, accept
 from lidarcheck.harness.review.review import review
-from lidarcheck.session.places import sha256
+from lidarcheck.session.own_files import content_hash
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.themes import THEMES
 from scenario_texts import surface
@@ -55,7 +55,7 @@ class Bench:
         self.seeds += 1
         values = np.random.default_rng([seed, len(scenario.name)]).normal(100.0, 0.3, 2)
         found = {"area_mean": float(values[0]) + self.shift, "peak_mean": float(values[1]) + self.lift}
-        return SeedMeasurement(found, {}, {}, sha256(repr(found).encode())[:16])
+        return SeedMeasurement(found, {}, {}, content_hash(repr(found).encode())[:16])
 
     def golden(self, name):
         return self.root / f"goldens/{name}.toml"

@@ -10,7 +10,7 @@ from lidarcheck.cli import main
 from lidarcheck.formats import load_scan
 from lidarcheck.session.project import Entry, Project, read_project
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.jobs.vehicle_jobs import FILES, groups_of, job_of, options_of, source_of
+from lidarcheck.tui.jobs.vehicles import FILES, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.histograms import Histograms
 from tui_kit import as_stored, drive, says, sees, text_of, until
 

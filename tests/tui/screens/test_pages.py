@@ -10,7 +10,7 @@ from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.workflow_output import finish
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.jobs.jobs import Job, Pages
+from lidarcheck.tui.jobs.job import Job, Pages
 from lidarcheck.tui.screens.pages.lines import figure_lines, room_for, word_lines
 from lidarcheck.tui.widgets.lines import Lines
 from page_kit import FakeView, page_of, put_in

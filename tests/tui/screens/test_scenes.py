@@ -10,7 +10,7 @@ from lidarcheck.effects import catalogue
 from lidarcheck.model import load_model
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.jobs.scene_jobs import Effects, offers_of
+from lidarcheck.tui.jobs.scenes import Effects, offers_of
 from lidarcheck.tui.screens.scenes import Scenes
 from lidarcheck.tui.widgets.choose import Choose
 from lidarcheck.tui.widgets.lines import Lines

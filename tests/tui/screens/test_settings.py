@@ -11,9 +11,9 @@ from lidarcheck.errors import LidarcheckError, UsageError
 from lidarcheck.formats import save_scan
 from lidarcheck.formats.settings import load_settings
 from lidarcheck.model.files.model_file import save_model
-from lidarcheck.session.file_session import ChangedOnDisk
+from lidarcheck.session.edited_file import ChangedOnDisk
+from lidarcheck.session.edited_settings import EditedSettings, left_behind, settings_path
 from lidarcheck.session.project import read_project
-from lidarcheck.session.settings_session import SettingsSession, left_behind, settings_path
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from tui_kit import LUT, app_on, drive, says, sees, text_of, until
 
@@ -24,7 +24,7 @@ ODD = (
 
 
 def session_on(root, name=NAME, axis="vertical"):
-    return SettingsSession(root / name, root, axis)
+    return EditedSettings(root / name, root, axis)
 
 
 def crash(session):
@@ -181,7 +181,7 @@ def test_an_edit_moves_the_target_and_is_saved_after_its_diff(project):
         await says(app, pilot, "SegHor = 999 is out of range; use a whole number from 0 to 959")
         await pilot.press("E")
         await sees(app, pilot, "a_lut.ini vertical ")
-        assert not view.session.dirty
+        assert not view.file.dirty
         await pilot.press("E", "ctrl+s")
         await sees(app, pilot, f"Save 1 value to {NAME}?")
         await sees(app, pilot, "440      480")
@@ -197,14 +197,14 @@ def test_distances_are_added_by_the_name_of_what_is_shown(project):
     async def do(app, pilot):
         view = await on_settings(app, pilot)
         await pilot.press("X")
-        await until(pilot, lambda: not view.settings.session.current.entries)
+        await until(pilot, lambda: not view.settings.file.current.entries)
         await sees(app, pilot, "no setting fits")
         await sees(app, pilot, "no distance: A adds one")
         await pilot.press("A")
         await until(pilot, lambda: isinstance(app.screen, AskText))
         await pilot.press("enter")
         await until(pilot, lambda: view.settings.count() == 5)
-        assert view.settings.session.current.entries[0].distance_m == 69.0
+        assert view.settings.file.current.entries[0].distance_m == 69.0
         await pilot.press("s", "E", "X")
         await says(app, pilot, "E shows them")
         await pilot.press("q")
@@ -219,7 +219,7 @@ def test_another_model_has_other_settings(project):
         await pilot.press("space", *"70", "enter", "m")
         await sees(app, pilot, "Settings vertical SMART")
         await sees(app, pilot, "no file: these are the defaults")
-        assert view.settings.session.path.name == "Blooming_Calibration_V_SMART.json"
+        assert view.settings.file.path.name == "Blooming_Calibration_V_SMART.json"
         assert view.unsaved() == 1
         await pilot.press("m")
         await sees(app, pilot, "Settings vertical SLIM *")
@@ -248,7 +248,7 @@ def test_settings_with_a_fault_are_said_where_they_would_be_used(project):
         await pilot.press("E")
         await until(pilot, lambda: text_of(app).count("is out of range") == 2)
         await pilot.press("5", "enter", "plus", "u", "A", "escape", "X", "R", "d", "E", "plus")
-        assert blooming(app).session.dirty
+        assert blooming(app).file.dirty
 
     drive(app_on(project, screen="blooming"), do, (160, 50))
 

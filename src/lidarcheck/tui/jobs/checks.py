@@ -12,19 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.places import private_directory, sha256
+from lidarcheck.session.own_files import content_hash, make_own_directory, own_directory
+from lidarcheck.tui.jobs.job import Cancelled, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.harness.kpis.spec import KpiSpec
 
-__all__ = ["Cancelled", "KpiLine", "Outcome", "Runs", "check_scenario", "run_scenarios"]
+__all__ = ["Check", "KpiLine", "Outcome", "Runs", "check_scenario", "run_scenarios"]
 
 Check = Callable[..., Any]
-ProgressCallback = Callable[[int, int, str], None]
-
-
-class Cancelled(Exception):
-    """The user has stopped the run."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ class Runs:
         self.root = root
         self.last: dict[str, Outcome] = {}
         with contextlib.suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
-            text = (root / ".lidarcheck" / "tui" / "runs.json").read_text(encoding="utf-8")
+            text = (own_directory(root) / "runs.json").read_text(encoding="utf-8")
             self.last = {str(name): _outcome(found) for name, found in json.loads(text).items()}
 
     def add(self, outcome: Outcome) -> None:
@@ -86,7 +82,7 @@ class Runs:
             document = {name: asdict(found) for name, found in self.last.items()}
             from lidarcheck.formats.atomic import write_text
 
-            write_text(private_directory(self.root) / "runs.json", json.dumps(document) + "\n")
+            write_text(make_own_directory(self.root) / "runs.json", json.dumps(document) + "\n")
 
 
 def _outcome(found: Mapping[str, Any]) -> Outcome:
@@ -104,31 +100,31 @@ def against(path: Path) -> str:
             parts.append(file.read_bytes())
         except OSError:
             parts.append(b"")
-    return sha256(b"\0".join(parts))[:16]
+    return content_hash(b"\0".join(parts))[:16]
 
 
 def run_scenarios(
     paths: Sequence[Path],
     *,
-    told: ProgressCallback,
-    found: Callable[[Outcome], object],
+    on_progress: ProgressCallback,
+    on_outcome: Callable[[Outcome], object],
     stop: threading.Event,
     check: Check | None = None,
 ) -> None:
-    """Run scenarios one by one; `found` gets each outcome. A fault of one does not keep the others from running.
+    """Run scenarios one by one; `on_outcome` gets each outcome. A fault of one does not keep the others from running.
 
-    `told` gets (scenarios done, scenarios to do, what runs now). `Cancelled` when `stop` is set.
+    `on_progress` gets (scenarios done, scenarios to do, what runs now). `Cancelled` when `stop` is set.
     """
     for number, path in enumerate(paths):
 
         def progress(done: int, total: int, _label: str, number: int = number, path: Path = path) -> None:
             if stop.is_set():
                 raise Cancelled
-            told(number, len(paths), f"{path.stem} {done}/{total}")
+            on_progress(number, len(paths), f"{path.stem} {done}/{total}")
 
         progress(0, 0, path.stem)
-        found(check_scenario(path, progress, check))
-    told(len(paths), len(paths), "")
+        on_outcome(check_scenario(path, progress, check))
+    on_progress(len(paths), len(paths), "")
 
 
 def check_scenario(path: Path, progress: ProgressCallback | None = None, check: Check | None = None) -> Outcome:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.figures.data import Figure, Page, Table
 from lidarcheck.formats.table import counted
-from lidarcheck.session.models import chosen_model
-from lidarcheck.session.naming import ideal_of, labels_of, numbers_in
+from lidarcheck.session.model_choice import chosen_model
+from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.workflow import PanelsResult

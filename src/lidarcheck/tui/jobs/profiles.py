@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.naming import ideal_of, numbers_in
+from lidarcheck.session.pairing import ideal_of, numbers_in
 from lidarcheck.session.project import Project
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Choice",
     "Dataset",
+    "Key",
     "ProfileData",
     "Profiles",
     "compile_aside",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lidarcheck.errors import GoldenError
+from lidarcheck.errors import GoldenError, LidarcheckError
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.evidence import Verdict
 from lidarcheck.harness.goldens.file import load_golden
@@ -18,7 +18,8 @@ from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
 from lidarcheck.harness.review.wording import verdict_word
 from lidarcheck.harness.scenario_run import kpis_in_goldens
-from lidarcheck.tui.jobs.checks import Cancelled, KpiLine, ProgressCallback, known, limits_of, unit_of
+from lidarcheck.tui.jobs.checks import KpiLine, known, limits_of, unit_of
+from lidarcheck.tui.jobs.job import Cancelled, ProgressCallback
 
 __all__ = ["Review", "Waiting", "changes", "kpi_line", "reasons", "reviewed", "run_reviews", "waiting"]
 
@@ -155,25 +156,23 @@ def run_reviews(
     groups: Sequence[Sequence[Path]],
     *,
     review: Review,
-    told: ProgressCallback,
-    found: Callable[[Sequence[Path], Any], object],
+    on_progress: ProgressCallback,
+    on_result: Callable[[Sequence[Path], Any], object],
     stop: threading.Event,
 ) -> None:
-    """Review group by group; `found` gets each with its report, or the `LidarcheckError` that it ended with.
+    """Review group by group; `on_result` gets each with its report, or the `LidarcheckError` that it ended with.
 
-    `told` gets (groups done, groups to do, what runs now). `Cancelled` when `stop` is set.
+    `on_progress` gets (groups done, groups to do, what runs now). `Cancelled` when `stop` is set.
     """
-    from lidarcheck.errors import LidarcheckError
-
     for number, paths in enumerate(groups):
 
         def progress(done: int, total: int, label: str, number: int = number) -> None:
             if stop.is_set():
                 raise Cancelled
-            told(number, len(groups), f"{label} {done}/{total}")
+            on_progress(number, len(groups), f"{label} {done}/{total}")
 
         progress(0, 0, paths[0].stem)
         try:
-            found(paths, review(paths, progress=progress))
+            on_result(paths, review(paths, progress=progress))
         except LidarcheckError as error:
-            found(paths, error)
+            on_result(paths, error)

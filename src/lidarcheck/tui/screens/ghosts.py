@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.figures.data import Cloud, Distribution
-from lidarcheck.session.models import NONE, next_model
+from lidarcheck.session.model_choice import NONE, next_model
 from lidarcheck.tui.jobs.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
-from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings

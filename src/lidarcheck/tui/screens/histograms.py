@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from lidarcheck.tui.jobs.jobs import Computed, Job
-from lidarcheck.tui.jobs.vehicle_jobs import Group, groups_of, job_of, options_of, source_of
+from lidarcheck.tui.jobs.job import Computed, Job
+from lidarcheck.tui.jobs.vehicles import Group, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.pages.export import file_name
 from lidarcheck.tui.screens.pages.lines import room_for, together
 from lidarcheck.tui.screens.pages.screen import PageView

@@ -8,8 +8,8 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from lidarcheck.session.models import NONE, chosen_model, next_model
-from lidarcheck.tui.jobs.jobs import Job
+from lidarcheck.session.model_choice import NONE, chosen_model, next_model
+from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.noise import NoisePage, halls_of, noise_jobs
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PAGE_ROWS, PageView

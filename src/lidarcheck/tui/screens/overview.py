@@ -13,7 +13,8 @@ from textual.message import Message
 
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.host import STOPS
-from lidarcheck.tui.jobs.checks import Cancelled, Check, Outcome, Runs, against, run_scenarios
+from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, against, run_scenarios
+from lidarcheck.tui.jobs.job import Cancelled
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, View, bindings
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, line
@@ -38,7 +39,7 @@ class Overview(View):
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
 
-    class Told(Message):
+    class Progressed(Message):
         """How far a run is."""
 
         def __init__(self, done: int, total: int, now: str) -> None:
@@ -69,7 +70,7 @@ class Overview(View):
         self._stop = threading.Event()
         self._entries: list[Entry] = []
         self._stale: dict[str, bool] = {}
-        self._told = 0.0
+        self._shown_s = 0.0
 
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one below."""
@@ -194,15 +195,15 @@ class Overview(View):
 
     @work(thread=True, exclusive=True, group="runs", exit_on_error=False)
     def _run(self, paths: list[Path]) -> None:
-        def told(done: int, total: int, now: str) -> None:
-            self.post_message(self.Told(done, total, now))
+        def on_progress(done: int, total: int, now: str) -> None:
+            self.post_message(self.Progressed(done, total, now))
 
         how = "the run has ended"
         try:
             run_scenarios(
                 paths,
-                told=told,
-                found=lambda o: self.post_message(self.Found(o)),
+                on_progress=on_progress,
+                on_outcome=lambda o: self.post_message(self.Found(o)),
                 stop=self._stop,
                 check=self.check,
             )
@@ -212,11 +213,11 @@ class Overview(View):
             how = f"error: internal error in the run, {type(error).__name__}: {error}"
         self.post_message(self.Ended(how))
 
-    def on_overview_told(self, message: Told) -> None:
+    def on_overview_progressed(self, message: Progressed) -> None:
         """Progress, at most four times a second."""
         now = time.monotonic()
-        if self.running and (now - self._told > 0.25 or message.done == 0):
-            self._told = now
+        if self.running and (now - self._shown_s > 0.25 or message.done == 0):
+            self._shown_s = now
             self.progress(f"run {message.done}/{message.total}: {message.now}{STOPS}")
 
     def on_overview_found(self, message: Found) -> None:

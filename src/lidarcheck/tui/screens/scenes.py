@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.models import chosen_model, which_model
-from lidarcheck.session.naming import labels_of
+from lidarcheck.session.model_choice import chosen_model, which_model
+from lidarcheck.session.pairing import labels_of
 from lidarcheck.session.project import Entry
-from lidarcheck.tui.jobs.jobs import Job
-from lidarcheck.tui.jobs.scene_jobs import Effects, offers_of, scene_jobs
+from lidarcheck.tui.jobs.job import Job
+from lidarcheck.tui.jobs.scenes import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.pages.lines import room_for, together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings

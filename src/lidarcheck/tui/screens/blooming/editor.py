@@ -3,20 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
-from lidarcheck.session.file_session import ChangedOnDisk, FileSession
+from lidarcheck.session.edited_file import ChangedOnDisk, EditedFile
+from lidarcheck.tui.host import Host
 from lidarcheck.tui.widgets.dialogs import Ask
 from lidarcheck.tui.widgets.lines import Line, line
 
 if TYPE_CHECKING:
-    from lidarcheck.tui.screens.blooming.screen import Blooming
+    from lidarcheck.formats.settings import Setting
 
-__all__ = ["Editor"]
+__all__ = ["Editing", "Editor"]
 
-S = TypeVar("S", bound=FileSession[Any])
+S = TypeVar("S", bound=EditedFile[Any])
+
+
+class Editing(Protocol):
+    """What an editor may ask of the screen that it stands on."""
+
+    NAME: str
+
+    @property
+    def host(self) -> Host:
+        """The app."""
+
+    def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
+        """Something for the status line and the log."""
+
+    def ask(self, question: Ask, then: Callable[[str | None], None] | None = None) -> None:
+        """Ask the user; `then` gets the key of the answer, None without one."""
+
+    def edited(self) -> None:
+        """Something was edited, saved or read again: show it."""
+
+    def setting(self) -> Setting | None:
+        """The setting that says where the target of the dataset shown is; None where none does."""
+
+    def setting_in_words(self) -> str:
+        """What settings have to do with the dataset shown."""
 
 
 class Editor(Generic[S]):
@@ -24,9 +50,9 @@ class Editor(Generic[S]):
 
     TYPED = ""
 
-    def __init__(self, view: Blooming) -> None:
+    def __init__(self, view: Editing) -> None:
         self.view = view
-        self.session: S | None = None
+        self.file: S | None = None
         self.at = 0
         self.marked: set[int] = set()
         self.typed = ""
@@ -74,20 +100,20 @@ class Editor(Generic[S]):
 
     def unsaved(self) -> int:
         """Rows that are edited and not saved."""
-        return len(self.session.diff()) if self.session and self.session.dirty else 0
+        return len(self.file.diff()) if self.file and self.file.dirty else 0
 
     # Edits
 
     def edit(self, make: Callable[[S], bool | str]) -> None:
         """Do an edit; whatever speaks against it is one line."""
-        if self.session is None:
+        if self.file is None:
             self.view.say("there is no file to edit here")
             return
-        if self.session.found:
+        if self.file.found:
             self.ask_back()
             return
         try:
-            what = make(self.session)
+            what = make(self.file)
         except LidarcheckError as error:
             self.view.say(error)
             return
@@ -99,118 +125,118 @@ class Editor(Generic[S]):
 
     def undo(self) -> None:
         """Take back."""
-        self.edit(lambda session: f"taken back: {what}" if (what := session.undo()) else "")
+        self.edit(lambda file: f"taken back: {what}" if (what := file.undo()) else "")
 
     def redo(self) -> None:
         """Make again."""
-        self.edit(lambda session: f"made again: {what}" if (what := session.redo()) else "")
+        self.edit(lambda file: f"made again: {what}" if (what := file.redo()) else "")
 
     # The file
 
     def diff(self) -> None:
         """What saving would change."""
-        if self.session is not None and self.session.dirty:
-            title = f"Not saved: {counted(self.unsaved(), self.session.NOUN)}"
-            self.view.app.push_screen(Ask(title, self.diff_lines(), {}))
+        if self.file is not None and self.file.dirty:
+            title = f"Not saved: {counted(self.unsaved(), self.file.NOUN)}"
+            self.view.ask(Ask(title, self.diff_lines(), {}))
         else:
             self.view.say("nothing is edited")
 
     def save(self) -> None:
         """Show what changes, then save."""
-        if self.session is None or not self.session.dirty:
+        if self.file is None or not self.file.dirty:
             self.view.say("nothing is edited")
             return
-        if self.session.changed_on_disk():
-            self._ask_disk(self.session)
+        if self.file.changed_on_disk():
+            self._ask_disk(self.file)
             return
-        title = f"Save {counted(self.unsaved(), self.session.NOUN)} to {self.session.path.name}?"
+        title = f"Save {counted(self.unsaved(), self.file.NOUN)} to {self.file.path.name}?"
         ask = Ask(title, self.diff_lines(), {"Enter": "save"})
-        self.view.app.push_screen(ask, lambda key: self._save(key == "Enter"))
+        self.view.ask(ask, lambda key: self._save(key == "Enter"))
 
     def _save(self, agreed: bool, *, overwrite: bool = False) -> None:
-        if not agreed or self.session is None:
+        if not agreed or self.file is None:
             return
         try:
-            number = self.session.save(overwrite=overwrite)
+            number = self.file.save(overwrite=overwrite)
         except ChangedOnDisk:
-            self._ask_disk(self.session)
+            self._ask_disk(self.file)
             return
         except LidarcheckError as error:
             self.view.say(error)
             return
-        self.view.say(f"{self.session.path.name}: saved, {counted(number, self.session.NOUN)}")
+        self.view.say(f"{self.file.path.name}: saved, {counted(number, self.file.NOUN)}")
         self.view.edited()
 
     def look_at_disk(self) -> None:
         """Ask, if somebody else has changed the file."""
-        if self.session is not None and not self.asking and self.session.changed_on_disk():
-            self._ask_disk(self.session)
+        if self.file is not None and not self.asking and self.file.changed_on_disk():
+            self._ask_disk(self.file)
 
-    def _ask_disk(self, session: S) -> None:
+    def _ask_disk(self, file: S) -> None:
         """The file is not what it was."""
-        if not session.dirty and session.path.exists():
+        if not file.dirty and file.path.exists():
             answers = {"r": "read it again", "k": "keep what is shown"}
         else:
             answers = {"r": "read it again, edits are lost", "o": "overwrite it", "k": "keep editing"}
-        there = session.path.exists()
+        there = file.path.exists()
         words = line("Somebody else has changed it since it was read here." if there else "It is gone.")
         self.asking = True
-        ask = Ask(f"{session.path.name} has changed on the disk", [words, *self.diff_lines()], answers, unasked=True)
-        self.view.app.push_screen(ask, lambda key: self._answer_disk(session, key))
+        ask = Ask(f"{file.path.name} has changed on the disk", [words, *self.diff_lines()], answers, unasked=True)
+        self.view.ask(ask, lambda key: self._answer_disk(file, key))
 
-    def _answer_disk(self, session: S, key: str | None) -> None:
+    def _answer_disk(self, file: S, key: str | None) -> None:
         self.asking = False
-        if session is not self.session:
+        if file is not self.file:
             return
         if key == "r":
             self._reload()
         elif key == "o":
             self._save(True, overwrite=True)
         else:
-            session.accept_disk()
-            self.view.say(f"{session.path.name}: kept as it is shown; saving overwrites what is on the disk")
+            file.accept_disk()
+            self.view.say(f"{file.path.name}: kept as it is shown; saving overwrites what is on the disk")
 
     def _reload(self) -> None:
-        assert self.session is not None
+        assert self.file is not None
         try:
-            self.session.claim_again() if self.session.read_only else self.session.reload()
+            self.file.claim_again() if self.file.read_only else self.file.reload()
         except LidarcheckError as error:
-            self.session.accept_disk()
+            self.file.accept_disk()
             self.view.say(error)
             return
-        words = self.session.read_only
-        self.view.say(words or f"{self.session.path.name}: read again", bad=bool(words))
+        words = self.file.read_only
+        self.view.say(words or f"{self.file.path.name}: read again", bad=bool(words))
         self.read_again()
         self.view.edited()
 
     def reload(self) -> None:
         """Read it again; edits are asked about."""
-        if self.session is None:
+        if self.file is None:
             return
-        if not self.session.dirty:
+        if not self.file.dirty:
             self._reload()
             return
-        title = f"{counted(self.unsaved(), self.session.NOUN)} not saved"
+        title = f"{counted(self.unsaved(), self.file.NOUN)} not saved"
         ask = Ask(title, self.diff_lines(), {"r": "read again, they are lost"})
-        self.view.app.push_screen(ask, lambda key: self._reload() if key == "r" else None)
+        self.view.ask(ask, lambda key: self._reload() if key == "r" else None)
 
     # Edits of a session that was not ended
 
     def ask_back(self) -> None:
         """Whether to bring them back."""
-        assert self.session is not None
-        session = self.session
+        assert self.file is not None
+        file = self.file
         answers = {"b": "bring them back", "l": "leave them"}
-        ask = Ask(session.found_in_words(), [], answers)
-        self.view.app.push_screen(ask, lambda key: self._answer_back(session, key))
+        ask = Ask(file.found_in_words(), [], answers)
+        self.view.ask(ask, lambda key: self._answer_back(file, key))
 
-    def _answer_back(self, session: S, key: str | None) -> None:
+    def _answer_back(self, file: S, key: str | None) -> None:
         try:
             if key == "b":
-                session.bring_back()
-                self.view.say(f"{counted(len(session.diff()), session.NOUN)} brought back, not saved yet")
+                file.bring_back()
+                self.view.say(f"{counted(len(file.diff()), file.NOUN)} brought back, not saved yet")
             elif key == "l":
-                session.forget()
+                file.forget()
                 self.view.say("the edits are left; their journal is kept in .lidarcheck/tui")
         except LidarcheckError as error:
             self.view.say(error)

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from textual.app import ComposeResult
 from textual.containers import Grid, Horizontal, Vertical
 
 from lidarcheck.tui.screens.blooming.draw import LEAST
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.lines import Lines
-
-if TYPE_CHECKING:
-    from lidarcheck.tui.screens.blooming.plots import BloomingPlots
 
 __all__ = ["TILES", "BloomingPanes"]
 
@@ -27,8 +22,6 @@ class BloomingPanes(View):
 
     DEFAULT_CSS = f"BloomingPanes #left {{ width: {_LEFT}; }} BloomingPanes.alone #left {{ width: 1fr; }}"
 
-    plots: BloomingPlots
-
     def compose(self) -> ComposeResult:
         """The editor on the left; curve and profiles on the right."""
         with Horizontal():
@@ -39,6 +32,10 @@ class BloomingPanes(View):
                 with Grid(id="profiles"):
                     for number, name in enumerate(TILES, start=1):
                         yield Lines("Profile", label="p" if number == 1 else str(number), id=name)
+
+    def curve_pane(self) -> Lines:
+        """The pane of the curve."""
+        return self.query_one("#curve", Lines)
 
     def all_tiles(self) -> list[Lines]:
         """The panes of profiles, seen or not."""
@@ -56,24 +53,26 @@ class BloomingPanes(View):
         around = [widget for widget in pane.ancestors_with_self if widget is not self and self in widget.ancestors]
         return all(getattr(widget, "display", True) for widget in around)
 
-    def give_room(self) -> None:
-        """Give each pane its room: all that there is for four features where it is little."""
+    def room_across(self) -> int:
+        """How many distances there is room for side by side."""
+        width = self.size.width
+        return min(len(TILES) - 1, (width - _LEFT + _GAP) // (LEAST[0] + _GAP)) if width >= _WIDE else 1
+
+    def give_room(self, tiles: int, *, four: bool) -> None:
+        """Give each pane its room: all that there is to the tiles for `four` features where it is little."""
         width, height = self.size
-        plots, wide = self.plots, width >= _WIDE
-        plots.across = min(len(TILES) - 1, (width - _LEFT + _GAP) // (LEAST[0] + _GAP)) if wide else 1
-        self.query_one("#left").display = wide or not plots.four
-        self.query_one("#right").display = plots.four or width >= _NARROW
-        self.set_class(width < _NARROW and not plots.four, "alone")
+        wide = width >= _WIDE
+        self.query_one("#left").display = wide or not four
+        self.query_one("#right").display = four or width >= _NARROW
+        self.set_class(width < _NARROW and not four, "alone")
         # A curve, and two plots below each other with their titles.
-        self.query_one("#curve").display = not plots.four or (wide and height >= 4 * (LEAST[1] + 1))
-        number = len(plots.tiles())
-        columns = number if not plots.four else 2 if width >= 2 * LEAST[0] else 1
+        self.curve_pane().display = not four or (wide and height >= 4 * (LEAST[1] + 1))
+        columns = tiles if not four else 2 if width >= 2 * LEAST[0] else 1
         grid = self.query_one("#profiles", Grid)
         grid.styles.grid_gutter_vertical = _GAP if width >= 2 * LEAST[0] + _GAP else 0
-        grid.styles.grid_size_columns, grid.styles.grid_size_rows = columns, max(number // columns, 1)
+        grid.styles.grid_size_columns, grid.styles.grid_size_rows = columns, max(tiles // columns, 1)
         for at, pane in enumerate(self.all_tiles()):
-            pane.display = at < number
+            pane.display = at < tiles
         focused = self.app.focused
         if isinstance(focused, Lines) and focused in super().panes() and not self._is_seen(focused):
             self.panes()[0].focus()
-        plots.later()

@@ -6,9 +6,9 @@ from typing import Any
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.lut import Axis, LutTable
-from lidarcheck.session.file_session import journal_of
-from lidarcheck.session.lut_session import LutSession
-from lidarcheck.tui.screens.blooming.editor import Editor
+from lidarcheck.session.edited_file import journal_of
+from lidarcheck.session.edited_lut import EditedLut
+from lidarcheck.tui.screens.blooming.editor import Editing, Editor
 from lidarcheck.tui.widgets.lines import Line, line
 from lidarcheck.tui.widgets.themes import Role
 
@@ -17,26 +17,30 @@ __all__ = ["TableEditor"]
 _AXES: tuple[Axis, Axis] = ("vertical", "horizontal")
 
 
-class TableEditor(Editor[LutSession]):
+class TableEditor(Editor[EditedLut]):
     """One of the tables of the LUT file that is open."""
 
     TYPED = "type a value first: 0 to 1000, or with a point a true Y"
 
+    def __init__(self, view: Editing) -> None:
+        super().__init__(view)
+        self.axis: Axis = "vertical"
+
     def table(self, *, saved: bool = False) -> LutTable | None:
         """The table as it is edited, or as it was saved; None without a file."""
-        if self.session is None:
+        if self.file is None:
             return None
-        return (self.session.saved if saved else self.session.current).tables[self.view.axis]
+        return (self.file.saved if saved else self.file.current).tables[self.axis]
 
-    def files(self) -> list[str]:
+    def names(self) -> list[str]:
         """The names of the project's sound LUT files."""
         return [entry.name for entry in self.view.host.project.of("lut")]
 
     def find(self) -> None:
-        """Open what was open, or what an ended session left; keep the session where its file is still there."""
-        if self.session is not None:
+        """Open what was open, or what an ended session left; keep that where it is still there."""
+        if self.file is not None:
             return
-        project, wanted, names = self.view.host.project, self.view.host.state.selected.get("lut", ""), self.files()
+        project, wanted, names = self.view.host.project, self.view.host.state.selected.get("lut", ""), self.names()
         left = (entry.name for entry in project.of("lut") if journal_of(entry.path, project.root).exists())
         usual = [wanted if wanted in names else names[0]] if names else []
         name = next(iter([*left, *usual]), "")
@@ -48,33 +52,33 @@ class TableEditor(Editor[LutSession]):
         app = self.view.host
         entry = next(entry for entry in app.project.of("lut") if entry.name == name)
         try:
-            session = LutSession(entry.path, app.project.root)
+            file = EditedLut(entry.path, app.project.root)
         except LidarcheckError as error:
             self.view.say(error)
             return
-        first = self.session is None
-        if self.session is not None:
-            self.session.close()
-        self.session, self.marked, self.typed = session, set(), ""
+        first = self.file is None
+        if self.file is not None:
+            self.file.close()
+        self.file, self.marked, self.typed = file, set(), ""
         app.state.selected["lut"] = name
-        wanted, tables = app.state.selected.get("axis", ""), session.current.tables
-        self.view.axis = next((a for a in _AXES if a == wanted and a in tables), next(iter(tables)))
+        wanted, tables = app.state.selected.get("axis", ""), file.current.tables
+        self.axis = next((a for a in _AXES if a == wanted and a in tables), next(iter(tables)))
         row = app.state.selected.get("row", "")
         self.at = int(row) if first and row.isdigit() else 0
-        for words in (session.notice, session.read_only):
+        for words in (file.notice, file.read_only):
             if words:
                 self.view.say(words, bad=True)
-        if session.found:
+        if file.found:
             app.show_screen(self.view.NAME)
             self.ask_back()
 
     def next_file(self) -> bool:
         """The next LUT file; whether there is one."""
-        names = self.files()
-        if self.session is None or len(names) < 2:
+        names = self.names()
+        if self.file is None or len(names) < 2:
             self.view.say("there is no other LUT file")
             return False
-        if self.session.dirty:
+        if self.file.dirty:
             self.view.say("save the edits first (^S), or take them back (u)", bad=True)
             return False
         now = self.view.host.state.selected.get("lut", "")
@@ -91,12 +95,12 @@ class TableEditor(Editor[LutSession]):
     def lines(self) -> tuple[str, list[Line], bool]:
         """X, scaled value and Y of each row."""
         table, saved = self.table(), self.table(saved=True)
-        if self.session is None or table is None or saved is None:
+        if self.file is None or table is None or saved is None:
             app = self.view.host
             words = [line(app.inside(e.fault), "bad") for e in app.project.of("lut", sound=False) if e.fault]
             return "Table", words or [line(" no LUT file in this project", "dim")], False
         self.within()
-        title = f"{self.session.path.name} {self.view.axis}{' *' if self.session.dirty else ''}"
+        title = f"{self.file.path.name} {self.axis}{' *' if self.file.dirty else ''}"
         rows = zip(table.rows(), saved.y.tolist(), strict=True)
         return title, [self._row(number, row, row.y != before) for number, (row, before) in enumerate(rows)], True
 
@@ -111,10 +115,10 @@ class TableEditor(Editor[LutSession]):
 
     def diff_lines(self) -> list[Line]:
         """Row, X, scaled value and Y, before and after."""
-        assert self.session is not None
+        assert self.file is not None
         head = f"{'table':11}{'row':>4}{'X':>9}{'scaled':>8}{'new':>6}{'Y':>13}{'new':>13}"
         lines = [line(head, "title")]
-        for c in self.session.diff():
+        for c in self.file.diff():
             old, new = c.scaled
             lines.append(line(f"{c.table:11}{c.row:>4}{c.x:>9g}{old:>8}{new:>6}{c.before:>13.7g}{c.after:>13.7g}"))
         return lines
@@ -131,17 +135,17 @@ class TableEditor(Editor[LutSession]):
 
     def enter(self, typed: str) -> None:
         """A scaled value or a true Y."""
-        self.edit(lambda session: session.set(self.view.axis, self.rows(), typed))
+        self.edit(lambda file: file.set(self.axis, self.rows(), typed))
 
     def nudge(self, steps: int) -> None:
         """Along the scale."""
-        self.edit(lambda session: session.nudge(self.view.axis, self.rows(), steps))
+        self.edit(lambda file: file.nudge(self.axis, self.rows(), steps))
 
     def smooth(self) -> None:
         """On the log scale."""
-        self.edit(lambda session: session.smooth(self.view.axis, self.rows()))
+        self.edit(lambda file: file.smooth(self.axis, self.rows()))
 
     def read_again(self) -> None:
         """It may have other tables now."""
-        if self.session is not None and self.view.axis not in self.session.current.tables:
-            self.view.axis = next(iter(self.session.current.tables))
+        if self.file is not None and self.axis not in self.file.current.tables:
+            self.axis = next(iter(self.file.current.tables))

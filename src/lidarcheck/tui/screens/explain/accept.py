@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.jobs.explained import Adoption, CaseState, adoption, take_back, take_over
+from lidarcheck.tui.jobs.explain_cases import Adoption, CaseState, adoption, take_back, take_over
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import diff_lines, line

@@ -5,30 +5,30 @@ from __future__ import annotations
 from lidarcheck.explain.report.text import gap_bar, report_sections
 from lidarcheck.formats.table import clock_text
 from lidarcheck.inference.intervals import Gap
-from lidarcheck.tui.jobs.explain_run import Heard
-from lidarcheck.tui.jobs.explained import CaseState
+from lidarcheck.tui.jobs.explain_cases import CaseState
+from lidarcheck.tui.jobs.explain_process import ExplainProgress
 from lidarcheck.tui.widgets.lines import Line, line
 from lidarcheck.tui.widgets.themes import Role
 
-__all__ = ["answer_parts", "far_in_words", "heard_lines", "step_lines"]
+__all__ = ["answer_parts", "far_in_words", "found_lines", "step_lines"]
 
 _BAR = 20
 
 
-def far_in_words(heard: Heard) -> str:
+def far_in_words(progress: ExplainProgress) -> str:
     """How far the whole is: 42 %, the time so far and the time left."""
-    left = "" if heard.left_s is None else f", about {clock_text(heard.left_s)} left"
-    return f"{100.0 * heard.part:.0f} %, {clock_text(heard.elapsed_s)} so far{left}"
+    left = "" if progress.left_s is None else f", about {clock_text(progress.left_s)} left"
+    return f"{100.0 * progress.part:.0f} %, {clock_text(progress.elapsed_s)} so far{left}"
 
 
-def step_lines(heard: Heard) -> list[Line]:
+def step_lines(progress: ExplainProgress) -> list[Line]:
     """A line for each step: done, how far, or still to come."""
     lines: list[Line] = []
-    names = list(heard.steps)
-    past = names.index(heard.now) if heard.now in names else 0
-    done, of = heard.steps.get(heard.now, (0, 0))
+    names = list(progress.steps)
+    past = names.index(progress.now) if progress.now in names else 0
+    done, of = progress.steps.get(progress.now, (0, 0))
     past += bool(of and done >= of)
-    for number, (name, (done, of)) in enumerate(heard.steps.items()):
+    for number, (name, (done, of)) in enumerate(progress.steps.items()):
         if number < past:
             lines.append(line(f"  done   {name}", "good"))
         elif number == past:
@@ -40,12 +40,12 @@ def step_lines(heard: Heard) -> list[Line]:
     return lines or [line("  starting ...", "dim")]
 
 
-def heard_lines(heard: Heard, width: int) -> list[Line]:
+def found_lines(progress: ExplainProgress, width: int) -> list[Line]:
     """What was found so far, the gap after each effect as a bar, the newest last."""
     lines: list[Line] = []
     first = 0.0
     roles: dict[str, Role] = {"found": "edited", "stands out": "text"}
-    for name, words in heard.found:
+    for name, words in progress.found:
         bar = ""
         if name == "gap":
             value = _number(words)

@@ -15,10 +15,10 @@ from lidarcheck.effects.base import find
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.tui.host import STOPS
-from lidarcheck.tui.jobs.explain_run import PROGRAM, ExplainRun, command_of
-from lidarcheck.tui.jobs.explained import CaseState, case_files, look_at, ready
+from lidarcheck.tui.jobs.explain_cases import CaseState, case_files, look_at, make_results_directory
+from lidarcheck.tui.jobs.explain_process import PROGRAM, ExplainProcess, command_of
 from lidarcheck.tui.screens.explain.accept import Adopting
-from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, heard_lines, step_lines
+from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, found_lines, step_lines
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import AskText
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
@@ -60,7 +60,7 @@ class Explain(Adopting):
         self.cases: list[CaseState] = []
         self.at = 0
         self.part = 0
-        self.run: ExplainRun | None = None
+        self.run: ExplainProcess | None = None
         self.of: CaseState | None = None
         self.looks = 0
         self._waits = False
@@ -135,8 +135,8 @@ class Explain(Adopting):
         title = f"Cases: {len(self.cases)}; {self._how()}" if self.cases else "Cases"
         self.query_one("#cases", Lines).show(shown, title=title, cursor=self.at if self.cases else None)
         if self.run is not None:
-            title = f"Steps: {far_in_words(self.run.heard)}"
-            self.query_one("#steps", Lines).show(step_lines(self.run.heard), title=title)
+            title = f"Steps: {far_in_words(self.run.progress)}"
+            self.query_one("#steps", Lines).show(step_lines(self.run.progress), title=title)
         self._draw_answer(self.chosen)
 
     def _how(self) -> str:
@@ -146,7 +146,7 @@ class Explain(Adopting):
     def _line(self, number: int, case: CaseState) -> Line:
         pointer = ">" if number == self.at else " "
         runs = self.run is not None and self.of is not None and case.path == self.of.path
-        state = f"running, {100.0 * self.run.heard.part:.0f} %" if runs and self.run else case.state
+        state = f"running, {100.0 * self.run.progress.part:.0f} %" if runs and self.run else case.state
         role = "bad" if case.fault else "edited" if runs else "text"
         return ((f"{pointer}{case.name:34} ", "text"), (state, "bad" if role == "bad" else "text"))
 
@@ -156,7 +156,7 @@ class Explain(Adopting):
         if case is None:
             return {"": []}
         if self.run is not None and self.of is not None and case.path == self.of.path:
-            return {"found so far": heard_lines(self.run.heard, width)}
+            return {"found so far": found_lines(self.run.progress, width)}
         if case.fault:
             return {"fault": hanging(self.host.inside(case.fault), width, "bad")}
         if case.found is None:
@@ -169,7 +169,7 @@ class Explain(Adopting):
         self.part %= len(parts)
         name = list(parts)[self.part]
         of = f" {self.part + 1}/{len(parts)}" if len(parts) > 1 else ""
-        # What is heard grows: its end is seen, until somebody reads in it.
+        # What is found grows: its end is seen, until somebody reads in it.
         last = len(parts[name]) - 1 if "found so far" in parts and not pane.has_focus else None
         pane.show(parts[name], title=f"Answer{of}: {name}" if case else "Answer", cursor=last)
 
@@ -214,13 +214,13 @@ class Explain(Adopting):
         host = self.host  # a view that was taken down does not find its app any more
         soon = host.soon
         try:
-            out = ready(host.project.root, case.path)
+            out = make_results_directory(host.project.root, case.path)
             how = {name: self._option(name) for name in ("seed", "exclude")}
-            self.run = ExplainRun(
+            self.run = ExplainProcess(
                 command_of(case.path, out, **how, program=self.program),
-                told=lambda: soon(self._told),
-                note=lambda text: soon(host.note, text, text.startswith("error")),
-                ended=lambda code: soon(self._ended, code),
+                on_progress=lambda: soon(self._progressed),
+                on_line=lambda text: soon(host.note, text, text.startswith("error")),
+                on_end=lambda code: soon(self._ended, code),
             )
         except LidarcheckError as error:
             self.say(error)
@@ -230,18 +230,18 @@ class Explain(Adopting):
         self.say(f"explaining {case.name}; x stops it")
         self.draw()
 
-    def _told(self) -> None:
+    def _progressed(self) -> None:
         """Something new: of the steps, or what was found. It is shown a few times a second at most."""
         if not self._waits:
             self._waits = True
-            self.set_timer(_EVERY_S, self._show_told)
+            self.set_timer(_EVERY_S, self._show_progress)
 
-    def _show_told(self) -> None:
+    def _show_progress(self) -> None:
         self._waits = False
         if self.run is None or self.of is None:
             return
         self.progress(
-            f"explain {self.of.name}: {self.run.heard.now or 'starting'} {far_in_words(self.run.heard)}{STOPS}"
+            f"explain {self.of.name}: {self.run.progress.now or 'starting'} {far_in_words(self.run.progress)}{STOPS}"
         )
         if self.is_on_screen:
             self.draw()
@@ -250,15 +250,15 @@ class Explain(Adopting):
         """The process has ended: what it left is read."""
         if self.run is None or self.of is None:
             return
-        heard, case, self.run = self.run.heard, self.of, None
+        progress, case, self.run = self.run.progress, self.of, None
         self.progress("")
-        if code != 0 and heard.fault:
-            self._faults[case.path] = heard.fault
+        if code != 0 and progress.fault:
+            self._faults[case.path] = progress.fault
         self.project_changed()
         if code == 0:
             self.say(f"{case.name}: explained")
-        elif heard.fault:
-            self.say(f"{case.name}: {heard.fault}", bad=True)
+        elif progress.fault:
+            self.say(f"{case.name}: {progress.fault}", bad=True)
         else:
             self.say(f"{case.name}: stopped; what was done is kept, and r goes on from there")
         self.draw()

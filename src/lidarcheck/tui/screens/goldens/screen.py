@@ -17,7 +17,7 @@ from lidarcheck.formats.table import counted
 from lidarcheck.harness.review.review import ReviewReport, review
 from lidarcheck.harness.review.wording import objections
 from lidarcheck.tui.host import STOPS
-from lidarcheck.tui.jobs.checks import Cancelled
+from lidarcheck.tui.jobs.job import Cancelled
 from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
 from lidarcheck.tui.screens.goldens.accept import Accepting
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
@@ -62,7 +62,7 @@ class Goldens(Accepting):
         self.running = False
         self.looks = 0
         self._stop = threading.Event()
-        self._told = 0.0
+        self._shown_s = 0.0
 
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one, and what speaks against them."""
@@ -233,15 +233,15 @@ class Goldens(Accepting):
         threading.Thread(target=self._run, args=(self.host.soon, groups, names), name="review", daemon=True).start()
 
     def _run(self, soon: Callable[..., object], groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
-        def told(done: int, total: int, now: str) -> None:
+        def on_progress(done: int, total: int, now: str) -> None:
             soon(self._progress, done, total, now)
 
-        def found(paths: Sequence[Path], result: ReviewReport | LidarcheckError) -> None:
+        def on_result(paths: Sequence[Path], result: ReviewReport | LidarcheckError) -> None:
             soon(self._found, paths, result, names)
 
         how = "the review has ended"
         try:
-            run_reviews(groups, review=self.review, told=told, found=found, stop=self._stop)
+            run_reviews(groups, review=self.review, on_progress=on_progress, on_result=on_result, stop=self._stop)
         except Cancelled:
             how = "the review was stopped"
         except Exception as error:  # noqa: BLE001 - a fault in a review must not take an editor with it
@@ -251,8 +251,8 @@ class Goldens(Accepting):
     def _progress(self, done: int, total: int, now: str) -> None:
         """Progress, at most four times a second."""
         moment = time.monotonic()
-        if self.running and moment - self._told > 0.25:
-            self._told = moment
+        if self.running and moment - self._shown_s > 0.25:
+            self._shown_s = moment
             self.progress(f"review {done}/{total}: {now}{STOPS}")
 
     def _found(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.actions import command_of
-from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import line

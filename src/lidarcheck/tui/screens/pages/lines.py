@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from lidarcheck.tui.jobs.jobs import Job
+from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.widgets.lines import Line, line, printable, wrapped
 from lidarcheck.tui.widgets.themes import Role
 

@@ -10,7 +10,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from lidarcheck.tui.jobs.jobs import Computed, Job
+from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.pages.export import Exports
 from lidarcheck.tui.screens.pages.lines import (
     figure_lines,

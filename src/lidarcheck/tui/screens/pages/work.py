@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.host import STOPS, Host
-from lidarcheck.tui.jobs.jobs import Cancelled, Computed, Job, Pages, computed
+from lidarcheck.tui.jobs.job import Cancelled, Computed, Job, Pages, computed
 from lidarcheck.tui.screens.shared.view import View
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PageWork"]
 
-_TELL_S = 0.25
+_EVERY_S = 0.25
 
 
 class PageWork(View):
@@ -71,14 +71,14 @@ class PageWork(View):
 
     def _compute(self, host: Host, job: Job, key: Hashable, stop: threading.Event) -> None:
         """In a thread. A fault in a computation must not take the interface with it."""
-        told = 0.0
+        shown_s = 0.0
 
         def on_progress(done: int, of: int, now: str) -> None:
-            nonlocal told
+            nonlocal shown_s
             if stop.is_set():
                 raise Cancelled
-            if time.monotonic() - told > _TELL_S:
-                told = time.monotonic()
+            if time.monotonic() - shown_s > _EVERY_S:
+                shown_s = time.monotonic()
                 count = f" {done}/{of}" if of > 1 else ""
                 host.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
 

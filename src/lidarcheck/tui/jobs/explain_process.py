@@ -1,4 +1,4 @@
-"""`lidarcheck explain` in a process of its own: starting it, hearing how far it is and what it finds, stopping it.
+"""`lidarcheck explain` in a process of its own: starting it, reading how far it is and what it finds, stopping it.
 
 The process is in a session of its own: a lost connection does not end it, and what it finds is there at the next start.
 """
@@ -19,7 +19,7 @@ from typing import Any
 
 from lidarcheck.errors import InputError
 
-__all__ = ["PROGRAM", "ExplainRun", "Heard", "command_of"]
+__all__ = ["PROGRAM", "ExplainProcess", "ExplainProgress", "command_of"]
 
 PROGRAM = (sys.executable, "-m", "lidarcheck")
 _KEPT_LINES = 200
@@ -34,7 +34,7 @@ def command_of(
 
 
 @dataclass
-class Heard:
+class ExplainProgress:
     """What the process has said. `steps`: how far each is, (done, of); `found`: steps' words; `said`: other lines."""
 
     steps: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -48,22 +48,22 @@ class Heard:
     def take(self, line: str) -> bool:
         """A line of the process; whether it was about its progress."""
         try:
-            told = json.loads(line)
-            if "steps" in told:
-                self.steps = {str(name): (0, 0) for name in told["steps"]}
-            elif "found" in told:
-                self.found.append((str(told["step"]), str(told["found"])))
+            message = json.loads(line)
+            if "steps" in message:
+                self.steps = {str(name): (0, 0) for name in message["steps"]}
+            elif "found" in message:
+                self.found.append((str(message["step"]), str(message["found"])))
             else:
-                self._far(told)
+                self._far(message)
         except (ValueError, TypeError, KeyError):
             self.said = [*self.said, line][-_KEPT_LINES:]
             return False
         return True
 
-    def _far(self, told: dict[str, Any]) -> None:
-        name, done, of = str(told["step"]), int(told["done"]), int(told["of"])
-        left = told["left_s"]
-        self.part, self.elapsed_s = float(told["part"]), float(told["elapsed_s"])
+    def _far(self, message: dict[str, Any]) -> None:
+        name, done, of = str(message["step"]), int(message["done"]), int(message["of"])
+        left = message["left_s"]
+        self.part, self.elapsed_s = float(message["part"]), float(message["elapsed_s"])
         self.left_s = None if left is None else float(left)
         if name != self.now:
             names = list(self.steps)
@@ -95,23 +95,23 @@ def _interruptible() -> Iterator[None]:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-class ExplainRun:
+class ExplainProcess:
     """A process that explains a case; its calls come from another thread.
 
-    `told`: there is something new; `note`: a line that is not about progress; `ended`:
-    the exit code.
+    `on_progress`: there is something new in `progress`; `on_line`: a line that is not about progress; `on_end`: the
+    exit code.
     """
 
     def __init__(
         self,
         command: Sequence[str],
         *,
-        told: Callable[[], object],
-        note: Callable[[str], object],
-        ended: Callable[[int], object],
+        on_progress: Callable[[], object],
+        on_line: Callable[[str], object],
+        on_end: Callable[[int], object],
     ) -> None:
-        self.heard = Heard()
-        self._told, self._note, self._ended = told, note, ended
+        self.progress = ExplainProgress()
+        self._on_progress, self._on_line, self._on_end = on_progress, on_line, on_end
         self._stopping = False
         try:
             with _interruptible():
@@ -149,7 +149,7 @@ class ExplainRun:
         assert self._process.stderr is not None
         with self._process.stderr as stream:
             for line in stream:
-                if not self.heard.take(line.rstrip("\n")):
-                    self._note(line.rstrip("\n"))
-                self._told()
-        self._ended(self._process.wait())
+                if not self.progress.take(line.rstrip("\n")):
+                    self._on_line(line.rstrip("\n"))
+                self._on_progress()
+        self._on_end(self._process.wait())

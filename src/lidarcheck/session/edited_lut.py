@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 
 from lidarcheck.calibration.blooming.lut_edit import LutChange, changes, set_rows, shifted, smoothed
 from lidarcheck.formats.lut import Axis, LutFile, load_lut, parse_lut
-from lidarcheck.session.file_session import ChangedOnDisk, FileSession
+from lidarcheck.session.edited_file import EditedFile
 
-__all__ = ["ChangedOnDisk", "LutSession"]
+__all__ = ["EditedLut"]
 
 
-class LutSession(FileSession[LutFile]):
+class EditedLut(EditedFile[LutFile]):
     """A LUT file, edited."""
 
     def set(self, axis: Axis, rows: Sequence[int], value: str) -> bool:

@@ -15,9 +15,9 @@ from lidarcheck.formats.table import counted
 from lidarcheck.session.history import Edit, History, edit_between
 from lidarcheck.session.journal import Journal, Record, read_journal
 from lidarcheck.session.lock import FileLock
-from lidarcheck.session.places import key_of, private_directory, sha256
+from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 
-__all__ = ["ChangedOnDisk", "FileSession", "journal_of"]
+__all__ = ["ChangedOnDisk", "EditedFile", "journal_of"]
 
 _ABANDONED_S = 60.0
 
@@ -37,7 +37,7 @@ class Content(Protocol):
 T = TypeVar("T", bound=Content)
 
 
-class FileSession(Generic[T]):
+class EditedFile(Generic[T]):
     """A file, edited. `current` is what is shown, `saved` what the edits differ from.
 
     Every edit is in the journal before it counts. Where another process edits the file, or nothing can be kept beside
@@ -83,8 +83,8 @@ class FileSession(Generic[T]):
     def _claim(self) -> None:
         """Take the lock and look for a journal; else say in `read_only` why there is no editing."""
         try:
-            directory = private_directory(self._root)
-            self._lock = self._lock or FileLock(directory / f"{key_of(self.path)}.lock")
+            directory = make_own_directory(self._root)
+            self._lock = self._lock or FileLock(directory / f"{file_key(self.path)}.lock")
             self._journal = Journal(journal_of(self.path, self._root))
             if not self._lock.take():
                 self.read_only = f"{self.path.name} is being edited by {self._lock.holder()}; it can be seen only"
@@ -170,7 +170,7 @@ class FileSession(Generic[T]):
 
     def _hash_of_saved(self) -> str:
         """The hash of the file that the edits began from; empty where there was none."""
-        return sha256(_bytes(self.saved))
+        return content_hash(_bytes(self.saved))
 
     def changed_on_disk(self) -> bool:
         """Whether the file is no longer what was read or saved last."""
@@ -178,7 +178,7 @@ class FileSession(Generic[T]):
 
     def _disk_hash(self) -> str:
         try:
-            return sha256(self.path.read_bytes())
+            return content_hash(self.path.read_bytes())
         except OSError:
             return ""
 
@@ -196,7 +196,7 @@ class FileSession(Generic[T]):
 
     def _mark_saved(self) -> None:
         self.saved = self.current
-        self._seen = sha256(self.content)
+        self._seen = content_hash(self.content)
         assert self._journal is not None
         # The file is in its place: a journal that cannot be told so is recognised by the file's hash.
         with contextlib.suppress(InputError):
@@ -222,7 +222,7 @@ class FileSession(Generic[T]):
         """Find edits of an earlier session that the file lacks; a journal without any is removed."""
         try:
             records = read_journal(journal.path)
-            if len(records) > 1 and sha256(_replay(records, self.path)[0]) != self._seen:
+            if len(records) > 1 and content_hash(_replay(records, self.path)[0]) != self._seen:
                 self._parse(_replay(records, self.path)[0])
                 self.found = records
         except LidarcheckError as error:
@@ -271,7 +271,7 @@ class FileSession(Generic[T]):
 
 def journal_of(path: Path, root: Path) -> Path:
     """Where the journal of a file lies, whether there is one or not."""
-    return root / ".lidarcheck" / "tui" / f"{key_of(path)}.journal"
+    return own_directory(root) / f"{file_key(path)}.journal"
 
 
 def _bytes(held: Content) -> bytes:

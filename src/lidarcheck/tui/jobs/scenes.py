@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.models import which_model
-from lidarcheck.session.naming import ideal_of, measured_in, partner_of
+from lidarcheck.session.model_choice import which_model
+from lidarcheck.session.pairing import ideal_of, measured_in, partner_of
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.model import Model

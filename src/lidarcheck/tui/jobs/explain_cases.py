@@ -16,10 +16,20 @@ from lidarcheck.explain.report.load import changed_since, load_explanation
 from lidarcheck.explain.report.model_diff import model_diff, rewritten_text
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.model.files.model_file import load_model
-from lidarcheck.session.places import key_of, private_directory, sha256
+from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 from lidarcheck.session.project import Project
 
-__all__ = ["Adoption", "CaseState", "adoption", "case_files", "look_at", "place_of", "take_back", "take_over"]
+__all__ = [
+    "Adoption",
+    "CaseState",
+    "adoption",
+    "case_files",
+    "look_at",
+    "make_results_directory",
+    "results_directory",
+    "take_back",
+    "take_over",
+]
 
 _TAKEN = "accepted.json"
 
@@ -61,16 +71,16 @@ def case_files(project: Project) -> list[Path]:
     return [entry.path for entry in project.of("case", sound=False)]
 
 
-def place_of(root: Path, case: Path) -> Path:
+def results_directory(root: Path, case: Path) -> Path:
     """Where the results of a case are kept in the project."""
     named = case.absolute().parent if case.name == CASE_FILE else case
-    return root / ".lidarcheck" / "tui" / "explain" / key_of(named)
+    return own_directory(root) / "explain" / file_key(named)
 
 
-def ready(root: Path, case: Path) -> Path:
-    """The same, its directory made; `InputError` where that cannot be."""
-    out = place_of(root, case)
-    private_directory(root)
+def make_results_directory(root: Path, case: Path) -> Path:
+    """The same, the directory around it made; `InputError` where that cannot be."""
+    out = results_directory(root, case)
+    make_own_directory(root)
     try:
         out.parent.mkdir(exist_ok=True)
     except OSError as error:
@@ -81,7 +91,7 @@ def ready(root: Path, case: Path) -> Path:
 
 def look_at(root: Path, case: Path) -> CaseState:
     """A case with what an earlier run has left; a fault is in it."""
-    out, name = place_of(root, case), case.relative_to(root)
+    out, name = results_directory(root, case), case.relative_to(root)
     shown = name.parent.as_posix() if case.name == CASE_FILE and name.parent != Path() else name.as_posix()
     try:
         model = case_model(case)
@@ -140,7 +150,7 @@ def take_over(state: CaseState, change: Adoption) -> None:
     now = _text_of(change.target) if change.target.exists() else None
     if now != change.before:
         raise UsageError(f"{change.target} has changed meanwhile", fix="look at the difference again")
-    record = {"target": str(change.target), "before": change.before, "after": sha256(change.text.encode())}
+    record = {"target": str(change.target), "before": change.before, "after": content_hash(change.text.encode())}
     write_text(state.out / _TAKEN, json.dumps(record) + "\n")
     write_text(change.target, change.text)
 
@@ -152,7 +162,7 @@ def take_back(state: CaseState) -> Path:
         target, before, after = Path(record["target"]), record["before"], record["after"]
     except (OSError, ValueError, KeyError, TypeError):
         raise UsageError("nothing was accepted here", fix="there is nothing to take back") from None
-    if not target.is_file() or sha256(target.read_bytes()) != after:
+    if not target.is_file() or content_hash(target.read_bytes()) != after:
         fix = "compare it with version control; what was there before is kept"
         raise UsageError(f"{target} has changed since it was accepted", fix=f"{fix} in {state.out / _TAKEN}")
     if before is None:

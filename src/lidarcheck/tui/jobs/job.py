@@ -1,4 +1,4 @@
-"""What a screen of pages can show: something to compute from files of the project, its page, and where it stands."""
+"""A job of a screen of pages: something to compute from files of the project, its page, and the pages that are kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["Cancelled", "Computed", "Job", "Pages", "ProgressCallback", "computed", "state_of"]
 
 ProgressCallback = Callable[[int, int, str], object]
-"""Hears (done, of, what now); raises `Cancelled` when nobody waits any more."""
+"""Gets (done, of, what now); raises `Cancelled` when nobody waits any more."""
 
 _MOST_PAGES = 12
 

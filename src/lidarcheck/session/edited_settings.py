@@ -28,17 +28,17 @@ from lidarcheck.formats.settings import (
     settings_name,
 )
 from lidarcheck.sensor import VARIANTS
-from lidarcheck.session.file_session import FileSession, journal_of
+from lidarcheck.session.edited_file import EditedFile, journal_of
 
 if TYPE_CHECKING:
     from lidarcheck.session.project import Project
 
-__all__ = ["SettingsSession", "left_behind", "settings_path"]
+__all__ = ["EditedSettings", "left_behind", "settings_path"]
 
 _AXES: tuple[Axis, Axis] = ("vertical", "horizontal")
 
 
-class SettingsSession(FileSession[Settings]):
+class EditedSettings(EditedFile[Settings]):
     """A settings file, edited; where there is none the edits begin with the defaults, and saving makes it."""
 
     NOUN = "value"

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.models import likely_model, which_model
-from lidarcheck.session.naming import (
+from lidarcheck.session.model_choice import likely_model, which_model
+from lidarcheck.session.pairing import (
     Labels,
     is_simulated,
     labels_of,
@@ -17,7 +17,7 @@ from lidarcheck.session.naming import (
     partner_of,
 )
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.jobs import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import VehicleComparison

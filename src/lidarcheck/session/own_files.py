@@ -8,33 +8,38 @@ from pathlib import Path
 
 from lidarcheck.errors import InputError
 
-__all__ = ["key_of", "private_directory", "sha256"]
+__all__ = ["content_hash", "file_key", "make_own_directory", "own_directory"]
 
 
-def private_directory(root: Path) -> Path:
-    """`.lidarcheck/tui/` of a project, made if need be; `InputError` where that cannot be."""
-    directory = root / ".lidarcheck"
+def own_directory(root: Path) -> Path:
+    """`.lidarcheck/tui/` of a project, whether it is there or not."""
+    return root / ".lidarcheck" / "tui"
+
+
+def make_own_directory(root: Path) -> Path:
+    """The same, made if need be; `InputError` where that cannot be."""
+    directory = own_directory(root)
     try:
-        for made in (directory, directory / "tui"):  # and not the project's own, where somebody has removed it
+        for made in (directory.parent, directory):  # and not the project's own, where somebody has removed it
             made.mkdir(exist_ok=True)
     except OSError as error:
         fix = "what is edited would not survive a crash: make the project's directory writable"
-        raise InputError(f"cannot make the directory: {error.strerror}", file=directory / "tui", fix=fix) from error
-    ignore = directory / ".gitignore"
+        raise InputError(f"cannot make the directory: {error.strerror}", file=directory, fix=fix) from error
+    ignore = directory.parent / ".gitignore"
     if not ignore.exists():
         from lidarcheck.formats.atomic import write_text
 
         write_text(ignore, "*\n")
-    return directory / "tui"
+    return directory
 
 
-def key_of(path: Path) -> str:
+def file_key(path: Path) -> str:
     """A short name for a file, the same however its path was spelled."""
     real = os.path.realpath(path)
     stem = "".join(letter if letter.isprintable() else "_" for letter in path.stem[:24])
     return f"{stem}-{hashlib.sha256(os.fsencode(real)).hexdigest()[:12]}"
 
 
-def sha256(content: bytes) -> str:
-    """A content's hash."""
+def content_hash(content: bytes) -> str:
+    """A content's SHA-256, in hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,146 @@
+"""What is looked at on the right side of Blooming: which datasets, with which model and target, and which feature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lidarcheck.errors import LidarcheckError
+from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, variant_of
+from lidarcheck.tui.screens.blooming.draw import FEATURES
+from lidarcheck.tui.screens.blooming.settings import SettingsEditor
+from lidarcheck.tui.screens.blooming.table import TableEditor
+from lidarcheck.tui.screens.shared.view import View
+
+__all__ = ["Selection"]
+
+
+class Selection:
+    """Indices into what there is; what the user chose is kept for the next start.
+
+    `four`: all features of one distance are shown, not one feature at several distances. `across`: how many distances
+    there is room for. `material`: the target's, None for the only retro-reflector there is.
+    """
+
+    def __init__(self, view: View, table: TableEditor, settings: SettingsEditor) -> None:
+        self.view, self._table, self._settings = view, table, settings
+        self.opened = False
+        self.datasets: list[Dataset] = []
+        self.dataset = 0
+        self.feature = 0
+        self.four = False
+        self.across = 1
+        self.material: int | None = None
+        self.model: Path | None = None
+
+    def find(self) -> None:
+        """Datasets of the table's direction, the model, and its settings; nothing before the screen was `opened`."""
+        if not self.opened:
+            return
+        project, selected = self.view.host.project, self.view.host.state.selected
+        self.datasets = datasets_of(project, self._table.axis)
+        names = [dataset.name for dataset in self.datasets]
+        wanted = selected.get("dataset", "")
+        self.dataset = names.index(wanted) if wanted in names else 0
+        self.feature = min(int(number) if (number := selected.get("feature", "")).isdigit() else 0, len(FEATURES) - 1)
+        models = [entry.name for entry in project.of("model")]
+        model = selected.get("model", "")
+        model = model if model in models else self._likely(models)
+        self.model = next((entry.path for entry in project.of("model") if entry.name == model), None)
+        self._find_settings()
+
+    def _likely(self, models: list[str]) -> str:
+        """Of the models that have a retro-reflector the one whose variant the settings are for, else the first."""
+        paths = {entry.name: entry.path for entry in self.view.host.project.of("model")}
+        able = [name for name in models if _retros(paths[name])]
+        names = " ".join(entry.name.upper() for entry in self.view.host.project.of("settings"))
+        alike = [name for name in able if any(v in names and v in name.upper() for v in ("SLIM", "SMART"))]
+        return next(iter([*alike, *able, *models]), "")
+
+    def _find_settings(self) -> None:
+        variant = ""
+        if self.model is not None:
+            try:
+                variant = variant_of(self.model)
+            except LidarcheckError as error:
+                self.view.say(error)
+        self._settings.find(variant, self._table.axis)
+
+    # The next one; whether there is one
+
+    def next_dataset(self, by: int) -> bool:
+        """The next distance; what was read before is there at once."""
+        if not self.datasets:
+            self.view.say("no measurement in this project shows this table's axis")
+            return False
+        self.dataset = (self.dataset + by) % len(self.datasets)
+        self.view.host.state.selected["dataset"] = self.datasets[self.dataset].name
+        return True
+
+    def next_model(self) -> bool:
+        """The next model."""
+        models = self.view.host.project.of("model")
+        if not models:
+            self.view.say("there is no model in this project")
+            return False
+        paths = [entry.path for entry in models]
+        at = (paths.index(self.model) + 1) % len(paths) if self.model in paths else 0
+        self.model, self.material = paths[at], None
+        self.view.host.state.selected["model"] = models[at].name
+        self.view.say(f"model: {models[at].name}")
+        self._find_settings()
+        return True
+
+    def next_target(self) -> bool:
+        """The next retro-reflecting material."""
+        retros = _retros(self.model) if self.model else []
+        if not retros:
+            self.view.say("the model has no retro-reflector")
+            return False
+        at = (retros.index(self.material) + 1) % len(retros) if self.material in retros else min(1, len(retros) - 1)
+        self.material = retros[at]
+        self.view.say(f"target: material {self.material} of {', '.join(map(str, retros))}")
+        return True
+
+    def next_feature(self) -> bool:
+        """AREA, PEAK, WIDTH, range."""
+        if self.four:
+            self.view.say("all four are shown; V goes back to one of them")
+            return False
+        self.feature = (self.feature + 1) % len(FEATURES)
+        self.view.host.state.selected["feature"] = str(self.feature)
+        return True
+
+    # What is seen
+
+    @property
+    def current(self) -> Dataset | None:
+        """The dataset that n and p go on from."""
+        return self.datasets[self.dataset] if self.datasets else None
+
+    def tiles(self) -> list[tuple[int, int]]:
+        """(dataset, feature) of each pane that is seen."""
+        if self.four:
+            return [(self.dataset, feature) for feature in range(len(FEATURES))]
+        number = max(min(self.across, len(self.datasets)), 1)
+        first = max(min(self.dataset, len(self.datasets) - number), 0)
+        return [(first + i, self.feature) for i in range(number)]
+
+    def choice(self, dataset: int) -> Choice | None:
+        """What a dataset is looked at with; None without datasets or a model."""
+        if not self.datasets or self.model is None or not self.opened:
+            return None
+        one = self.datasets[dataset]
+        settings = self._settings.in_force() if one.by_settings else None
+        return Choice(one, self.model, self._table.axis, settings, self.material)
+
+    def choices(self) -> list[Choice]:
+        """Those of all panes, each once."""
+        seen = (self.choice(dataset) for dataset in dict.fromkeys(dataset for dataset, _ in self.tiles()))
+        return [choice for choice in seen if choice is not None]
+
+
+def _retros(model: Path) -> list[int]:
+    try:
+        return retros_of(model)
+    except LidarcheckError:
+        return []
