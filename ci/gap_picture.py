@@ -29,7 +29,7 @@ MEASURED, BEFORE, AFTER, FLOOR = "#1f2328", "#b4540a", "#0b62c4", "#8c959f"
 FEATURES = {
     "range": "range", "area": "AREA", "peak": "PEAK", "width": "WIDTH", "detected": "detected", "other": "other echoes",
 }  # fmt: skip
-FEWEST = 30
+FEWEST = 60
 """So many echoes make a median worth drawing."""
 FloatArray = npt.NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def medians(frames: list[tuple[IdealScan, Scan]], edges: FloatArray) -> FloatArr
 def draw_ranges(axes: Axes, case: Case, found: Model, verify: list[int]) -> None:
     """How far ranges are off over AREA, on the frames that no fit has seen."""
     frames = [frame for frame in case.frames if frame.number in verify]
-    edges = np.geomspace(20.0, 5000.0, 19)
+    edges = np.geomspace(60.0, 4500.0, 16)
     middle = np.sqrt(edges[:-1] * edges[1:])
     sides: dict[str, tuple[str, Model | None]] = {
         "measured": (MEASURED, None), "model before": (BEFORE, case.model), "model after": (AFTER, found),
@@ -70,7 +70,7 @@ def draw_ranges(axes: Axes, case: Case, found: Model, verify: list[int]) -> None
         axes.plot(middle, y, line, color=colour, label=name, markersize=4, linewidth=1.6)
     axes.set_xscale("log")
     axes.set_xlabel("AREA of the echo")
-    axes.set_ylabel("measured range − true range [cm]")
+    axes.set_ylabel("range − true range, median [cm]")
     axes.set_title("The model's ranges are off …", loc="left")
     axes.legend(frameon=False)
 
@@ -86,7 +86,7 @@ def draw_gap(axes: Axes, report: dict[str, Any]) -> None:
         axes.plot([values["floor"]] * 2, [i - 0.38, i + 0.38], color=FLOOR, label="floor: chance" if i == 0 else None)
     axes.set_yticks(range(len(rows)), list(rows))
     axes.invert_yaxis()
-    axes.set_xlabel("distance of measured and simulated echoes [standard deviations]")
+    axes.set_xlabel("distance from the measurement [sd of one beam]")
     axes.set_title(f"… {words(report)}", loc="left")
     axes.legend(frameon=False, loc="lower right")
 
