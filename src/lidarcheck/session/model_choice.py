@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lidarcheck.session.project import Entry, Project
 
-__all__ = ["NONE", "chosen_model", "likely_model", "next_model", "which_model"]
+__all__ = ["NONE", "chosen_model", "likely_model", "model_after", "which_model"]
 
 NONE = "-"
 """Kept in the state for the choice of no model."""
@@ -42,7 +42,7 @@ def which_model(models: Sequence[Entry]) -> str:
     )
 
 
-def next_model(project: Project, now: Entry | None) -> str:
+def model_after(project: Project, now: Entry | None) -> str:
     """The name of the model after this one; `NONE` after the last."""
     names = [*(entry.name for entry in project.of("model")), NONE]
     at = names.index(now.name) if now is not None and now.name in names else len(names) - 1

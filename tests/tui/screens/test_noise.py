@@ -7,7 +7,7 @@ import pytest
 
 import panel_halls as ph
 from hidden.places import PANEL_10, PANEL_50, PANEL_80
-from lidarcheck.session.model_choice import NONE, chosen_model, likely_model, next_model, which_model
+from lidarcheck.session.model_choice import NONE, chosen_model, likely_model, model_after, which_model
 from lidarcheck.session.project import Entry, read_project
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.jobs import noise
@@ -121,8 +121,8 @@ def test_the_model_is_the_chosen_one_or_the_only_one(project, tmp_path):
     assert chosen_model(found, "", project / "hall").name == "hall/model.toml"
     assert chosen_model(found, "second.toml", project / "hall").name == "second.toml"
     assert chosen_model(found, NONE, project / "hall") is None
-    assert next_model(found, chosen_model(found, "second.toml", project)) == NONE
-    assert next_model(found, None) == "hall/model.toml"
+    assert model_after(found, chosen_model(found, "second.toml", project)) == NONE
+    assert model_after(found, None) == "hall/model.toml"
 
 
 def test_one_rule_for_the_model_that_is_meant():

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lidarcheck.effects import with_role
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.figures.data import Page, Section
 from lidarcheck.session.model_choice import chosen_model
@@ -22,9 +23,11 @@ if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["ALL", "FIT", "GhostPage", "SignScan", "ghost_jobs", "sign_model", "sign_scans"]
+__all__ = ["ALL", "FIT", "GHOST", "GhostPage", "SignScan", "ghost_jobs", "sign_model", "sign_scans"]
 
 ALL, FIT = "all datasets", "fit"
+GHOST = with_role("ghost").name
+"""The effect that is fitted."""
 _SIGN = re.compile(r"(?<![a-z])(?:sign|ghost)s?(?![a-z])", re.IGNORECASE)
 _NUMBER_AND_RANGE = re.compile(r"^(\d+)_\d+(?:\.\d+)?m(?![a-z])", re.IGNORECASE)
 _NOT = re.compile(r"_ghosts$|(?<![a-z])sim(?:ulated|ulation)?(?![a-z])", re.IGNORECASE)
@@ -128,7 +131,7 @@ def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
         fault = "a fit needs a model: m chooses one"
     elif not some:
         fault = "a fit needs ideal scans, and no dataset has one: 1_25m_ideal.txt belongs to 1_25m.txt"
-    words = f"retro_ghost to {len(some)} of {len(scans)} datasets, {model}"
+    words = f"{GHOST} to {len(some)} of {len(scans)} datasets, {model}"
     return Job(FIT, words, _files(some, given), partial(_fit_page, some, given), given, fault)
 
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.figures.data import Cloud, Distribution
-from lidarcheck.session.model_choice import NONE, next_model
-from lidarcheck.tui.jobs.ghosts import GhostPage, ghost_jobs, sign_model, sign_scans
+from lidarcheck.tui.jobs.ghosts import GHOST, GhostPage, ghost_jobs, sign_model, sign_scans
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
@@ -36,7 +35,7 @@ class Ghosts(PageView):
     EMPTY = "no scans of signs: called as 1_25m.txt, or with sign or ghost in their name or directory"
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "Datasets: scans called as 1_25m.txt, or with sign or ghost in their name or directory; all of them "
-        "together; and the fit of retro_ghost to those that have an ideal scan (1_25m_ideal.txt). m chooses the model "
+        f"together; and the fit of {GHOST} to those that have an ideal scan (1_25m_ideal.txt). m chooses the model "
         "that simulates the same, i the least AREA of a sign's echo. Enter or r computes; what was computed is kept.",
         "words": "What was found: counts, where the ghost stands, ghost over sign in count, AREA, PEAK, range and "
         "size, what each step holds. d writes signs and ghosts alone as PCD, of a fit the model.",
@@ -83,14 +82,8 @@ class Ghosts(PageView):
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, selected = self.host.project, self.host.state.selected
-        if not project.of("model"):
-            self.say("there is no model in the project")
-            return
-        now = sign_model(project, sign_scans(project), selected.get(_MODEL, ""))
-        name = selected[_MODEL] = next_model(project, now)
-        self.say("no model: real scans alone" if name == NONE else f"model: {name}; r computes with it")
-        self.project_changed()
+        project, chosen = self.host.project, self.host.state.selected.get(_MODEL, "")
+        self.next_model(_MODEL, sign_model(project, sign_scans(project), chosen), "real scans")
 
     def action_least(self) -> None:
         """Ask from what AREA on an echo is a sign's."""

@@ -8,7 +8,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from lidarcheck.session.model_choice import NONE, chosen_model, next_model
+from lidarcheck.session.model_choice import chosen_model
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.noise import NoisePage, halls_of, noise_jobs
 from lidarcheck.tui.screens.pages.lines import together
@@ -110,16 +110,10 @@ class Noise(PageView):
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, selected = self.host.project, self.host.state.selected
-        if not project.of("model"):
-            self.say("there is no model in the project")
-            return
+        project, chosen = self.host.project, self.host.state.selected.get(_MODEL, "")
         hall = next((hall for hall in halls_of(project) if self.job is not None and hall.name == self.job.name), None)
         beside, variant = (project.root, "") if hall is None else ((project.root / hall.name).parent, hall.variant)
-        selected[_MODEL] = next_model(project, chosen_model(project, selected.get(_MODEL, ""), beside, variant))
-        name = selected[_MODEL]
-        self.say("no model: real frames alone" if name == NONE else f"model: {name}; r computes with it")
-        self.project_changed()
+        self.next_model(_MODEL, chosen_model(project, chosen, beside, variant), "real frames")
 
 
 def _panel_lines(table: Table, at: int) -> list[Line]:

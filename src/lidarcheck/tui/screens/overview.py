@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from textual import work
 from textual.app import ComposeResult
-from textual.message import Message
 
 from lidarcheck.session.project import Entry
-from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, against, run_scenarios
-from lidarcheck.tui.jobs.job import Cancelled
+from lidarcheck.tui.jobs.job import ProgressCallback
+from lidarcheck.tui.screens.shared.background import StoppableRun
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, View, bindings
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, line
@@ -39,49 +38,30 @@ class Overview(View):
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
 
-    class Progressed(Message):
-        """How far a run is."""
-
-        def __init__(self, done: int, total: int, now: str) -> None:
-            super().__init__()
-            self.done, self.total, self.now = done, total, now
-
-    class Found(Message):
-        """A scenario has been run."""
-
-        def __init__(self, outcome: Outcome) -> None:
-            super().__init__()
-            self.outcome = outcome
-
-    class Ended(Message):
-        """A run has ended; `how` in words."""
-
-        def __init__(self, how: str) -> None:
-            super().__init__()
-            self.how = how
-
     def __init__(self, runs: Runs, check: Check | None = None) -> None:
         super().__init__(id=self.NAME)
         self.check = check
         self.runs = runs
         self.at = 0
         self.fallen_only = False
-        self.running = False
-        self._stop = threading.Event()
+        self._run = StoppableRun(self, "run", self._ended)
         self._entries: list[Entry] = []
         self._stale: dict[str, bool] = {}
-        self._shown_s = 0.0
 
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one below."""
         yield Lines("Scenarios", label="s", id="scenarios")
         yield Lines("KPIs", label="k", id="kpis", folds=True)
 
+    @property
+    def running(self) -> bool:
+        """Whether scenarios run."""
+        return self._run.running
+
     # What is shown
 
     def project_changed(self) -> None:
         """Show the new files, with the cursor on the one it was on."""
-        wanted = self.host.state.selected.get(self.NAME, "")
         faults = [entry for entry in self.host.project.faults if entry.kind != "scenario"]
         self._entries = [*self.host.project.of("scenario", sound=False), *faults]
         self._stale = {
@@ -89,8 +69,7 @@ class Overview(View):
             for entry in self._entries
             if entry.kind == "scenario" and (outcome := self.runs.last.get(name := entry.path.stem))
         }
-        names = [entry.name for entry in self.entries()]
-        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.at = self.cursor_again([entry.name for entry in self.entries()], self.at)
         self.draw()
 
     def entries(self) -> list[Entry]:
@@ -184,58 +163,29 @@ class Overview(View):
         self._start([entry.path for entry in self._entries if entry.kind == "scenario"])
 
     def _start(self, paths: list[Path]) -> None:
-        if self.running:
-            self.say("a run is going on; x stops it")
-        elif not paths:
+        if not paths and not self.running:
             self.say("there is no scenario to run here")
-        else:
-            self.running = True
-            self._stop.clear()
-            self._run(paths)
+            return
+        soon = self.host.soon
 
-    @work(thread=True, exclusive=True, group="runs", exit_on_error=False)
-    def _run(self, paths: list[Path]) -> None:
-        def on_progress(done: int, total: int, now: str) -> None:
-            self.post_message(self.Progressed(done, total, now))
+        def run(on_progress: ProgressCallback, stop: threading.Event) -> None:
+            found = partial(soon, self._found)
+            run_scenarios(paths, on_progress=on_progress, on_outcome=found, stop=stop, check=self.check)
 
-        how = "the run has ended"
-        try:
-            run_scenarios(
-                paths,
-                on_progress=on_progress,
-                on_outcome=lambda o: self.post_message(self.Found(o)),
-                stop=self._stop,
-                check=self.check,
-            )
-        except Cancelled:
-            how = "the run was stopped"
-        except Exception as error:  # noqa: BLE001 - a fault in a run must not take the editor with it
-            how = f"error: internal error in the run, {type(error).__name__}: {error}"
-        self.post_message(self.Ended(how))
+        self._run.start(run)
 
-    def on_overview_progressed(self, message: Progressed) -> None:
-        """Progress, at most four times a second."""
-        now = time.monotonic()
-        if self.running and (now - self._shown_s > 0.25 or message.done == 0):
-            self._shown_s = now
-            self.progress(f"run {message.done}/{message.total}: {message.now}{STOPS}")
-
-    def on_overview_found(self, message: Found) -> None:
+    def _found(self, outcome: Outcome) -> None:
         """An outcome."""
-        self.runs.add(message.outcome)
-        self._stale.pop(message.outcome.name, None)
+        self.runs.add(outcome)
+        self._stale.pop(outcome.name, None)
         self.draw()
 
-    def on_overview_ended(self, message: Ended) -> None:
-        """The end of a run."""
-        self.running = False
-        self.progress("")
-        self.say(message.how, bad=message.how.startswith("error"))
+    def _ended(self, how: str) -> None:
+        self.say(how or "the run has ended", bad=how.startswith("error"))
 
     def action_stop(self) -> None:
         """Stop the run."""
-        self._stop.set()
-        self.say("stopping after the seeds that run now" if self.running else "nothing runs")
+        self._run.stop()
 
     def action_only_fallen(self) -> None:
         """What fell out or has a fault, or everything again."""
@@ -249,4 +199,4 @@ class Overview(View):
 
     def closing(self) -> None:
         """Let a run end."""
-        self._stop.set()
+        self._run.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -19,6 +18,7 @@ from lidarcheck.tui.jobs.explain_cases import CaseState, case_files, look_at, ma
 from lidarcheck.tui.jobs.explain_process import PROGRAM, ExplainProcess, command_of
 from lidarcheck.tui.screens.explain.accept import Adopting
 from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, found_lines, step_lines
+from lidarcheck.tui.screens.shared.background import read_beside
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import AskText
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
@@ -80,18 +80,8 @@ class Explain(Adopting):
 
     def project_changed(self) -> None:
         """Look at the cases and at what earlier runs have left, beside the interface."""
-        host = self.host
-        root, paths = host.project.root, case_files(host.project)
-
-        def look() -> None:
-            try:
-                found = [look_at(root, path) for path in paths]
-            except (OSError, ValueError) as error:
-                host.soon(host.say, f"the cases cannot be read: {error}")
-                return
-            host.soon(self._looked, found)
-
-        threading.Thread(target=look, name="cases", daemon=True).start()
+        root, paths = self.host.project.root, case_files(self.host.project)
+        read_beside(self.host, "the cases", lambda: [look_at(root, path) for path in paths], self._looked)
 
     def action_look(self) -> None:
         """Look again, as if nothing had been refused."""
@@ -100,9 +90,7 @@ class Explain(Adopting):
 
     def _looked(self, found: Sequence[CaseState]) -> None:
         self.cases = [self._with_fault(case) for case in found]
-        names = [case.name for case in self.cases]
-        wanted = self.host.state.selected.get(self.NAME, "")
-        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.at = self.cursor_again([case.name for case in self.cases], self.at)
         self.looks += 1
         self.draw()
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,10 +15,10 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.harness.review.review import ReviewReport, review
 from lidarcheck.harness.review.wording import objections
-from lidarcheck.tui.host import STOPS
-from lidarcheck.tui.jobs.job import Cancelled
+from lidarcheck.tui.jobs.job import ProgressCallback
 from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
 from lidarcheck.tui.screens.goldens.accept import Accepting
+from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
@@ -59,10 +58,8 @@ class Goldens(Accepting):
         self.at = 0
         self.kpi_at = 0
         self.marked: set[str] = set()
-        self.running = False
         self.looks = 0
-        self._stop = threading.Event()
-        self._shown_s = 0.0
+        self._run = StoppableRun(self, "review", self._ended)
 
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one, and what speaks against them."""
@@ -74,22 +71,17 @@ class Goldens(Accepting):
         """What is wrapped is wrapped anew."""
         self.draw()
 
+    @property
+    def running(self) -> bool:
+        """Whether a review goes on."""
+        return self._run.running
+
     # What waits
 
     def project_changed(self) -> None:
         """Look at goldens and proposals, beside the interface."""
-        host = self.host
-        paths = [entry.path for entry in host.project.of("scenario")]
-
-        def look() -> None:
-            try:
-                found = [one for one in map(waiting, paths) if one is not None]
-            except (OSError, ValueError) as error:
-                host.soon(host.say, f"goldens cannot be read: {error}")
-                return
-            host.soon(self._looked, found)
-
-        threading.Thread(target=look, name="goldens", daemon=True).start()
+        paths = [entry.path for entry in self.host.project.of("scenario")]
+        read_beside(self.host, "goldens", lambda: [one for one in map(waiting, paths) if one is not None], self._looked)
 
     def opened(self) -> None:
         """A run may have left something since."""
@@ -105,9 +97,7 @@ class Goldens(Accepting):
         self.waiting = [
             said[one.path] if one.path in said and said[one.path].stamp == one.stamp else one for one in found
         ]
-        wanted = self.host.state.selected.get(self.NAME, "")
-        names = [one.name for one in self.waiting]
-        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.at = self.cursor_again([one.name for one in self.waiting], self.at)
         self.looks += 1
         self.draw()
 
@@ -225,35 +215,15 @@ class Goldens(Accepting):
 
     def start(self, groups: Sequence[Sequence[Path]], names: Sequence[str] | None = None) -> None:
         """Review groups of scenarios beside the interface; then, with `names`, ask whether these are accepted."""
-        if self.running:
-            self.say("a review is going on; x stops it")
-            return
-        self.running = True
-        self._stop.clear()
-        threading.Thread(target=self._run, args=(self.host.soon, groups, names), name="review", daemon=True).start()
+        soon = self.host.soon
 
-    def _run(self, soon: Callable[..., object], groups: Sequence[Sequence[Path]], names: Sequence[str] | None) -> None:
-        def on_progress(done: int, total: int, now: str) -> None:
-            soon(self._progress, done, total, now)
+        def run(on_progress: ProgressCallback, stop: threading.Event) -> None:
+            def on_result(paths: Sequence[Path], result: ReviewReport | LidarcheckError) -> None:
+                soon(self._found, paths, result, names)
 
-        def on_result(paths: Sequence[Path], result: ReviewReport | LidarcheckError) -> None:
-            soon(self._found, paths, result, names)
+            run_reviews(groups, review=self.review, on_progress=on_progress, on_result=on_result, stop=stop)
 
-        how = "the review has ended"
-        try:
-            run_reviews(groups, review=self.review, on_progress=on_progress, on_result=on_result, stop=self._stop)
-        except Cancelled:
-            how = "the review was stopped"
-        except Exception as error:  # noqa: BLE001 - a fault in a review must not take an editor with it
-            how = f"error: internal error in the review, {type(error).__name__}: {error}"
-        soon(self._ended, how)
-
-    def _progress(self, done: int, total: int, now: str) -> None:
-        """Progress, at most four times a second."""
-        moment = time.monotonic()
-        if self.running and moment - self._shown_s > 0.25:
-            self._shown_s = moment
-            self.progress(f"review {done}/{total}: {now}{STOPS}")
+        self._run.start(run)
 
     def _found(
         self, paths: Sequence[Path], result: ReviewReport | LidarcheckError, names: Sequence[str] | None
@@ -290,18 +260,15 @@ class Goldens(Accepting):
         self.at = paths.index(chosen) if chosen in paths else min(self.at, max(len(paths) - 1, 0))
 
     def _ended(self, how: str) -> None:
-        self.running = False
-        self.progress("")
-        if how != "the review has ended":
+        if how:
             self.say(how, bad=how.startswith("error"))
         elif not self.waiting:
             self.say("nothing to accept: all is as the goldens say")
 
     def action_stop(self) -> None:
         """Stop the review."""
-        self._stop.set()
-        self.say("stopping after the seeds that run now" if self.running else "nothing runs")
+        self._run.stop()
 
     def closing(self) -> None:
         """Let a review end."""
-        self._stop.set()
+        self._run.close()

@@ -10,6 +10,8 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
+from lidarcheck.session.model_choice import NONE, model_after
+from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.pages.export import Exports
 from lidarcheck.tui.screens.pages.lines import (
@@ -115,9 +117,7 @@ class PageView(PageWork):
     def project_changed(self) -> None:
         """List the jobs, with the cursor on the one it was on."""
         self.listed = self.jobs()
-        wanted = self.host.state.selected.get(self.NAME, "")
-        names = [job.name for job in self.listed]
-        self.at = names.index(wanted) if wanted in names else min(self.at, max(len(names) - 1, 0))
+        self.at = self.cursor_again([job.name for job in self.listed], self.at)
         self.draw()
 
     @property
@@ -177,6 +177,18 @@ class PageView(PageWork):
         if job is None:
             return wrapped(self.EMPTY, width, "dim")
         return no_page_lines(job, self.is_computing(job), self.fault_of(job), width)
+
+    def next_model(self, kept: str, now: Entry | None, alone: str) -> None:
+        """Simulate with the model after `now`, or with none, which leaves what `alone` says; `kept`: its name in the
+        state. What was computed with another one is kept.
+        """
+        project = self.host.project
+        if not project.of("model"):
+            self.say("there is no model in the project")
+            return
+        name = self.host.state.selected[kept] = model_after(project, now)
+        self.say(f"no model: {alone} alone" if name == NONE else f"model: {name}; r computes with it")
+        self.project_changed()
 
     # Actions
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar, cast
 
 from textual.binding import Binding, BindingType
@@ -59,6 +60,11 @@ class View(Vertical):
     def waited_for(self) -> str:
         """What the end of the process waits for; empty for nothing."""
         return ""
+
+    def cursor_again(self, names: Sequence[str], at: int) -> int:
+        """Where the cursor is in a list that was made anew: on the name that was selected last, else about at `at`."""
+        wanted = self.host.state.selected.get(self.NAME, "")
+        return names.index(wanted) if wanted in names else min(at, max(len(names) - 1, 0))
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""
