@@ -17,6 +17,7 @@ import dataclasses
 import difflib
 import functools
 import importlib
+import importlib.metadata
 import inspect
 import itertools
 import pkgutil
@@ -65,6 +66,7 @@ __all__ = [
     "list_parameter",
     "make",
     "parameter",
+    "plugins",
     "with_role",
 ]
 
@@ -228,15 +230,41 @@ def empirical_terms() -> Mapping[str, type[Effect]]:
 
 
 @functools.cache
+def plugins() -> tuple[object, ...]:
+    """What other packages bring: the modules, or what is in them, that their entry points `lidarcheck.effects` name.
+
+    `UsageError` for one that does not load.
+    """
+    found = []
+    for point in importlib.metadata.entry_points(group="lidarcheck.effects"):
+        try:
+            found.append(point.load())
+        except (ImportError, AttributeError) as error:
+            fix = "correct its entry point lidarcheck.effects, or uninstall the package that has it"
+            raise UsageError(f"the plugin {point.name} ({point.value}) does not load: {error}", fix=fix) from error
+    return tuple(found)
+
+
+@functools.cache
 def _found() -> Mapping[str, type[Effect]]:
-    """The effects of all files here by name, in the order of the light's way and then of their names."""
+    """The effects of all files here and of plugins by name, in the order of the light's way and then of their names."""
     found: dict[str, type[Effect]] = {}
     for room in ("lidarcheck.effects", "lidarcheck.effects.empirical"):
         for module in pkgutil.iter_modules(importlib.import_module(room).__path__):
-            for value in vars(importlib.import_module(f"{room}.{module.name}")).values():
-                if isinstance(value, type) and issubclass(value, Effect) and "name" in vars(value):
-                    found[value.name] = value
+            found |= _effects_in(importlib.import_module(f"{room}.{module.name}"))
+    for plugin in plugins():
+        more = _effects_in(plugin)
+        for name in more.keys() & found.keys():
+            raise UsageError(f"a plugin has an effect {name!r}, as lidarcheck itself has", fix="give it another name")
+        found |= more
     return dict(sorted(found.items(), key=lambda item: (STAGES.index(item[1].stage), item[0])))
+
+
+def _effects_in(thing: object) -> dict[str, type[Effect]]:
+    """The effects that a module has, or the one that an object is, by name."""
+    values = [*vars(thing).values()] if inspect.ismodule(thing) else [thing]
+    classes = (value for value in values if isinstance(value, type) and issubclass(value, Effect))
+    return {value.name: value for value in classes if "name" in vars(value)}
 
 
 def find(name: str) -> type[Effect]:

@@ -27,6 +27,7 @@ class Boresight(AimEffect):
     """
 
     name = "boresight"
+    role = "pose"
 
     yaw_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.2, meaning="turn of the view to the left")
     pitch_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.1, meaning="turn of the view upward")

@@ -23,6 +23,7 @@ class MaterialReflectance(LightEffect):
     """
 
     name = "material_reflectance"
+    role = "reflectance"
 
     factor: float = parameter("", low=0.0, high=100.0, typical=1.3, meaning="factor on the material's reflectance")
     material_id: int = parameter(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lidarcheck.cases.split import Split, exchanged, split_frames
 from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.answer import (
     CALIBRATION,
     Answer,
@@ -28,20 +29,19 @@ from lidarcheck.explain.decision.appeal import appeal
 from lidarcheck.explain.decision.closure import Closure, closure, not_testable, shows_in_select_alone
 from lidarcheck.explain.decision.equivalence import Polished, Rival, contest, rivals
 from lidarcheck.explain.decision.findings import is_doubtful
+from lidarcheck.explain.decision.late_forms import late_words
 from lidarcheck.explain.decision.model_check import widening
 from lidarcheck.explain.decision.needless import without_any, without_needless
-from lidarcheck.explain.decision.patchy import patches_in
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
 from lidarcheck.explain.report.explanation import Explanation, ProgressCallback, SearchStep, Standout, StepCallback
 from lidarcheck.explain.report.wording import standouts
 from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
-from lidarcheck.explain.search.located import located_probes
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.search import backward, find_effects, without
 from lidarcheck.explain.search.second_look import second_look
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.explain.search.starts import fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes, located_probes
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.simulator import Simulator
@@ -155,6 +155,10 @@ class Workflow:
         self.steps.append(SearchStep(name, words))
         self.on_step(self.steps[-1])
 
+    def searched(self) -> list[str]:
+        """The effects that the search knows where to begin with, and that may be named."""
+        return [name for name in catalogue() if search_spec(name).is_searched and name not in self.exclude]
+
     def split(self, case: Case) -> Split:
         """Which frames serve for what."""
         found = split_frames(case.frames)
@@ -194,7 +198,7 @@ class Workflow:
 
     def screen_candidates(self, bench: SearchData) -> tuple[list[Screened], SearchData]:
         """What every effect would change, and how large a gain chance makes of all of them."""
-        names = [name for name in catalogue() if name not in self.exclude]
+        names = self.searched()
         probes = fixed_probes(names) + located_probes(bench.simulator, names)
         told = functools.partial(self.on_progress, "candidates")
         screened = screen(bench.simulator, probes, told, self.pool, self.checkpoint)
@@ -320,8 +324,7 @@ class Workflow:
 
     def list_untestable(self, bench: SearchData, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects these scenes could not show."""
-        names = [name for name in catalogue() if name not in self.exclude]
-        found = not_testable(bench.simulator, screened, names, bench.level)
+        found = not_testable(bench.simulator, screened, self.searched(), bench.level)
         self.on_progress("equivalence and testability", 1, 1)
         return found
 
@@ -333,8 +336,8 @@ class Workflow:
             answer = Answer("no_gap", (), (("", self.model),), "")
         else:
             answer = answer_with_names(bench, seen, search, closed, last)
-            if patches := patches_in(answer.findings):
-                self.did("patches", patches)
+            for step, words in late_words(answer.findings):
+                self.did(step, words)
             if is_doubtful(answer.findings[0]):
                 first = answer.findings[0]
                 self.did("withdrawn", f"{first.name}: its lead is too small, {100.0 * first.confidence:.0f} % sure")

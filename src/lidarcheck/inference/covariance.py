@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect, make, with_role
 from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.edges import EXTRA
 from lidarcheck.inference.metric import Metric
@@ -98,15 +98,15 @@ def metrics(floor: FloatArray, edges: FloatArray, usual: Mapping[str, FloatArray
 def nuisances(simulator: Simulates) -> Mapping[str, FloatArray]:
     """What errors of one standard deviation in gain, reflectances and pose would do to the summaries."""
     steps: dict[str, tuple[Effect, float]] = {
-        "gain": (make("signal_gain", {"gain": 1.0 + _GAIN_STEP}), GAIN_ERROR / _GAIN_STEP)
+        "gain": (make(with_role("gain").name, {"gain": 1.0 + _GAIN_STEP}), GAIN_ERROR / _GAIN_STEP)
     }
     present = np.unique(simulator.beams.material_id[simulator.beams.material_id >= 0])
     for material in present:
-        effect = make("material_reflectance", {"factor": 1.0 + _REFLECTANCE_STEP, "material_id": int(material)})
+        effect = make(with_role("reflectance").name, {"factor": 1.0 + _REFLECTANCE_STEP, "material_id": int(material)})
         steps[f"reflectance of material {material}"] = (effect, REFLECTANCE_ERROR / _REFLECTANCE_STEP)
     for name in ("yaw_deg", "pitch_deg"):
         settings = {"yaw_deg": 0.0, "pitch_deg": 0.0} | {name: _POSE_STEP * POSE_ERROR_DEG}
-        steps[name] = (make("boresight", settings), 1.0 / _POSE_STEP)
+        steps[name] = (make(with_role("pose").name, settings), 1.0 / _POSE_STEP)
     found = {name: factor * _shift(simulator, effect) for name, (effect, factor) in steps.items()}
     found["sensor's height"] = _height(simulator)
     return found

@@ -15,16 +15,12 @@ import numpy.typing as npt
 from lidarcheck.inference.beam_table import BeamTable, key_of
 from lidarcheck.inference.pairing import FEATURES, Observations
 
-__all__ = ["AT_EDGES", "EXTRA", "FOOTPRINTS", "at_borders", "runs_along", "runs_past", "with_beams_of"]
+__all__ = ["EXTRA", "at_borders", "runs_along", "runs_past", "with_beams_of"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-AT_EDGES = ("beam_divergence", "boresight", "vibration")
-"""Effects by which beams look elsewhere: what they change most is at edges."""
-FOOTPRINTS = ("beam_divergence",)
-"""Of these, those by which beams see both sides of an edge."""
 EXTRA = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")
 """The columns of `Observations` that have a row an echo of no surface."""
 _FEWEST, _LONG = 3, 5

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect
+from lidarcheck.effects.search import Probe
 from lidarcheck.errors import UsageError
-from lidarcheck.explain.search.starts import Probe
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
 from lidarcheck.inference.optimiser import Point, Shows, broyden, damped_step, descend, jacobian_at, normal_equations
@@ -222,7 +222,7 @@ class _NuisanceDescent:
     def __init__(self, simulator: Simulator, now: Fit) -> None:
         self.simulator, effects = simulator, now.effects()
         self._axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
-        self._gain = all(effect.name != "signal_gain" for effect in effects)
+        self._gain = all(effect.role != "gain" for effect in effects)
         self._model = now.model(simulator.model)
 
     def nuisance(self, x: FloatArray) -> Nuisance:

@@ -8,19 +8,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import STAGES, Effect, make
+from lidarcheck.effects.base import STAGES, Effect, make, with_role
+from lidarcheck.effects.search import search_spec
+from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR, UsualError
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces, aimed
 
-__all__ = ["LIMIT", "Nuisance", "at", "axes_of", "beside", "is_usual_error"]
+__all__ = [
+    "GAIN_ERROR",
+    "LIMIT",
+    "POSE_ERROR_DEG",
+    "REFLECTANCE_ERROR",
+    "Nuisance",
+    "at",
+    "axes_of",
+    "beside",
+    "is_usual_error",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
-GAIN_ERROR = 0.02
-REFLECTANCE_ERROR = 0.04
-POSE_ERROR_DEG = 0.015
 HEIGHT_ERROR_M = 0.01
-"""Usual errors (standard deviations) of the gain, of table entries, of the sensor's angles and of its height."""
+"""Usual error (standard deviation) of the sensor's height."""
 
 LIMIT = 2.5
 """No nuisance is more than so many of its usual errors; what is larger is an effect and gets a name."""
@@ -63,13 +72,14 @@ class Nuisance:
 
     def said_by(self, effect: Effect, parameter: str) -> float:
         """How much of this an effect's parameter says itself, in its unit; of a factor, its logarithm."""
-        if effect.name == "signal_gain" and parameter == "gain":
+        error = search_spec(effect.name).usual_error
+        if error is None or parameter not in error.parameters:
+            return 0.0
+        if effect.role == "gain":
             return REFLECTANCE_ERROR * (float(np.mean([*self.materials.values()])) if self.materials else 0.0)
-        if effect.name == "material_reflectance" and parameter == "factor":
+        if effect.role == "reflectance":
             return REFLECTANCE_ERROR * self.materials.get(int(effect.settings()["material_id"]), 0.0)
-        if effect.name == "boresight":
-            return POSE_ERROR_DEG * {"yaw_deg": self.yaw, "pitch_deg": self.pitch}.get(parameter, 0.0)
-        return 0.0
+        return POSE_ERROR_DEG * {"yaw_deg": self.yaw, "pitch_deg": self.pitch}.get(parameter, 0.0)
 
     def model(self, model: Model) -> Model:
         """The model with the reflectances of this nuisance."""
@@ -84,18 +94,18 @@ class Nuisance:
     def calibrated(self, model: Model, *, own_surface: bool = False) -> Model:
         """The model corrected for this nuisance: reflectances of its table, and a small boresight correction.
 
-        `own_surface`: it leaves each beam on the surface that it meets, unless the model has a boresight already.
+        `own_surface`: it leaves each beam on the surface that it meets, unless the model turns the view already.
         """
         model = self.model(model)
         if self.still:
             return model
-        old = next((e.settings() for e in model.effects if e.name == "boresight"), {})
+        old = next((e.settings() for e in model.effects if e.role == "pose"), {})
         turn = {
             "yaw_deg": float(old.get("yaw_deg", 0.0)) + round(self.yaw * POSE_ERROR_DEG, 5),
             "pitch_deg": float(old.get("pitch_deg", 0.0)) + round(self.pitch * POSE_ERROR_DEG, 5),
         }
         kept = {"own_surface": 1} if own_surface and not old else {}
-        return model.with_(make("boresight", {**old, **turn, **kept}))
+        return model.with_(make(with_role("pose").name, {**old, **turn, **kept}))
 
     def posed(self, model: Model, surfaces: Sequence[Surfaces]) -> tuple[Model, list[Surfaces]]:
         """A model and ideal scans, with their surfaces, that show the pose's error.
@@ -114,7 +124,7 @@ class Nuisance:
         """The pose's error as an effect. Beams stay on their surfaces: which of them look past an edge depends on where
         it lies to a part of a beam, and those that the measurement has are forgiven."""
         angles = {"yaw_deg": self.yaw * POSE_ERROR_DEG, "pitch_deg": self.pitch * POSE_ERROR_DEG}
-        return make("boresight", {**angles, "own_surface": 1})
+        return make(with_role("pose").name, {**angles, "own_surface": 1})
 
     def words(self) -> list[str]:
         """What is off, in words, where it is off by more than a tenth of a usual error."""
@@ -143,38 +153,34 @@ def is_usual_error(effect: Effect, besides: Nuisance | None = None) -> bool:
 
     `besides`: the nuisance that was fitted before it, of which the effect is a further part.
     """
-    values, off = effect.settings(), besides or Nuisance()
-    if effect.name == "signal_gain":
-        return _within(np.log(max(float(values["gain"]), 1e-9)) + off.said_by(effect, "gain"), GAIN_ERROR)
-    if effect.name == "material_reflectance":
-        return _within(np.log(max(float(values["factor"]), 1e-9)) + off.said_by(effect, "factor"), REFLECTANCE_ERROR)
-    if effect.name != "boresight":
-        return False
-    turned = ("yaw_deg", "pitch_deg", "roll_deg")
-    return all(_within(float(values[name]) + off.said_by(effect, name), POSE_ERROR_DEG) for name in turned)
+    error = search_spec(effect.name).usual_error
+    return error is not None and all(
+        abs(_off_by(effect, name, error) + (besides or Nuisance()).said_by(effect, name)) <= LIMIT * error.size
+        for name in error.parameters
+    )
 
 
-def _within(value: float, error: float) -> bool:
-    return bool(abs(value) <= LIMIT * error)
+def _off_by(effect: Effect, parameter: str, error: UsualError) -> float:
+    """How far a parameter is from what it is without the effect; of a factor, the logarithm."""
+    value = float(effect.settings()[parameter])
+    return float(np.log(max(value, 1e-9))) if error.log else value
 
 
 def axes_of(materials: Sequence[int], effects: Sequence[Effect] = ()) -> list[str | int]:
     """The axes along which a nuisance is fitted beside some effects: yaw, pitch, and the materials by number.
 
-    What an effect says of itself is no nuisance: the pose beside a boresight error or where the view turns at random,
-    a material beside its own.
+    What an effect says of itself is no nuisance: the pose beside an effect that is one, or where the view turns at
+    random, a material beside its own.
     """
-    posed = any(effect.name == "boresight" or _turns_at_random(effect) for effect in effects)
-    named = {e.settings()["material_id"] for e in effects if e.name == "material_reflectance"}
+    posed = any(effect.role == "pose" or _acts_anew(effect) for effect in effects)
+    named = {e.settings()["material_id"] for e in effects if e.role == "reflectance"}
     return [*([] if posed else ["yaw", "pitch"]), *(i for i in materials if i not in named)]
 
 
-def _turns_at_random(effect: Effect) -> bool:
-    """Whether the view is turned otherwise in each frame, so that a few frames have a mean pose by chance."""
-    if effect.name != "vibration":
-        return False
-    values = effect.settings()
-    return bool(values["new_phase"]) or float(values["random_deg"]) > 0.0
+def _acts_anew(effect: Effect) -> bool:
+    """Whether an effect acts otherwise in each frame, so that a few frames have a mean of their own by chance."""
+    acts_anew = search_spec(effect.name).acts_anew
+    return acts_anew is not None and acts_anew(effect)
 
 
 def at(axes: Sequence[str | int], x: FloatArray, *, gain: bool = True) -> Nuisance:

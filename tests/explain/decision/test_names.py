@@ -8,12 +8,13 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
+from lidarcheck.effects.search import search_spec
 from lidarcheck.explain import workflow
 from lidarcheck.explain.decision.answer import CALIBRATION, Answer
 from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.report.explanation import Finding
-from lidarcheck.explain.search.located_patch import from_side_to_side
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
@@ -39,8 +40,10 @@ def plain() -> Simulator:
 )
 def test_a_band_over_all_points_is_no_dirt(plain: Simulator, first: int, last: int, whole: bool) -> None:
     place = {"first_layer": 240, "last_layer": 250, "first_point": first, "last_point": last}
-    assert from_side_to_side(plain, make("blockage", place)) is whole
-    assert not from_side_to_side(plain, make("signal_gain", {}))
+    is_another = search_spec("blockage").is_another
+    assert is_another is not None
+    assert is_another(SimulatorEvidence(plain), make("blockage", place)) is whole
+    assert search_spec("signal_gain").is_another is None
 
 
 @pytest.mark.parametrize(("missing", "is_rain"), [(HAZE, False), (DRIZZLE, True)], ids=["haze", "rain"])

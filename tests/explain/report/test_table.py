@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from explain_report_kit import MODEL, case, explanation
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.decision.findings import candidates_table
 from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.text import report_sections
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search
-from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.figures.explain.report import explanation_html
 from lidarcheck.inference.gauss_newton import Fit
 
@@ -25,7 +26,9 @@ def trial(probe: Probe, gain: float) -> FittedCandidate:
 
 
 def rows(verdict: str = "explained") -> tuple[Candidate, ...]:
-    material = Probe("material_reflectance", {"factor": 0.8}, free_of("material_reflectance"), {"material_id": 3})
+    material = Probe(
+        "material_reflectance", {"factor": 0.8}, search_spec("material_reflectance").free, {"material_id": 3}
+    )
     kinds = {probe.variant: probe for probe in fixed_probes(["pulse_shape"])}
     trials = [trial(kinds["slow fall"], 400.0), trial(kinds[""], 20.0), trial(material, 380.0)]
     rest = [trial(fixed_probes(["fog"])[0], 390.0)]

@@ -6,9 +6,10 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.effects.base import Effect
-from lidarcheck.explain.search.located_ranges import driving_instead
+from lidarcheck.effects.search.motion import driving_ahead
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import FittedCandidate
-from lidarcheck.explain.search.search import _driving_or_offset
+from lidarcheck.explain.search.search import _or_imitation
 from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
@@ -33,7 +34,7 @@ def offset_and_gain(bench: SearchData) -> Fit:
 
 def test_it_drives_as_fast_as_lengthens_ranges_by_the_offset() -> None:
     bench = bench_of(DRIVING)
-    driving = driving_instead(bench.simulator, 0.3)
+    driving = driving_ahead(SimulatorEvidence(bench.simulator), 0.3)
     assert driving is not None
     # The middle of these columns is fired 15 ms after the frame's start.
     assert driving.settings["forward_m_s"] == pytest.approx(-0.3 / 0.015, rel=0.1)
@@ -58,7 +59,7 @@ def test_it_takes_an_offset_s_place_beside_others_where_it_comes_nearer(
     gain = 500.0 if passes else 0.5
     moved = Fit((probe,), (probe.start(),), 1000.0, np.zeros((1, 3)))
     trial = FittedCandidate("motion", 1, moved, gain, 1.0, 1000.0, 1000.0 - gain)
-    found = _driving_or_offset(bench, now, [trial])
+    found = _or_imitation(bench, now, [trial])
     assert found.names() == names
     if "motion" in names:
         assert found.distance < bench.simulator.floor_distance < now.distance - 250.0

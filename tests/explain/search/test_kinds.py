@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lidarcheck.effects.search import Probe
 from lidarcheck.explain.search import selection as forward
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import Search, SearchData, run_round
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.workers import WorkerPool
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.effects.search import Probe
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.model.exact.pulse_form import form_of
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import FWHM_PER_SIGMA, Sensor

@@ -5,10 +5,12 @@ import pytest
 
 from explain_core_kit import at_ranges, frames, model
 from lidarcheck.effects import make
+from lidarcheck.effects.search import Probe, search_spec
+from lidarcheck.effects.search.residuals import at_knots
 from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search import relisted
-from lidarcheck.explain.search.relisted import _at_knots, read_again
-from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
+from lidarcheck.explain.search.relisted import read_again
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.scan import Scan
@@ -25,7 +27,9 @@ def simulator() -> Simulator:
 
 
 def with_gains(simulator: Simulator, gains: np.ndarray) -> Fit:
-    probe = Probe("layer_gain", {"gain": 1.0, "gains": tuple(gains.tolist())}, free_of("layer_gain"), PLACE, "pattern")
+    probe = Probe(
+        "layer_gain", {"gain": 1.0, "gains": tuple(gains.tolist())}, search_spec("layer_gain").free, PLACE, "pattern"
+    )
     return fit(simulator, [probe], [probe.start()], rounds=0)
 
 
@@ -97,7 +101,9 @@ def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch:
 
     simulator = Simulator(frames(brighter, 3, changed=late, **fine), model(), 3)
     walk = next(one for one in fixed_probes(["walk_error"]) if not one.variant)
-    material = Probe("material_reflectance", {"factor": 1.2}, free_of("material_reflectance"), {"material_id": 2})
+    material = Probe(
+        "material_reflectance", {"factor": 1.2}, search_spec("material_reflectance").free, {"material_id": 2}
+    )
     alone = fit(simulator, [walk], [walk.start()], rounds=4)
     curve = fit(simulator, [walk, material], [*alone.x, material.start()], rounds=4)
     found = read_again(simulator, curve)
@@ -131,9 +137,9 @@ def test_where_no_beams_are_a_table_goes_on_between_its_neighbours() -> None:
     """Many beams at 1, 4.5 and 8, and none between: other frames may have some there."""
     place = np.repeat([1.0, 4.5, 8.0], 500)
     value = np.repeat([0.0, -0.7, -1.4], 500) + 0.1 * np.random.default_rng(2).standard_normal(1500)
-    found = _at_knots(place, value, np.full(1500, 100.0), 10)
+    found = at_knots(place, value, np.full(1500, 100.0), 10)
     assert np.abs(found - -0.2 * (np.arange(10) - 1.0)).max() < 0.08
-    assert np.array_equal(_at_knots(place[:0], value[:0], place[:0], 10), np.zeros(10))
+    assert np.array_equal(at_knots(place[:0], value[:0], place[:0], 10), np.zeros(10))
 
 
 def test_what_comes_no_nearer_is_left_as_it_is(simulator: Simulator) -> None:

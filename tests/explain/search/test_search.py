@@ -5,9 +5,10 @@ import pytest
 
 from explain_core_kit import MATERIALS, PANEL, WALL, frames, model, same, street
 from lidarcheck.effects import make
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
-from lidarcheck.explain.search.starts import Probe, fixed_probes, free_of
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import fit, fit_nuisance
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
@@ -90,7 +91,7 @@ def test_the_chance_level_is_passed_once_in_a_hundred_draws() -> None:
 def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_effect_first() -> None:
     bench = Simulator(frames(model(make("range_offset", {"offset_m": 0.05})), 2), model(), 5)
     told: list[tuple[int, int]] = []
-    impossible = Probe("dropout", {"share": 7.0}, free_of("dropout"))
+    impossible = Probe("dropout", {"share": 7.0}, search_spec("dropout").free)
     probes = [*fixed_probes(["signal_gain", "range_offset", "dropout", "fog"]), impossible]
     screened = screen(bench, probes, lambda i, n: told.append((i, n)))
     assert len(screened) == len(probes) - 1
@@ -102,7 +103,7 @@ def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_eff
 
 def test_a_start_that_is_much_too_strong_is_screened_again_as_weak_as_fits_and_explains_more() -> None:
     bench = Simulator(frames(model(make("range_offset", {"offset_m": 0.03})), 2), model(), 5)
-    screened = screen(bench, [Probe("range_offset", {"offset_m": 0.3}, free_of("range_offset"))])
+    screened = screen(bench, [Probe("range_offset", {"offset_m": 0.3}, search_spec("range_offset").free)])
     [weaker] = weaker_starts(bench, screened)
     gain, scale = screened[0].gain(bench, bench.measured)
     assert scale < 0.6
@@ -263,7 +264,7 @@ def test_an_effect_takes_over_what_nuisances_said_of_the_same(
 ) -> None:
     """A reflectance of 1.2 of which a nuisance had a half: with a name of its own, it has no such nuisance."""
     fixed = {"material_id": 2} if name == "material_reflectance" else {}
-    probe = Probe(name, settings, free_of(name), fixed)
+    probe = Probe(name, settings, search_spec(name).free, fixed)
     true = (
         off.calibrated(model(probe.effect()))
         if name != "boresight"

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import find
+from lidarcheck.effects.search import Probe, search_specs
+from lidarcheck.effects.search.walk_error import walks
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search import second_look
-from lidarcheck.explain.search.located_ranges import _walks
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
-from lidarcheck.explain.search.related import RELATED, are_related
+from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.selection import KIN_PART, RANDOM_KIN_PART, Search, beside_related
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.model.spec import Model
@@ -114,10 +115,9 @@ def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() ->
 
 
 def test_kin_are_effects_and_none_is_its_own() -> None:
-    for related in RELATED:
-        for name in related:
-            find(name)
-            assert not are_related(name, name)
+    for name in search_specs():
+        find(name)
+        assert not are_related(name, name)
     assert are_related("range_offset", "walk_error")
     assert not are_related("range_offset", "fog")
 
@@ -137,7 +137,7 @@ def test_a_walk_is_read_off_its_curve(shift_m) -> None:
     area = np.geomspace(20.0, 6000.0, 24)
     wanted = shift_m(area)
     errors = []
-    for probe in _walks(np.log10(area), wanted):
+    for probe in walks(np.log10(area), wanted):
         found = find("walk_error")(**{**probe.fixed, **probe.settings}).shift_m(area)
         errors.append(np.abs(found - wanted).max() / np.ptp(wanted))
     assert min(errors) < 0.03

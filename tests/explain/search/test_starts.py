@@ -5,10 +5,10 @@ import pytest
 
 from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model, same, street
 from lidarcheck.effects import catalogue, find, make
-from lidarcheck.explain.search.located import located_probes
-from lidarcheck.explain.search.located_ranges import range_probes
+from lidarcheck.effects.search import FreeParameter, Probe, search_spec
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.screening import screen
-from lidarcheck.explain.search.starts import FreeParameter, Probe, fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes, located_probes
 from lidarcheck.inference.gauss_newton import fit
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
@@ -139,7 +139,9 @@ def test_an_aim_a_speed_an_offset_and_a_scale_are_read_off_the_ranges(
 ) -> None:
     how = {"layers": range(230, 270), "points": range(320, 640, 4)}
     there = Simulator(frames(model(make(name, settings)), 3, **how), model(), 5)
-    found = [probe.settings for probe in range_probes(there, [name])]
+    starts = search_spec(name).starts
+    assert starts is not None
+    found = [probe.settings for probe in starts(SimulatorEvidence(there))]
     off = [max(abs(one[key] - value) for key, value in settings.items()) for one in found]
     assert min(off) < within, found
 
@@ -156,7 +158,9 @@ def test_a_blocked_patch_is_read_off_line_by_line(transmission: float) -> None:
 
 
 def test_an_offset_of_the_light_is_a_start_of_its_own(simulator: Simulator) -> None:
-    kinds = {probe.variant: probe.effect().stage for probe in range_probes(simulator, ["range_offset", "range_scale"])}
+    kinds = {
+        probe.variant: probe.effect().stage for probe in located_probes(simulator, ["range_offset", "range_scale"])
+    }
     assert kinds == {"": "readout", "light": "light"}
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.effects.search import Probe
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import finished, fit_next
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.simulator import Simulator

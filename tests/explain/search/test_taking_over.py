@@ -6,9 +6,10 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
+from lidarcheck.effects.search import FreeParameter, Probe, search_spec
 from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search.search import without
-from lidarcheck.explain.search.starts import FreeParameter, Probe, fixed_probes, free_of
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.taking_over import is_within_another, others_of
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.simulator import Simulator
@@ -19,12 +20,12 @@ REFERENCE = FreeParameter("reference_area", 0.1, log=True)
 
 def walk_probe(**settings: object) -> Probe:
     power = float(settings.pop("power", 0.0))  # type: ignore[arg-type]
-    free = (*free_of("walk_error")[: 1 if power else 2], REFERENCE)
+    free = (*search_spec("walk_error").free[: 1 if power else 2], REFERENCE)
     return Probe("walk_error", {"bend_m": 0.0, **settings}, free, {"power": power} if power else {})
 
 
 def beside_an_offset(probe: Probe, offset_m: float) -> Fit:
-    offset = Probe("range_offset", {"offset_m": offset_m}, free_of("range_offset"))
+    offset = Probe("range_offset", {"offset_m": offset_m}, search_spec("range_offset").free)
     probes = (offset, probe)
     return Fit(probes, tuple(one.start() for one in probes), 0.0, np.zeros((1, 1)))
 
@@ -103,9 +104,11 @@ def test_an_offset_beside_a_walk_is_left_out_at_no_loss() -> None:
 
 @pytest.mark.parametrize("gain", [0.7, 1.2])
 def test_gains_of_all_layers_take_over_a_gain_of_all(gain: float) -> None:
-    common = Probe("signal_gain", {"gain": gain}, free_of("signal_gain"))
+    common = Probe("signal_gain", {"gain": gain}, search_spec("signal_gain").free)
     settings = {"gain": 1.0, "gains": (0.9, 1.0, 1.1, 9.5)}
-    layers = Probe("layer_gain", settings, free_of("layer_gain"), {"first_layer": 230, "last_layer": 233, "every": 1})
+    layers = Probe(
+        "layer_gain", settings, search_spec("layer_gain").free, {"first_layer": 230, "last_layer": 233, "every": 1}
+    )
     both = Fit((common, layers), (common.start(), layers.start()), 0.0, np.zeros((1, 1)))
     [alone], [x] = others_of(both, 0)
     assert [is_within_another(both, at) for at in (0, 1)] == [True, False]

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import Effect, catalogue, empirical_terms, find, make
+from lidarcheck.effects.search import search_specs
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import save_ideal
 from lidarcheck.harness.check import check
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.propose.candidates import OTHERS, WATCHERS, watches
+from lidarcheck.harness.propose.candidates import OTHERS, watches
 from lidarcheck.harness.propose.propose import propose_scenario
 from lidarcheck.harness.review.accept import accept
 from lidarcheck.harness.review.review import review
@@ -58,9 +59,11 @@ def everything(tree: Path) -> set[str]:
 
 
 def test_every_effect_and_term_has_kpis_that_know_it() -> None:
-    assert set(WATCHERS) == {*catalogue(), *empirical_terms()}
-    assert {kind for kinds in WATCHERS.values() for kind in kinds} | set(OTHERS) <= set(KINDS)
-    for name in WATCHERS:
+    watchers = {name: spec.watched_by for name, spec in search_specs().items()}
+    assert set(watchers) == {*catalogue(), *empirical_terms()}
+    assert all(watchers.values())
+    assert {kind for kinds in watchers.values() for kind in kinds} | set(OTHERS) <= set(KINDS)
+    for name in watchers:
         found = watches(street(), model(), make(name, find(name).example()))
         assert 10 < len(found) < 120
         names = [asked.spec.name for _, asked in found]

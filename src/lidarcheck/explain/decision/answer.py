@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.decision.findings import candidates_table, findings_of
-from lidarcheck.explain.decision.footprint_rays import with_best_rays
 from lidarcheck.explain.decision.images import only_images_stay
 from lidarcheck.explain.decision.inside import shows_inside
+from lidarcheck.explain.decision.late_forms import with_finer_forms, with_forms_of_beams
 from lidarcheck.explain.decision.leftovers import ranges_follow
 from lidarcheck.explain.decision.model_check import Open, calibrated, carries_over
-from lidarcheck.explain.decision.patchy import with_patches
 from lidarcheck.explain.decision.recurring import recurs
 from lidarcheck.explain.decision.splits import only_edges_stay
 from lidarcheck.explain.empirical.description import Description
@@ -89,10 +88,10 @@ def objection(answer: Answer, gap: Gap | None = None) -> str:
 def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
     case = bench.simulator.model
-    last = with_best_rays(seen, case, last, bench.pool)
+    last = with_finer_forms(seen, case, last, bench.pool)
     [(before, noise)] = bench.pool.map(Scale.excess_by_part, [(seen.held, case)])
     even = findings_of(bench, search, closed, last, float(before.mean()))
-    findings = with_patches(seen, case, even, last.last.nuisance, bench.pool)
+    findings = with_forms_of_beams(seen, case, even, last.last.nuisance, bench.pool)
     stages, model = [("", case)], case
     for finding in findings:
         for effect in finding.effects:

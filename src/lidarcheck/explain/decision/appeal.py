@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
 from lidarcheck.explain.decision.images import only_images_stay
 from lidarcheck.explain.search.merit import best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.inference.edges import AT_EDGES
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.wasserstein import PARTS, Scale, excesses
 from lidarcheck.model.spec import Model
@@ -67,7 +67,8 @@ def _but_for_images(seen: Scale, case: Model, own: Judged) -> float:
 
 def _open(own: Judged) -> float:
     """The part of the gap that may be left."""
-    return OPEN_BY_BEAMS_EDGES if any(name in AT_EDGES for name in own.last.names()) else OPEN_BY_BEAMS
+    at_edges = any(search_spec(name).at_edges for name in own.last.names())
+    return OPEN_BY_BEAMS_EDGES if at_edges else OPEN_BY_BEAMS
 
 
 def _promising(search: Search) -> list[Fit]:

@@ -9,18 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import find
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.errors import UsageError
-from lidarcheck.explain.search.located_losses import as_struck, share_spread
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import FittedCandidate, accepted
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import SearchData, start_fit
-from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import own_distance, select_shown
-from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
 from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.metric import Metric
-from lidarcheck.inference.nuisances import POSE_ERROR_DEG
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped
 
@@ -47,19 +45,14 @@ _SHOWN_PART = 0.2
 _ALONE = 3.0
 """Select frames so many times as far off as chance makes show what is worth a fit."""
 _FORM_ERROR = 0.04
-"""Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's."""
+"""Part of a parameter's value by which it may be off because the effect's form is not quite the sensor's,
+where the effect itself does not say that it hangs more on the form."""
 _EDGE_SEEDS = 4
-_LOOSE_FORMS = {
-    "share": 0.12, "tail_share": 0.20, "tail_ns": 0.10, "transmission": 0.06, "extra_m": 0.35, "probability": 0.15,
-    "sky": 0.20, "sides": 0.12, "corners": 0.20, "vertical_deg": 0.25, "horizontal_deg": 0.25,
-}  # fmt: skip
-"""The same where a number hangs more on the form: how often, what a tail, a border or the sky is taken to be, how
-detectors lie side by side, and a beam's profile, of which few rays have no flanks."""
 _OTHERS_FORMS = 1.5
 """Beside other effects a parameter also takes up what their forms leave: so many times its own form's part besides. Of
 65 parameters of three benchmarks, 85 % were covered without this where one effect was named, 68 % where more were."""
-_WHOLE_BINS = {"shift_ns": 0.6}
-"""Errors in the parameter's own unit where it acts in whole bins."""
+
+_TOO_WEAK = "even clearly present, it would change these frames by no more than chance"
 
 
 @dataclass(frozen=True)
@@ -102,7 +95,7 @@ def closure(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate] = ())
         return found
     # A material may be in view of these frames alone, and its reflectance not quite what the table says.
     found = replace(found, after=min(after, _left(bench.select, fit_nuisance(bench.select, now))))
-    if found.holds or not all(name in AT_EDGES for name in now.names()):
+    if found.holds or not all(search_spec(name).at_edges for name in now.names()):
         return found
     # One edge that lies elsewhere can outweigh all else in a single frame; not where others say that more is missing.
     if _left(bench.simulator, now) > OPEN_CHANCE:
@@ -121,10 +114,10 @@ def shows_in_select_alone(bench: SearchData) -> bool:
 def _left(simulator: Simulator, now: Fit, *, along_edges: bool = False) -> float:
     """The distance above the floor that the fit leaves on the frames, but for where edges of surfaces lie to a part of
     a beam; with `along_edges`, as for footprints, but for all that any one edge shows."""
-    now = as_struck(simulator, now)
+    now = _as_struck(simulator, now)
     shown = select_shown(simulator, now)
     model = now.model(simulator.model)
-    if along_edges or any(name in FOOTPRINTS for name in now.names()):
+    if along_edges or any(search_spec(name).splits_echoes for name in now.names()):
         metric = simulator.along_edges(model, 800, now.nuisance)
     else:
         shown_there = mapped(lambda k: simulator.observations(model, 800 + k, now.nuisance), range(_EDGE_SEEDS))
@@ -133,9 +126,21 @@ def _left(simulator: Simulator, now: Fit, *, along_edges: bool = False) -> float
     return simulator.distance(shown, metric=metric) - max(simulator.floor_distance, own_distance(simulator, now))
 
 
+def _as_struck(simulator: Simulator, now: Fit) -> Fit:
+    """The fit with its effects striking as often as they did in these frames, where chance may make the difference."""
+    for place, (probe, effect) in enumerate(zip(now.probes, now.effects(), strict=True)):
+        as_struck = search_spec(probe.name).as_struck
+        there = {} if as_struck is None else as_struck(SimulatorEvidence(simulator), probe, effect)
+        if there:
+            x = list(now.x)
+            x[place] = replace(probe, settings={**probe.settings, **there}).start()
+            now = replace(now, x=tuple(x))
+    return now
+
+
 def _open_part(name: str) -> float:
     """The part of the excess that one effect may leave open."""
-    if name in AT_EDGES:
+    if search_spec(name).at_edges:
         return OPEN_PART_EDGES
     return OPEN_PART_AIM if find(name).stage == "aim" else OPEN_PART
 
@@ -202,21 +207,19 @@ def intervals(simulator: Simulator, now: Fit, widen: float) -> list[Mapping[str,
 
 def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
     """By how much, in steps, a form that is not quite the sensor's moves each parameter, shape (n_free,)."""
-    angle = POSE_ERROR_DEG if probe.name == "boresight" else 0.0
+    spec = search_spec(probe.name)
     found = []
     for one, at in zip(probe.free, x, strict=True):
-        part, least = _LOOSE_FORMS.get(one.name, _FORM_ERROR), max(angle, _WHOLE_BINS.get(one.name, 0.0))
+        part, least = spec.form_errors.get(one.name, _FORM_ERROR), spec.least_errors.get(one.name, 0.0)
         found.append(part / one.step if one.log else np.hypot(part * at, least / one.step))
     return np.array(found)
 
 
 def _struck(simulator: Simulator, probe: Probe, x: FloatArray) -> FloatArray:
-    """By how much, in steps, each parameter is off since few blocks were lost, shape (n_free,)."""
-    settings = probe.effect(x).settings()
-    shares = (
-        share_spread(simulator, probe, float(settings["share"])) if one.name == "share" else 0.0 for one in probe.free
-    )
-    return np.array([share / one.step for share, one in zip(shares, probe.free, strict=True)])
+    """By how much, in steps, each parameter is off since few things were struck, shape (n_free,)."""
+    chance = search_spec(probe.name).chance_errors
+    parts = {} if chance is None else chance(SimulatorEvidence(simulator), probe, probe.effect(x))
+    return np.array([parts.get(one.name, 0.0) / one.step for one in probe.free])
 
 
 def _interval(probe: Probe, x: FloatArray, half: FloatArray) -> Mapping[str, Interval]:
@@ -244,7 +247,8 @@ def not_testable(
             continue
         if any(_shows(simulator, one, needed) for one in mine):
             continue
-        found[name] = _reason(simulator, name)
+        why_unseen = search_spec(name).why_unseen
+        found[name] = (why_unseen(SimulatorEvidence(simulator)) if why_unseen else "") or _TOO_WEAK
     return found
 
 
@@ -260,11 +264,3 @@ def _shows(simulator: Simulator, one: Screened, needed: float) -> bool:
     except UsageError:
         return False
     return float(both[0] @ simulator.metric.times(both[1])) > needed
-
-
-def _reason(simulator: Simulator, name: str) -> str:
-    if name in ("blooming_vertical", "blooming_horizontal", "retro_ghost") and not simulator.beams.retro.any():
-        return "no retro-reflector is in view"
-    if name == "mirror_multipath":
-        return "no surface mirrors another that the sensor sees"
-    return "even clearly present, it would change these frames by no more than chance"

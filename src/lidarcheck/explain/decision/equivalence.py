@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, accepted, best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged, polished
-from lidarcheck.explain.search.related import SPECIAL_CASES
 from lidarcheck.explain.search.selection import SearchData
-from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import is_usual_error
@@ -32,9 +31,6 @@ Told = Callable[[str, int, int], object]
 _NEAR_MERIT = 0.85
 _MOST = 3
 """So many names beside the accepted one are looked at, those that explain most."""
-_TWO_KINDS = ("range_offset", "range_scale")
-"""Effects that move echoes, or the light before it is counted in bins: over a range of a bin the summaries mean both
-alike, and beams do not."""
 _MOST_OVERLOOKED = 2
 """So many names of earlier rounds are tried in an effect's place."""
 _NEAR, _NEAR_PART = 300.0, 0.06
@@ -44,11 +40,11 @@ _MARGIN = 2.0
 """Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
-_ALL_ALIKE, _LESS = {("walk_error", "range_offset"), ("motion", "range_offset")}, 0.8
-"""A walk read off the data can be nearly the same at all amplitudes, a motion in all columns of a narrow view: to take
-an offset's place it must leave no more than this part of what that does, and its summaries be no farther; where a walk
-or a motion was accepted it stays. A motion whose summaries are nearer by more than chance must only leave no more. Any
-rival whose summaries are farther by more than chance must leave no more than this part, too."""
+_LESS = 0.8
+"""To take an effect's place, what can imitate it must leave no more than this part of what that does, and its summaries
+be no farther; where the imitation was accepted it stays. The one that is tried in its place must only leave no more if
+its summaries are nearer by more than chance. Any rival whose summaries are farther by more than chance must leave no
+more than this part, too."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +111,7 @@ def _near(name: str, names: Sequence[str], trials: Sequence[FittedCandidate]) ->
 def _siblings(probe: Probe, trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
     """The best trial of the same effect's other kind, which the summaries hardly tell from it."""
     last = accepted(probe.name, trials)
-    if last is None or probe.name not in _TWO_KINDS:
+    if last is None or not search_spec(probe.name).kinds_alike:
         return []
     found = [t for t in trials if t.round == last.round and t.name == probe.name and t.probe.variant != probe.variant]
     return [t for t in best_of_each_name(found) if t.merit > _NEAR_MERIT * last.merit]
@@ -157,7 +153,7 @@ def contest(
 
     A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
     all that one does and more, or if its summaries are farther; or, if it is such a one's special case, where it is not
-    much farther, and so a motion with much nearer summaries in an offset's place. Those that chance may make
+    much farther, and so an imitation with much nearer summaries. Those that chance may make
     as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
     `known`: the accepted effects where they were judged already.
     """
@@ -202,24 +198,25 @@ def _of_its_kind(now: Fit, own: Judged, both: Sequence[tuple[Rival, Judged]]) ->
 
 def _handicap(rival: str, accepted: str) -> float:
     """By what the gap that a rival leaves is multiplied before it is compared with the accepted one's."""
-    if SPECIAL_CASES.get(rival) == accepted:
+    if search_spec(accepted).special_case_of == rival:
         return 1.0 / _MUCH_LESS
-    if (rival, accepted) in _ALL_ALIKE:
+    if rival in search_spec(accepted).imitated_by:
         return 1.0 / _LESS
-    return _MUCH_LESS if SPECIAL_CASES.get(accepted) == rival else 1.0
+    return _MUCH_LESS if search_spec(rival).special_case_of == accepted else 1.0
 
 
 def _takes_its_place(rival: str, its: Judged, accepted: str, own: Judged) -> bool:
     """Whether a rival is nearer beam by beam by more than chance, and by much where its summaries say the opposite; a
-    special case need only not be farther by more than chance, a motion with much nearer summaries only be no farther
-    than an offset."""
+    special case need only not be farther by more than chance, the imitation that is tried in its place only be no
+    farther if its summaries are much nearer."""
     # Chance is large where an effect strikes at random: a view that wanders may hit upon the measured one.
     margin = _MARGIN * max(own.chance, its.chance)
     nearer = _beyond_floor(own) - _beyond_floor(its)
-    if (rival, accepted) in _ALL_ALIKE:
+    if rival in search_spec(accepted).imitated_by:
         if nearer < 0.0:
             return False
-        if rival == "motion" and nearer > CHANCE:
+        imitation = search_spec(accepted).imitation
+        if imitation is not None and rival == imitation.name and nearer > CHANCE:
             return its.left < own.left
     handicap = _handicap(rival, accepted)
     if handicap == 1.0 and rival != accepted and nearer < -CHANCE:
@@ -238,5 +235,5 @@ def _equals(
     """The names of the rivals in a place whose gaps are no larger, the smallest first; not those of which the winner
     is a special case, which are near because they can do what it does."""
     near = [one.name for one in others if one.place == place and gaps.get(one.name, np.inf) < most]
-    near = [name for name in near if SPECIAL_CASES.get(name) != winner]
+    near = [name for name in near if search_spec(winner).special_case_of != name]
     return tuple(sorted(near, key=lambda name: gaps[name])[:_MOST_EQUAL])

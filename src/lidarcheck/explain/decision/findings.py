@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.wording import standouts
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.inference.edges import AT_EDGES
 from lidarcheck.inference.gauss_newton import Fit, with_effects
 from lidarcheck.inference.simulator import Simulator
 
@@ -63,7 +63,8 @@ def findings_of(bench: SearchData, search: Search, closed: Closure, polish: Poli
 
 def is_doubtful(finding: Finding) -> bool:
     """Whether a name leads too little, with what shares its confidence, to be said. At edges no name leads by much."""
-    return finding.confidence * _shared(len(finding.equivalent_to)) < _LEAST_SURE and finding.name not in AT_EDGES
+    alone = finding.confidence * _shared(len(finding.equivalent_to))
+    return alone < _LEAST_SURE and not search_spec(finding.name).at_edges
 
 
 def _shared(equals: int) -> float:
@@ -93,29 +94,15 @@ def _rounded(value: float) -> float:
     return round(value, _DIGITS - 1 - math.floor(math.log10(abs(value))))
 
 
-_SEPARATING = {
-    frozenset(("signal_gain", "material_reflectance")): "targets of other materials at the same range",
-    frozenset(("signal_gain", "crosstalk")): "many frames of a panel of medium signal: crosstalk scatters AREA more",
-    frozenset(("range_offset", "range_scale")): "one target at two ranges far apart",
-    frozenset(("range_offset", "motion")): "a scene at rest, the sensor at rest",
-    frozenset(("range_offset", "walk_error")): "panels of 10 % and 80 % at one range",
-    frozenset(("dark_counts", "ambient_light")): "a frame in the dark, or a closed aperture",
-    frozenset(("boresight", "motion")): "a scene at rest, the sensor at rest",
-    frozenset(("boresight", "vibration")): "a sensor on a firm stand",
-    frozenset(("vibration", "timing_jitter")): "a wall at right angles: jitter stays, vibration vanishes",
-    frozenset(("fog", "rain")): "many frames of the air close to the sensor: drops are single, fog is a veil",
-    frozenset(("blockage", "layer_gain")): "the same wall with the sensor turned by some degrees",
-    frozenset(("pulse_shape", "threshold")): "the echo's WIDTH over AREA on a bright panel",
-}
-
-
 def separating(name: str, equal: Sequence[str]) -> str:
     """The measurement that would tell an effect from those that these data cannot tell from it."""
-    words = [
-        f"from {other}: {_SEPARATING.get(frozenset((name, other)), 'panels over more ranges, materials and angles')}"
-        for other in equal
-    ]
-    return "; ".join(words)
+    return "; ".join(f"from {other}: {_measurement(name, other)}" for other in equal)
+
+
+def _measurement(one: str, other: str) -> str:
+    """The measurement that separates two effects, as one of them says."""
+    said = search_spec(one).confused_with.get(other) or search_spec(other).confused_with.get(one)
+    return said or "panels over more ranges, materials and angles"
 
 
 def candidates_table(

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
@@ -21,7 +22,6 @@ __all__ = ["only_images_stay"]
 FloatArray = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-_MIRROR = "mirror_multipath"
 _CONFIRMED, _FEWEST = 0.7, 20
 """So many images must be in view, and of these so large a part of what one simulation shows of another's."""
 _ELSEWHERE, _BY_CHANCE = 0.15, 2.0
@@ -37,10 +37,11 @@ _SEEDS = 3
 def only_images_stay(seen: Scale, model: Model, nuisance: Nuisance) -> bool:
     """Whether the images that a model's mirror shows were measured, and hardly any other echoes stay that it does not
     show but behind the mirror; False without one."""
-    if all(effect.name != _MIRROR for effect in model.effects):
+    mirror = next((effect.name for effect in model.effects if search_spec(effect.name).shows_images), None)
+    if mirror is None:
         return False
     one, *others = seen.simulated(model, 9700, _SEEDS, nuisance)
-    without = seen.simulated(model.without(_MIRROR), 9700, 1, nuisance)[0]
+    without = seen.simulated(model.without(mirror), 9700, 1, nuisance)[0]
     mirrors = _mirrors(seen, one, without)
     shown, there = _places(seen, one), _places(seen, seen.measured)
     image = _behind(seen, one, mirrors)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lidarcheck.inference.edges import AT_EDGES
+from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
@@ -29,7 +29,7 @@ _SEEDS = 4
 def shows_inside(seen: Scale, model: Model, names: Sequence[str]) -> bool:
     """Whether many more other echoes were measured in the midst of surfaces than a model shows all of whose named
     effects only look elsewhere; False of others."""
-    if not names or not all(name in AT_EDGES for name in names):
+    if not names or not all(search_spec(name).at_edges for name in names):
         return False
     shown = float(np.mean([_inside(seen, one) for one in seen.simulated(model, 9500, _SEEDS)]))
     return bool(_inside(seen, seen.measured) > (1.0 + _MORE) * shown + _SURE * np.sqrt(shown + 1.0))

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["ranges_follow", "ranges_off"]
 
-_OF_RANGE = frozenset({"range_offset", "range_scale", "walk_error"})
+_OF_RANGE = {"range"}
+"""What effects of range alone are of."""
 _COVARIATES = ("range", "incidence", "material", "amplitude")
 _MOST = 1.6
 """Standard deviations, the root mean square over the bins: 1 by chance. True offsets, scales and walks of 21 hidden
@@ -24,7 +26,7 @@ cases left 0.4 to 1.4, one of 0.2 m beside poses that differ from frame to frame
 def ranges_follow(simulator: Simulator, now: Fit) -> bool:
     """Whether the ranges that a fit leaves off, in the lab around it, still follow a quantity of the beams; False where
     there is another effect than errors of range."""
-    if not now.probes or not _OF_RANGE.issuperset(now.names()):
+    if not now.probes or not all(search_spec(name).may_stay.keys() == _OF_RANGE for name in now.names()):
         return False
     return ranges_off(simulator, now) > _MOST
 

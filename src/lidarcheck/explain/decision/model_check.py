@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.search.related import are_related
-from lidarcheck.inference.edges import AT_EDGES, FOOTPRINTS
 from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES
@@ -43,14 +43,6 @@ the ranges, and none more than 0.24 of anything else. A rain with a gain per lay
 ranges."""
 _SHARE_AT_EDGES = 0.45
 """As large a part where all that shows is at edges: of a true divergence 0.36 of the widths stayed."""
-_ONE_FORM = {
-    frozenset(("range_offset", "range_scale")): {"range": (0.04, 0.15)},
-    frozenset(("range_offset", "range_scale", "walk_error")): {"range": (0.08, 0.15)},
-    frozenset(("signal_gain",)): {"area": (0.12, 0.06), "peak": (0.12, 0.06)},
-}
-"""The same where all effects have one form only, so that hardly anything may stay open of what they are of. Of true
-errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted. Of true walks, whose
-curve can bend, 1 % stayed, of a scale that was taken for one 11 %."""
 _FOLLOWING = 0.04, 0.03
 """The same of ranges where what stays of them follows a quantity of the beams."""
 
@@ -137,7 +129,7 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     at_edges = _only_at_edges(names)
     if at_edges and open_.edges:
         return True
-    unplaced = at_edges or open_.images or any(name in FOOTPRINTS for name in names)
+    unplaced = at_edges or open_.images or any(search_spec(name).splits_echoes for name in names)
     parts = [part for part in PARTS if part != "other echoes" or not unplaced]
     whole, left, chance = open_.mean_of(parts)
     if whole <= _SURE * chance:
@@ -155,13 +147,12 @@ def _scatters_too_much(open_: Open) -> bool:
 
 
 def _only_at_edges(names: Sequence[str]) -> bool:
-    return bool(names) and all(name in AT_EDGES for name in names)
+    return bool(names) and all(search_spec(name).at_edges for name in names)
 
 
 def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     """Whether what is left of one part of the gap is no more than forms and usual errors leave."""
-    exact = next((parts for those, parts in _ONE_FORM.items() if names and those.issuperset(names)), {})
-    share, least = exact.get(part, _MAY_STAY[part])
+    share, least = _of_one_form(names).get(part, _MAY_STAY[part])
     if part == "range" and open_.following:
         share, least = _FOLLOWING
     most = _MOST if part in FEATURES else np.inf
@@ -171,3 +162,15 @@ def _may_stay(part: str, open_: Open, names: Sequence[str]) -> bool:
     most = min(max(share * whole, least), most)
     closes = whole <= chance or left <= (1.0 - _CLOSED_BESIDES) * whole
     return left <= most or (closes and left <= most + _BY_CHANCE * chance)
+
+
+def _of_one_form(names: Sequence[str]) -> Mapping[str, tuple[float, float]]:
+    """What may stay open of the parts that all of the effects are of, where each has one form only: hardly anything.
+
+    Of true errors of range up to 2 % stayed, or 0.14, where reflectances and pose were off and not fitted. Of true
+    walks, whose curve can bend, 1 % stayed, of a scale that was taken for one 11 %.
+    """
+    forms = [search_spec(name).may_stay for name in names]
+    if not forms or any(form.keys() != forms[0].keys() for form in forms):
+        return {}
+    return {part: max(form[part] for form in forms) for part in forms[0]}

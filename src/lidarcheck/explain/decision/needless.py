@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from lidarcheck.effects import with_role
 from lidarcheck.explain.decision.closure import closure
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.search.refine import Judged, judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_related, is_special_case
+from lidarcheck.explain.search.related import are_related, is_special_case
 from lidarcheck.explain.search.search import DOUBTFUL, without
 from lidarcheck.explain.search.second_look import closes_what_others_left, worth_by_beams
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
@@ -94,7 +95,8 @@ def _is_all_of_a_part(seen: Scale, case: Model, own: Judged, fewer: Judged) -> b
 def _may_be(off: Nuisance, names: Sequence[str]) -> bool:
     """Whether errors may be all that is wrong in the place of some names: usual ones, or reflectances that are all off
     to one side where no name says much the same."""
-    alike = any(name == "signal_gain" or are_related(name, "signal_gain") for name in names)
+    gain = with_role("gain").name
+    alike = any(name == gain or are_related(name, gain) for name in names)
     return off.usual or (off.conceivable and not alike)
 
 
@@ -127,8 +129,8 @@ def _least(bench: SearchData, now: Fit, at: int, fewer: Fit) -> float | None:
 def _follows_another(now: Fit, at: int) -> bool:
     """Whether an effect strikes at random beside one that it can do the most of, and makes up for how that one's fit
     lacks what lies behind edges."""
-    name, variant = now.probes[at].name, now.probes[at].variant
-    return variant in AT_RANDOM and any(is_special_case(other, name, variant) for other in now.names())
+    probe = now.probes[at]
+    return probe.strikes_anew and any(is_special_case(other, probe) for other in now.names())
 
 
 def _closes(

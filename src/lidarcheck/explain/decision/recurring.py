@@ -9,11 +9,12 @@ it were not always there and at the sign's range, and what it sends back twice, 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
@@ -36,15 +37,16 @@ _AT_RANGE_M = 2.5
 def recurs(seen: Scale, model: Model, name: str, pool: WorkerPool) -> bool:
     """Whether the echoes that an effect of the model is to add or lose at random are the same columns' in every frame,
     or those that it is to add gather beside bright targets; False of effects that do not strike at random."""
-    if name not in _COUNTED:
+    at_random = search_spec(name).at_random
+    if not at_random:
         return False
     with_, without = pool.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
-    count = _COUNTED[name]
+    count = _lost if at_random == "loses echoes" else _others
     usual = sum(count(seen, one) for one in without) / _SEEDS
     measured, *random = (_agreement(count(seen, one) - usual) for one in (seen.measured, *with_))
     if _is_more(measured, random, _MORE):
         return True
-    return name in _ADDED and _gathers(seen, with_, without)
+    return at_random == "adds echoes" and _gathers(seen, with_, without)
 
 
 def _is_more(measured: float, random: Sequence[float], least: float) -> bool:
@@ -104,11 +106,3 @@ def _by_column(seen: Scale, beam: npt.NDArray[np.int64]) -> FloatArray:
     found = np.zeros((len(seen.frames), int(point.max()) + 1))
     np.add.at(found, (seen.beams.frame[beam], point[beam]), 1.0)
     return found
-
-
-_ADDED = ("interference",)
-_COUNTED: dict[str, Callable[[Scale, Observations], FloatArray]] = {
-    "interference": _others,
-    "dropout": _lost,
-    "vibration": _others,
-}

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.inference.edges import FOOTPRINTS, at_borders
+from lidarcheck.effects.search import search_spec
+from lidarcheck.inference.edges import at_borders
 from lidarcheck.inference.pairing import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
@@ -27,7 +28,7 @@ _OPEN = 0.15
 def only_edges_stay(seen: Scale, model: Model, before: float) -> bool:
     """Whether echoes are split at edges as the model's footprint says, and what stays open is at edges; False without a
     footprint. `before`: the gap beyond chance without the model's effects."""
-    footprints = [effect.name for effect in model.effects if effect.name in FOOTPRINTS]
+    footprints = [effect.name for effect in model.effects if search_spec(effect.name).splits_echoes]
     if not footprints:
         return False
     without = model

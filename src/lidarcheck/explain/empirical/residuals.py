@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.search.located import dimming_of
+from lidarcheck.explain.search.evidence import dimming_of
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 

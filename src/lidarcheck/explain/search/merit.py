@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from lidarcheck.explain.search.starts import Probe
-from lidarcheck.inference.edges import AT_EDGES
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.inference.gauss_newton import Fit
 from lidarcheck.inference.nuisances import is_usual_error
 
@@ -68,8 +67,8 @@ class FittedCandidate:
         was free: of two that explain the same the simpler one is the better name."""
         own = self.probe
         both = self.gain + self.select_before - self.select_after
-        listed = (*own.settings.get("gains", ()), *own.settings.get("movers", ()))
-        numbers = len(own.free) + _LISTED * len(listed)
+        listed = sum(len(own.settings.get(name, ())) for name in search_spec(self.name).read_lists)
+        numbers = len(own.free) + _LISTED * listed
         return both - numbers * (PRICE + _PRICE_PART * abs(both))
 
     @property
@@ -84,7 +83,7 @@ class FittedCandidate:
         if not holds and self.own is not None:
             # Half as many packets may be lost in one frame as in others, which brings it no nearer.
             holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
-        if not holds and self.name not in AT_EDGES:
+        if not holds and not search_spec(self.name).at_edges:
             near = self.select_after < self.select_floor + _ALL_CLOSED * CHANCE
             holds = near and self.gain > _FOUR_TIMES * self.needed
         own = next(e for e in self.fit.effects() if e.name == self.name)

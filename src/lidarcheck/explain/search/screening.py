@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.search import Probe
 from lidarcheck.errors import UsageError
-from lidarcheck.explain.search.starts import Probe
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers import WorkerPool
 

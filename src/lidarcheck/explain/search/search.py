@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lidarcheck.explain.search.located_ranges import driving_instead
+from lidarcheck.effects.search import search_spec
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import CHANCE, PRICE, FittedCandidate
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
@@ -65,32 +66,37 @@ def _beyond(bench: SearchData, off: Fit) -> SearchData:
 def _search_from(bench: SearchData, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
     """Forward from there, and backward."""
     found = forward(bench, first, screened, told)
-    found.fit = _driving_or_offset(bench, backward(bench, found.fit, told), found.trials)
+    found.fit = _or_imitation(bench, backward(bench, found.fit, told), found.trials)
     return found
 
 
-def _driving_or_offset(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate]) -> Fit:
-    """A sensor that drives in the place of an offset, where much is left and it comes nearer by more than chance.
+def _or_imitation(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate]) -> Fit:
+    """An effect that does nearly the same in the place of one of the fit, such as a sensor that drives in that of an
+    offset, where much is left and it comes nearer by more than chance.
 
     In a narrow view both lengthen all ranges nearly alike, and which one is nearer is not to be told before all other
     effects are found: summaries are blunt far from the case's own model.
     """
     simulator, names = bench.simulator, now.names()
-    if "range_offset" not in names or "motion" in names or now.distance - simulator.floor_distance < CHANCE:
+    if now.distance - simulator.floor_distance < CHANCE:
         return now
-    if not any(trial.name == "motion" and trial.passes for trial in trials):
-        return now
-    place = names.index("range_offset")
-    driving = driving_instead(simulator, float(now.effects()[place].settings()["offset_m"]))
-    if driving is None:
-        return now
-    probes, x = list(now.probes), list(now.x)
-    probes[place], x[place] = driving, driving.start()
-    other = fit_nuisance(simulator, fit(simulator, probes, x, rounds=TO_THE_END, nuisance=now.nuisance))
-    if not other.possible:
-        return now
-    there, here = (one.distance + select_distance(bench.select, one) for one in (other, now))
-    return other if there < here - CHANCE else now
+    passed = {trial.name for trial in trials if trial.passes}
+    asked = [(place, it) for place, name in enumerate(names) if (it := search_spec(name).imitation)]
+    for place, imitation in asked:
+        if imitation.name in names or imitation.name not in passed:
+            continue
+        probe = imitation.start(SimulatorEvidence(simulator), now.effects()[place].settings())
+        if probe is None:
+            continue
+        probes, x = list(now.probes), list(now.x)
+        probes[place], x[place] = probe, probe.start()
+        other = fit_nuisance(simulator, fit(simulator, probes, x, rounds=TO_THE_END, nuisance=now.nuisance))
+        if not other.possible:
+            continue
+        there, here = (one.distance + select_distance(bench.select, one) for one in (other, now))
+        if there < here - CHANCE:
+            return other
+    return now
 
 
 def _all_nuisance(bench: SearchData, off: Fit, screened: Sequence[Screened]) -> bool:

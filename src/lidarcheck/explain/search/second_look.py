@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.effects.search import Probe
 from lidarcheck.explain.decision.closure import closure
 from lidarcheck.explain.progress import ignore_progress
-from lidarcheck.explain.search.located import located_probes
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_related
+from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen
 from lidarcheck.explain.search.selection import MOST_EFFECTS, Search, SearchData, beside_related, run_round
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes, located_probes
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
@@ -125,7 +125,7 @@ def _trials(own: Judged, look: Look, number: int, search: Search) -> list[Fitted
     )
     return [
         replace(t, needed=max(t.needed, beside_related(t.fit.probes[-1], search)))
-        if t.fit.probes[-1].variant in AT_RANDOM
+        if t.fit.probes[-1].strikes_anew
         else t
         for t in trials
     ]

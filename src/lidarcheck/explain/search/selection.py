@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.search.located_patch import from_side_to_side
+from lidarcheck.effects.search import Probe, search_spec
+from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
 from lidarcheck.explain.search.refine import Judged
-from lidarcheck.explain.search.related import AT_RANDOM, are_related, enough_for, is_special_case
+from lidarcheck.explain.search.related import are_related, enough_for, is_special_case
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.screening import Screened
-from lidarcheck.explain.search.starts import Probe
 from lidarcheck.explain.search.trial import finished, select_shown, to_the_end, tried
 from lidarcheck.inference.gauss_newton import Fit, fit_nuisance
 from lidarcheck.inference.simulator import Simulator
@@ -82,9 +82,9 @@ class SearchData:
         """The least gain that is worth a name, whatever chance says."""
         return self.least_part * self._gap
 
-    def worth_of(self, variant: str) -> float:
-        """The same for a kind of start."""
-        if variant not in AT_RANDOM:
+    def worth_of(self, probe: Probe) -> float:
+        """The same for a start."""
+        if not probe.strikes_anew:
             return self.worth
         return min(_RANDOM_WORTH * self.least_part, _RANDOM_ENOUGH) * self._gap
 
@@ -146,8 +146,7 @@ def onward(bench: SearchData, found: Search, screened: Sequence[Screened], told:
 def best_of(passing: Sequence[FittedCandidate]) -> FittedCandidate:
     """The trial of the largest merit, or one of its special case that explains nearly as much."""
     best = max(passing, key=lambda t: t.merit)
-    kind = best.name, best.probe.variant
-    special = [t for t in passing if t.merit > enough_for(t.name, *kind) * best.merit]
+    special = [t for t in passing if t.merit > enough_for(t.name, best.probe) * best.merit]
     return max(special, key=lambda t: t.merit, default=best)
 
 
@@ -195,15 +194,14 @@ def _plainer(one: FittedCandidate, other: FittedCandidate) -> bool:
 
 def _is_near(one: FittedCandidate, first: FittedCandidate) -> bool:
     """Whether a plainer name comes near enough to the first one to be fitted to the end."""
-    special = is_special_case(one.name, first.name, first.probe.variant)
-    if special and first.probe.variant in AT_RANDOM:
+    if first.probe.strikes_anew and is_special_case(one.name, first.probe):
         return one.merit > _STEADY_NEAR * first.merit
     return one.merit > _PLAIN_NEAR * first.merit and _plainer(one, first)
 
 
 def _enough(one: FittedCandidate, first: FittedCandidate) -> float:
     """What part of the first one's merit another one that is fitted to the end must have to count as it is then."""
-    return min(1.0 if _plainer(one, first) else _OVERTAKES, enough_for(one.name, first.name, first.probe.variant))
+    return min(1.0 if _plainer(one, first) else _OVERTAKES, enough_for(one.name, first.probe))
 
 
 def accept(bench: SearchData, found: Search, trial: FittedCandidate) -> Search:
@@ -258,7 +256,7 @@ def _fitted(
     fits = bench.pool.map(tried, ((simulator.held, bench.select.held, now, shown, least, probe) for probe in probes))
     trials = []
     for i, ((_, one), (alone, after, change, edges, own)) in enumerate(zip(starts, fits, strict=True), 1):
-        if not alone.possible or from_side_to_side(simulator, alone.effects()[-1]):
+        if not alone.possible or _is_another(simulator, alone):
             continue
         gain, needed = now.distance - alone.distance, _needed(bench, found, one)
         trials.append(
@@ -268,10 +266,16 @@ def _fitted(
     return trials
 
 
+def _is_another(simulator: Simulator, now: Fit) -> bool:
+    """Whether the last effect of a fit has become what another name says."""
+    is_another = search_spec(now.probes[-1].name).is_another
+    return is_another is not None and is_another(SimulatorEvidence(simulator), now.effects()[-1])
+
+
 def _needed(bench: SearchData, found: Search, one: Screened) -> float:
     """What a start must gain on top of what was accepted."""
-    worth = bench.worth_of(one.probe.variant)
-    if found.fit.probes and one.probe.variant not in AT_RANDOM:
+    worth = bench.worth_of(one.probe)
+    if found.fit.probes and not one.probe.strikes_anew:
         worth = bench.worth_beside(found.fit.distance)
     return max(1.3 * bench.level * one.chance, worth, beside_related(one.probe, found))
 
@@ -281,7 +285,7 @@ def beside_related(probe: Probe, found: Search) -> float:
     gains = [
         t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_related(probe.name, t.name)
     ]
-    return (RANDOM_KIN_PART if probe.variant in AT_RANDOM else KIN_PART) * max(gains, default=0.0)
+    return (RANDOM_KIN_PART if probe.strikes_anew else KIN_PART) * max(gains, default=0.0)
 
 
 def _promising(bench: SearchData, now: Fit, screened: Sequence[Screened]) -> list[_Start]:

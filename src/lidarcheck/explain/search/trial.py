@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import make
-from lidarcheck.explain.search.starts import Probe
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.whole_bins import at_whole_steps
-from lidarcheck.inference.edges import FOOTPRINTS
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance, with_effects
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
@@ -32,11 +31,8 @@ _WEAKER = 3
 _PLAIN_ROUNDS, _PART_OF_WAYS = 3, 1.7
 """Steps of the plain kind before a probe's ways are tried, and by what the strength found there is multiplied: what one
 direction lights, it lights in part."""
-_NAMED_BY, _NAMED_PART = {"rain": {"drop_density": 0.0}}, 0.01
-"""What an effect is without that which its name says, and the least part of its gain that it must lose then: drops that
-nobody sees, and the light that they take, are fog as well."""
-_LOST_AT_RANDOM = ("dropout",)
-"""Effects that take echoes from beams that nobody can foretell."""
+_NAMED_PART = 0.01
+"""The least part of its gain that an effect must lose without that which its name says."""
 
 
 def tried(simulator: Simulator, select: Simulator, now: Fit, before: FloatArray, least: float, probe: Probe) -> Tried:
@@ -57,10 +53,10 @@ def tried(simulator: Simulator, select: Simulator, now: Fit, before: FloatArray,
 
 
 def _is_what_it_says(simulator: Simulator, now: Fit, found: Fit) -> bool:
-    """Whether the last effect of a fit explains something by what its name says: no rain without drops."""
+    """Whether the last effect of a fit explains something by what its name says."""
     effect = found.effects()[-1]
-    nothing = _NAMED_BY.get(effect.name)
-    if nothing is None:
+    nothing = search_spec(effect.name).named_by
+    if not nothing:
         return True
     others = with_effects(simulator.model, found.probes[:-1], found.x[:-1])
     without = simulator.shows(
@@ -75,15 +71,15 @@ def _there(select: Simulator, before: FloatArray, found: Fit) -> Tried:
     them wherever edges are, for a footprint, and how far they would be from themselves, for losses."""
     if not found.possible:
         return found, np.inf, 0.0, None, None
-    name = found.probes[-1].name
+    spec = search_spec(found.probes[-1].name)
     shown = select_shown(select, found)
     moved = shown.mean(axis=0) - before.mean(axis=0)
     edges = None
-    if name in FOOTPRINTS:
+    if spec.splits_echoes:
         metric = select.along_edges(found.model(select.model), 800, found.nuisance)
         nearer = select.distance(before, metric=metric) - select.distance(shown, metric=metric)
         edges = nearer, metric.square(moved)
-    own = own_distance(select, found) if name in _LOST_AT_RANDOM else None
+    own = own_distance(select, found) if spec.at_random == "loses echoes" else None
     return found, select.distance(shown), select.metric.square(moved), edges, own
 
 

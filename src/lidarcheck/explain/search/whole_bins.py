@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lidarcheck.explain.search.starts import Probe
+from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
@@ -25,17 +25,10 @@ def at_whole_steps(simulator: Simulator, now: Fit) -> Fit:
     """The fit with each such number where it comes nearest, or as it is where it has none or nothing is nearer."""
     for k, probe in enumerate(now.probes):
         for j, free in enumerate(probe.free):
-            width = _width(simulator, probe.name, free.name)
-            if width > 0.0:
-                now = _followed(simulator, now, k, j, width)
+            width = search_spec(probe.name).whole_steps.get(free.name)
+            if width is not None:
+                now = _followed(simulator, now, k, j, width(simulator.model.sensor))
     return now
-
-
-def _width(simulator: Simulator, effect: str, number: str) -> float:
-    """How wide the steps of a number are, 0 where it has none."""
-    return {("dead_time", "shift_ns"): simulator.model.sensor.bin_ns, ("threshold", "shift"): 1.0}.get(
-        (effect, number), 0.0
-    )
 
 
 def _followed(simulator: Simulator, now: Fit, k: int, j: int, width: float) -> Fit:

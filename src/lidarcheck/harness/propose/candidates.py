@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lidarcheck.effects import Effect
+from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import InputError
 from lidarcheck.formats.config import LineIndex
 from lidarcheck.harness.kpis.registry import KINDS
@@ -17,51 +18,7 @@ from lidarcheck.harness.scenario.file import KpiTable
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
-__all__ = ["OTHERS", "WATCHERS", "Watch", "watches"]
-
-_LIGHT = ("area_mean", "detection_probability", "peak_mean")
-_STRAYS = ("false_alarms_per_beam", "false_alarm_probability", "echo_range_mean", "stray_range_onset")
-_HALO = ("echo_share", "echo_area_mean", "echo_layer_spread", "echo_point_spread", "false_alarms_per_beam")
-_EXTRA = ("false_alarms_per_beam", "multi_echo_share", "echo_range_mean", "echo_area_mean")
-
-WATCHERS: Mapping[str, tuple[str, ...]] = {
-    "signal_gain": _LIGHT,
-    "material_reflectance": _LIGHT,
-    "ambient_light": ("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
-    "dark_counts": ("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
-    "crosstalk": ("area_spread", "peak_mean", "false_alarm_probability", "area_mean"),
-    "afterpulsing": ("echo_share", "width_mean", "multi_echo_share", "area_mean"),
-    "dead_time": ("multi_echo_share", "area_mean", "echo_range_mean", "width_mean"),
-    "pulse_shape": ("width_mean", "peak_mean", "area_mean"),
-    "timing_jitter": ("range_noise",),
-    "range_offset": ("range_residual_mean", "range_residual_median"),
-    "range_scale": ("range_residual_per_metre", "range_residual_mean"),
-    "walk_error": ("range_residual_per_decade", "range_residual_mean"),
-    "threshold": ("detection_probability", "false_alarm_probability", "width_mean", "area_mean"),
-    "boresight": ("echo_layer_mean", "echo_point_mean", "range_residual_per_layer", "range_noise", "area_mean"),
-    "beam_divergence": ("mixed_pixel_share", "multi_echo_share", "range_noise"),
-    "incidence_falloff": ("area_incidence_exponent", "area_mean", "detection_probability"),
-    "layer_gain": ("area_layer_spread", "area_mean", "detection_probability"),
-    "blooming_vertical": _HALO,
-    "blooming_horizontal": _HALO,
-    "retro_ghost": ("ghost_count_ratio", "ghost_area_ratio", "ghost_peak_ratio", "multi_echo_share"),
-    "mirror_multipath": ("echo_share", "echo_range_mean", "multi_echo_share", "false_alarms_per_beam"),
-    "fog": ("area_loss_per_metre", "echo_share", "stray_range_onset", "area_mean", "detection_probability"),
-    "rain": ("false_alarms_per_beam", "echo_range_mean", "area_loss_per_metre", "stray_range_onset"),
-    "motion": ("range_residual_per_point", "range_residual_mean", "range_noise"),
-    "vibration": ("range_residual_point_spread", "range_noise"),
-    "blockage": ("area_mean", "detection_probability", "area_point_spread", "area_layer_spread"),
-    "interference": (*_STRAYS, "echo_area_mean"),
-    "dropout": ("detection_probability", "echo_share"),
-    "empirical_flicker": ("area_spread", "area_mean", "detection_probability"),
-    "empirical_signal": _LIGHT,
-    "empirical_range": ("range_residual_mean", "range_residual_per_metre", "range_residual_per_decade"),
-    "empirical_spread": ("range_noise",),
-    "empirical_loss": ("detection_probability", "echo_share", "multi_echo_share"),
-    "empirical_extra": _EXTRA,
-    "empirical_amplitude": ("area_mean", "peak_mean", "width_mean"),
-}
-"""The kinds of KPI that an effect moves by what it does, the most telling first."""
+__all__ = ["OTHERS", "Watch", "watches"]
 
 OTHERS = (
     "area_mean",
@@ -86,7 +43,7 @@ Watch = tuple[dict[str, Any], AskedKpi]
 def watches(ideal: IdealScan, model: Model, effect: Effect) -> list[Watch]:
     """KPIs that might see this effect on these beams, the most telling kinds first; each of another name."""
     tables: dict[str, Watch] = {}
-    for kind in dict.fromkeys((*WATCHERS.get(effect.name, ()), *OTHERS)):
+    for kind in dict.fromkeys((*search_spec(effect.name).watched_by, *OTHERS)):
         for part in _parts(kind, ideal, model, effect):
             table = {"kpi": kind, **part}
             faults: list[InputError] = []

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import UsageError
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, record_of
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
-from lidarcheck.harness.propose.candidates import WATCHERS
 from lidarcheck.harness.propose.files import ideal_file, model_file, write_files
 from lidarcheck.harness.propose.trial import LOST_SEEDS, SHARE, Catch, KpiTrial
 from lidarcheck.harness.review.review import review
@@ -152,7 +152,7 @@ def _best(trial: KpiTrial, effect: str, count: int) -> list[str]:
         catch, kind = trial.catch(effect, kpi), str(trial.tables[kpi]["kpi"])
         if catch is not None and catch.margin > max(_CLEAR, kinds[kind].margin if kind in kinds else 0.0):
             kinds[kind] = catch
-    own = [kinds[kind] for kind in WATCHERS.get(effect, ()) if kind in kinds]
+    own = [kinds[kind] for kind in search_spec(effect).watched_by if kind in kinds]
     ranked = sorted(own or kinds.values(), key=lambda catch: -catch.margin)
     return [catch.kpi for catch in ranked[:count]]
 

@@ -1,4 +1,5 @@
-"""Where a vibration starts: the frequency at which ranges swing along the slope of surfaces."""
+"""What a search must know of `vibration`: the frequency at which ranges swing along the slope of surfaces, or a view
+that turns at random."""
 
 from __future__ import annotations
 
@@ -7,12 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.explain.search.starts import FreeParameter, Probe, free_of
-from lidarcheck.inference.simulator import Simulator
+from lidarcheck.arrays import FloatArray
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.search.base import LOG_STEP, FreeParameter, Probe, SearchSpec, Variant
+from lidarcheck.effects.search.evidence import RANGE, Evidence
+from lidarcheck.rays import sweep_time_s
 
-__all__ = ["rhythm_probes"]
-
-FloatArray = npt.NDArray[np.float64]
+_FREE = (FreeParameter("pitch_deg", 0.3, log=True), FreeParameter("yaw_deg", 0.3, log=True))
+_TREMBLE = (FreeParameter("random_deg", LOG_STEP, log=True),)
+_WANDER = (*_TREMBLE, FreeParameter("memory_columns", 0.4, log=True))
+_NO_SWING = {"pitch_deg": 0.0, "yaw_deg": 0.0}
 
 _LEAST_COLUMNS = 12
 _LEAST_SPREAD_M, _MOST_M = 0.02, 1.0
@@ -34,15 +39,13 @@ _KNOWN = 30.0
 of its own must explain besides."""
 
 
-def rhythm_probes(simulator: Simulator) -> list[Probe]:
+def _starts(evidence: Evidence) -> list[Probe]:
     """The strongest swing of pitch and yaw, of the same phase in every frame, and of another in each."""
-    from lidarcheck.rays import sweep_time_s
-
-    points, column = np.unique(simulator.beams.point, return_inverse=True)
+    points, column = np.unique(evidence.beams.point, return_inverse=True)
     if len(points) < _LEAST_COLUMNS:
         return []
     time = sweep_time_s(points.astype(np.int32))
-    curvature, slope = _by_column(simulator, column, len(points))
+    curvature, slope = _by_column(evidence, column, len(points))
     found = []
     same = _strongest(time, curvature.sum(axis=0)[None], slope.sum(axis=0)[None])
     anew = _strongest(time, curvature, slope)
@@ -54,7 +57,7 @@ def rhythm_probes(simulator: Simulator) -> list[Probe]:
             continue
         # A step that shifts the swing by a twentieth of a cycle at the sweep's end.
         step = float(np.clip(0.05 / (swing.frequency_hz * length), 1e-4, 0.05))
-        free = [*free_of("vibration"), FreeParameter("frequency_hz", step, log=True)]
+        free = [*_FREE, FreeParameter("frequency_hz", step, log=True)]
         if not place:
             free.append(FreeParameter("phase_deg", 15.0))
         found.append(Probe("vibration", swing.settings(), tuple(free), place, variant))
@@ -94,13 +97,13 @@ class _Swing:
         }  # fmt: skip
 
 
-def _by_column(simulator: Simulator, column: npt.NDArray[np.intp], columns: int) -> tuple[FloatArray, FloatArray]:
+def _by_column(evidence: Evidence, column: npt.NDArray[np.intp], columns: int) -> tuple[FloatArray, FloatArray]:
     """The normal equations of the two angles of each column of each frame: (n_frames, columns, 2, 2) and (..., 2)."""
-    expected, measured, beams = simulator.summaries.expected, simulator.measured_sights, simulator.beams
+    expected, measured, beams = evidence.expected, evidence.measured, evidence.beams
     used = measured.detected & expected.known & ~beams.crease
-    off = np.clip(measured.feature[:, 0] - expected.mean[:, 0], -_MOST_M, _MOST_M)[used]
+    off = np.clip(measured.feature[:, RANGE] - expected.mean[:, RANGE], -_MOST_M, _MOST_M)[used]
     along = beams.slope_m_per_deg[used]
-    spread = np.maximum(expected.spread[used, 0], _LEAST_SPREAD_M)
+    spread = np.maximum(expected.spread[used, RANGE], _LEAST_SPREAD_M)
     weight = 1.0 / (spread**2 + (_CURVED_DEG**2 * along**2).sum(axis=1))
     frames = int(beams.frame.max()) + 1
     place = (beams.frame * columns + column)[used]
@@ -156,3 +159,35 @@ def _swing(time: FloatArray, curvature: FloatArray, slope: FloatArray, frequency
     drop = float((right.reshape(frames, 6) * found).sum() - (right[:, :, 2] * level).sum())
     weight = np.array([left[:, a, :2, a, :2].trace(axis1=1, axis2=2).sum() / 2.0 for a in (0, 1)])
     return _Swing(float(frequency_hz), found.reshape(frames, 2, 3)[:, :, :2], drop, weight)
+
+
+def _turns_anew(effect: Effect) -> bool:
+    """Whether the view is turned otherwise in each frame, so that a few frames have a mean pose by chance."""
+    values = effect.settings()
+    return bool(values["new_phase"]) or float(values["random_deg"]) > 0.0
+
+
+SPEC = SearchSpec(
+    "vibration",
+    free=_FREE,
+    fixed_starts=(
+        {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 150.0, "random_deg": 0.0},
+        {"pitch_deg": 0.05, "yaw_deg": 0.05, "frequency_hz": 60.0, "random_deg": 0.0},
+    ),
+    variants=(
+        Variant("random", _NO_SWING | {"random_deg": 0.03}, _TREMBLE),
+        Variant("random", _NO_SWING | {"random_deg": 0.12}, _TREMBLE),
+        Variant("wander", _NO_SWING | {"random_deg": 0.05, "memory_columns": 5.0}, _WANDER),
+        Variant("wander", _NO_SWING | {"random_deg": 0.08, "memory_columns": 25.0}, _WANDER),
+    ),
+    starts=_starts,
+    order=4,
+    amounts=("pitch_deg", "yaw_deg", "random_deg"),
+    groups=frozenset({"aim"}),
+    confused_with={"timing_jitter": "a wall at right angles: jitter stays, vibration vanishes"},
+    at_edges=True,
+    at_random="turns the view",
+    variants_anew=("random", "wander", "free phase"),
+    acts_anew=_turns_anew,
+    watched_by=("range_residual_point_spread", "range_noise"),
+)

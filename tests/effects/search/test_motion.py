@@ -5,8 +5,8 @@ import pytest
 
 from explain_core_kit import PANEL, ROAD, SIGN, WALL, frames, model, street
 from lidarcheck.effects import make
-from lidarcheck.explain.search.located_ranges import range_probes
-from lidarcheck.explain.search.starts import Probe
+from lidarcheck.effects.search import Probe
+from lidarcheck.explain.search.starts import located_probes
 from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(230, 290), "points": range(320, 640, 4), "sign": True}
@@ -18,7 +18,7 @@ NEAR = {"layers": range(246, 282), "points": range(370, 560, 2), "sign": True}
 
 def several(how: dict[str, object] = FINE, **moving: object) -> list[Probe]:
     simulator = Simulator(frames(model(make("motion", STILL | moving)), 2, **how), model(), 3)
-    return [probe for probe in range_probes(simulator, ["motion"]) if probe.variant == "several objects"]
+    return [probe for probe in located_probes(simulator, ["motion"]) if probe.variant == "several objects"]
 
 
 def test_two_objects_that_move_apart_have_speeds_of_their_own() -> None:

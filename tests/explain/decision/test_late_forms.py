@@ -7,7 +7,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.decision.equivalence import Polished
-from lidarcheck.explain.decision.footprint_rays import with_best_rays
+from lidarcheck.explain.decision.late_forms import with_finer_forms
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.gauss_newton import Fit, fit
 from lidarcheck.inference.simulator import Simulator
@@ -34,7 +34,7 @@ def left(seen: Scale, now: Fit) -> float:
 @pytest.mark.parametrize("rays", [3, 11])
 def test_more_rays_are_taken_where_they_leave_less(rays: int) -> None:
     seen, before = fitted(rays)
-    after = with_best_rays(seen, model(), before, WorkerPool())
+    after = with_finer_forms(seen, model(), before, WorkerPool())
     used = after.last.effects()[0].settings()["rays"]
     assert used == 3 if rays == 3 else used > 3
     assert (after is before) == (rays == 3)
@@ -49,4 +49,4 @@ def test_without_a_footprint_nothing_is_fitted() -> None:
     plain = Polished(
         Fit((), (), 0.0, simulator.measured[None]), simulator, Fit((), (), 0.0, simulator.measured[None]), {}
     )
-    assert with_best_rays(seen, model(), plain, WorkerPool()) is plain
+    assert with_finer_forms(seen, model(), plain, WorkerPool()) is plain

@@ -1,22 +1,19 @@
-"""A start for beams that lose their echoes in blocks, whose size is read off the data."""
+"""What a search must know of `dropout`: of single beams, or of blocks, whose size is read off the data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
-from lidarcheck.explain.search.starts import Probe, free_of
-from lidarcheck.inference.beam_table import key_of
-from lidarcheck.inference.gauss_newton import Fit
-from lidarcheck.inference.simulator import Simulator
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.search.base import LOG_STEP, FreeParameter, Probe, SearchSpec
+from lidarcheck.effects.search.evidence import Evidence
 
-__all__ = ["as_struck", "loss_probes", "share_spread"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
+_FREE = (FreeParameter("share", LOG_STEP, log=True),)
 
 _SURE = 0.9
 """Beams that the model detects so often, which is with every seed that it was asked, tell of losses; not along edges,
@@ -33,46 +30,46 @@ _CHANCE = 3.0
 """Shares of two sets of frames that differ by less than so many standard deviations may be one."""
 
 
-def loss_probes(simulator: Simulator) -> list[Probe]:
+def _starts(evidence: Evidence) -> list[Probe]:
     """Dropout in blocks, where beams of a block are lost together more often than others."""
-    losses = _Losses.of(simulator)
+    losses = _Losses.of(evidence)
     found = None if losses.lost.sum() < _FEWEST else _blocks(losses)
     if found is None:
         return []
     (layers, points), share = found
     fixed = {"block_points": points, "block_layers": layers}
-    return [Probe("dropout", {"share": share}, free_of("dropout"), fixed, "blocks")]
+    return [Probe("dropout", {"share": share}, _FREE, fixed, "blocks")]
 
 
-def as_struck(simulator: Simulator, now: Fit) -> Fit:
-    """The fit with as large a share of blocks lost as a lab's own frames show, where chance may make the difference: of
-    a hundred blocks of which each is lost with 5 %, a frame loses two, or nine."""
-    for place, (probe, effect) in enumerate(zip(now.probes, now.effects(), strict=True)):
-        size = _size(probe)
-        if size == (1, 1) or not len((losses := _Losses.of(simulator)).lost):
-            continue
-        share = float(effect.settings()["share"])
-        there = _fitted(losses, losses.block(*size), share, _rates(losses, np.where(losses.lost, 0.5, 0.0))).share
-        if 0.0 < abs(there - share) < _CHANCE * share * share_spread(simulator, probe, share):
-            x = list(now.x)
-            x[place] = replace(probe, settings={**probe.settings, "share": there}).start()
-            now = replace(now, x=tuple(x))
-    return now
+def _as_struck(evidence: Evidence, probe: Probe, effect: Effect) -> Mapping[str, float]:
+    """As large a share of blocks lost as the frames show, where chance may make the difference: of a hundred blocks of
+    which each is lost with 5 %, a frame loses two, or nine."""
+    size = _size(probe)
+    if size == (1, 1) or not len((losses := _Losses.of(evidence)).lost):
+        return {}
+    share = float(effect.settings()["share"])
+    there = _fitted(losses, losses.block(*size), share, _rates(losses, np.where(losses.lost, 0.5, 0.0))).share
+    near = 0.0 < abs(there - share) < _CHANCE * share * _share_spread(evidence, probe, share)
+    return {"share": there} if near else {}
 
 
-def share_spread(simulator: Simulator, probe: Probe, share: float) -> float:
+def _chance_errors(evidence: Evidence, probe: Probe, effect: Effect) -> Mapping[str, float]:
+    return {"share": _share_spread(evidence, probe, float(effect.settings()["share"]))}
+
+
+def _share_spread(evidence: Evidence, probe: Probe, share: float) -> float:
     """By what part of itself a share of blocks that was fitted is off by chance: the frames have lost so many blocks,
-    and so have the simulations, whose blocks are others. 0 for single beams and other effects."""
+    and so have the simulations, whose blocks are others. 0 for single beams."""
     layers, points = _size(probe)
     if (layers, points) == (1, 1):
         return 0.0
-    beams, met = simulator.beams, simulator.beams.distance_m > 0.0
-    blocks = np.unique(key_of(beams.frame[met], beams.layer[met] // layers, beams.point[met] // points))
-    return float(np.sqrt(2.0 / max(share * len(blocks), 1.0)))
+    beams, met = evidence.beams, evidence.beams.distance_m > 0.0
+    block = np.stack([beams.frame[met], beams.layer[met] // layers, beams.point[met] // points])
+    return float(np.sqrt(2.0 / max(share * np.unique(block, axis=1).shape[1], 1.0)))
 
 
 def _size(probe: Probe) -> tuple[int, int]:
-    """How many layers and point columns a probe's blocks have; 1 and 1 for other effects than such losses."""
+    """How many layers and point columns a probe's blocks have; 1 and 1 for single beams."""
     return int(probe.fixed.get("block_layers", 1)), int(probe.fixed.get("block_points", 1))
 
 
@@ -84,17 +81,17 @@ class _Losses:
     frame: IndexArray
     layer: IndexArray
     point: IndexArray
-    lost: npt.NDArray[np.bool_]
+    lost: BoolArray
     surface: IndexArray
 
     @classmethod
-    def of(cls, simulator: Simulator) -> _Losses:
-        """Of a lab's frames."""
-        beams, expected = simulator.beams, simulator.summaries.expected
+    def of(cls, evidence: Evidence) -> _Losses:
+        """Of some frames."""
+        beams, expected = evidence.beams, evidence.expected
         sure = expected.known & (expected.probability > _SURE) & ~expected.at_edge
         place = np.stack([beams.frame[sure], beams.material_id[sure]])
         surface = np.unique(place, axis=1, return_inverse=True)[1].ravel().astype(np.int64)
-        lost = ~simulator.measured_sights.detected[sure]
+        lost = ~evidence.measured.detected[sure]
         return cls(beams.frame[sure], beams.layer[sure], beams.point[sure], lost, surface)
 
     def block(self, layers: int, points: int) -> IndexArray:
@@ -166,3 +163,18 @@ def _likelihood(losses: _Losses, block: IndexArray, share: float, alone: FloatAr
         both[all_lost] = np.logaddexp(kept[all_lost], np.log(share))
         whole[all_lost] = np.exp(np.log(share) - both[all_lost])
     return both, whole
+
+
+SPEC = SearchSpec(
+    "dropout",
+    free=_FREE,
+    fixed_starts=({"share": 0.01}, {"share": 0.06}),
+    starts=_starts,
+    order=5,
+    amounts=("share",),
+    at_random="loses echoes",
+    form_errors={"share": 0.12},  # how often it strikes
+    chance_errors=_chance_errors,
+    as_struck=_as_struck,
+    watched_by=("detection_probability", "echo_share"),
+)

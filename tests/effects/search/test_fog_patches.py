@@ -8,7 +8,8 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect, make
-from lidarcheck.explain.decision.patchy import patches_in, patchiness_of, with_patches
+from lidarcheck.effects.search.fog_patches import Patchiness, patchiness_of
+from lidarcheck.explain.decision.late_forms import ScaleReplays, late_words, with_forms_of_beams
 from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.nuisances import Nuisance
@@ -57,44 +58,51 @@ def finding() -> Finding:
     return Finding("fog", parameters, 0.9, (), "in front", effects=(EVEN,))
 
 
+def patchiness(scale: Scale) -> Patchiness | None:
+    """How patchy the fog of some frames is."""
+    return patchiness_of(ScaleReplays(scale, model(EVEN), Nuisance(), WorkerPool()), EVEN)
+
+
 def test_even_fog_is_not_patchy() -> None:
     scale = seen((1.0,), (1.0,), (1.0,), (1.0,))
-    assert patchiness_of(scale, model(EVEN), EVEN, Nuisance(), WorkerPool()) is None
-    assert with_patches(scale, model(), [finding()], Nuisance(), WorkerPool()) == (finding(),)
+    assert patchiness(scale) is None
+    assert with_forms_of_beams(scale, model(), [finding()], Nuisance(), WorkerPool()) == (finding(),)
 
 
 def test_other_effects_are_left_as_they_are() -> None:
     other = Finding("dropout", {}, 0.9, (), "", effects=(make("dropout", {}),))
-    assert with_patches(seen(*((d,) for d in DENSITIES)), model(), [other], Nuisance(), WorkerPool()) == (other,)
+    assert with_forms_of_beams(seen(*((d,) for d in DENSITIES)), model(), [other], Nuisance(), WorkerPool()) == (other,)
 
 
 def test_frames_of_different_density_have_patches_larger_than_the_view() -> None:
-    found = patchiness_of(seen(*((d,) for d in DENSITIES)), model(EVEN), EVEN, Nuisance(), WorkerPool())
+    found = patchiness(seen(*((d,) for d in DENSITIES)))
     assert found is not None
     spread = float(np.log(DENSITIES).std(ddof=1))
-    assert found.patchiness.value == pytest.approx(spread, rel=0.15)
-    assert found.patchiness.low < spread < found.patchiness.high
+    assert found.patchiness[0] == pytest.approx(spread, rel=0.15)
+    assert found.patchiness[1] < spread < found.patchiness[2]
     assert found.patch_deg > 20.0
 
 
 def test_directions_of_different_density_have_patches_within_the_view() -> None:
     stripes = [(a, b, a, b) for a, b in ((0.6, 1.5), (1.4, 0.7), (0.75, 1.3), (1.5, 0.6))]
-    found = patchiness_of(seen(*stripes), model(EVEN), EVEN, Nuisance(), WorkerPool())
+    found = patchiness(seen(*stripes))
     assert found is not None
-    assert found.patchiness.value == pytest.approx(float(np.log(stripes).std()), rel=0.2)
+    assert found.patchiness[0] == pytest.approx(float(np.log(stripes).std()), rel=0.2)
     # Stripes of 5 degrees.
     assert 1.0 < found.patch_deg < 8.0
 
 
 def test_a_name_of_fog_gets_the_patches_with_their_interval() -> None:
     scale = seen(*((d,) for d in DENSITIES))
-    [found] = with_patches(scale, model(), [finding()], Nuisance(), WorkerPool())
+    [found] = with_forms_of_beams(scale, model(), [finding()], Nuisance(), WorkerPool())
     settings = found.effects[0].settings()
-    patchiness, mor = found.parameters["patchiness"], found.parameters["mor_m"]
-    assert settings["patchiness"] == pytest.approx(patchiness.value, abs=1e-4)
+    spread, mor = found.parameters["patchiness"], found.parameters["mor_m"]
+    assert settings["patchiness"] == pytest.approx(spread.value, abs=1e-4)
     assert settings["mor_m"] == 300.0
-    assert patches_in([finding()]) == ""
-    assert "differs by 4" in patches_in([found])
+    assert late_words([finding()]) == []
+    [(step, words)] = late_words([found])
+    assert step == "patches"
+    assert "differs by 4" in words
     # Four frames tell the mean density less well than the fit thinks.
     assert mor.low < 270.0
     assert mor.high > 335.0

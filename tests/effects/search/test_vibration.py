@@ -5,8 +5,8 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
-from lidarcheck.explain.search.located_rhythms import rhythm_probes
-from lidarcheck.explain.search.starts import Probe
+from lidarcheck.effects.search import Probe
+from lidarcheck.explain.search.starts import located_probes
 from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(230, 280, 2), "points": range(320, 640, 4)}
@@ -23,7 +23,8 @@ def shaken(**settings: float) -> Effect:
 
 def starts(effect: Effect, **how: object) -> dict[str, Probe]:
     """The start of each kind, by its name."""
-    return {p.variant: p for p in rhythm_probes(Simulator(frames(model(effect), 3, **{**FINE, **how}), model(), 5))}
+    simulator = Simulator(frames(model(effect), 3, **{**FINE, **how}), model(), 5)
+    return {p.variant: p for p in located_probes(simulator, ["vibration"])}
 
 
 @pytest.mark.parametrize("frequency_hz", [170.0, 741.0, 2300.0])
