@@ -16,7 +16,7 @@ from lidarcheck.explain.search.screening import Screened, chance_level, screen
 from lidarcheck.explain.search.search import _beside_usual, backward, find_effects, without
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference import gauss_newton as fitting
+from lidarcheck.inference import optimiser
 from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
@@ -78,7 +78,7 @@ def test_the_nuisances_are_fitted_to_their_end_in_few_steps(monkeypatch: pytest.
         return fit_nuisance(simulator, plain, rounds=2).distance - simulator.floor_distance
 
     assert left() < -50.0
-    monkeypatch.setattr(fitting, "_DOUBLED", 0)
+    monkeypatch.setattr(optimiser, "_DOUBLINGS", 0)
     assert left() > 50.0
 
 
