@@ -7,7 +7,7 @@ import pytest
 
 from explain_core_kit import PANEL, WALL, model, street
 from lidarcheck.cases.frame import Frame
-from lidarcheck.inference import simulator as bench
+from lidarcheck.inference import simulator as simulating
 from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import simulate
@@ -120,14 +120,14 @@ def test_a_run_counts_as_one_error(monkeypatch) -> None:
     past = lab_of(met(LEFT_POINT))
     usual = plain.distance(zero + np.zeros((1, len(plain.measured))))
     forgiven = past.distance(np.zeros((1, len(past.measured))))
-    monkeypatch.setattr(bench, "EDGE_ERROR", 0.0)
+    monkeypatch.setattr(simulating, "EDGE_ERROR", 0.0)
     strict = lab_of(met(LEFT_POINT))
     counted = strict.distance(np.zeros((1, len(strict.measured))))
     assert forgiven - usual < 40.0
     assert counted - usual > 10.0 * (forgiven - usual)
 
 
-def test_sights_are_mixed_beam_by_beam() -> None:
+def test_observations_are_mixed_beam_by_beam() -> None:
     simulator = lab_of(street(0, **WHERE))
     one, other = (simulator.observations(simulator.model, seed) for seed in (1, 2))
     rows = np.flatnonzero(np.random.default_rng(1).random(len(simulator.beams)) < 0.3)

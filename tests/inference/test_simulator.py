@@ -1,4 +1,4 @@
-"""What a lab keeps of its simulations saves time and changes nothing."""
+"""What a simulator keeps of its simulations saves time and changes nothing."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from lidarcheck.cases.checks import frame_fault, swapped
-from lidarcheck.cases.frame import Frame
+from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
@@ -32,9 +32,8 @@ from lidarcheck.scan import IdealScan, Scan
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
 CASE_FILE = "case.toml"
-FEWEST_FRAMES = 3
-"""One frame each to fit, to select and to verify."""
 MOST_DAMAGED = 1.0 / 3.0
+"""Share of the frames that may be damaged before a case is refused."""
 UNKNOWN_BEAMS = 0.05
 """Share of echoes outside the field of view that are dropped with a warning; more is damage."""
 

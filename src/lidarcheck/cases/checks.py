@@ -30,8 +30,13 @@ is another. In dense fog hardly any have one near, but what is there comes from 
 SAME_M, OTHER_M, OFFSET_M = 0.15, 0.5, 5.0
 """Echoes scatter so little about those of a simulation; surfaces so far apart are different; no offset is larger."""
 FEWEST_VOTES, VOTES_SHARE, VOTES_RATIO = 20, 0.4, 2.5
+"""Another frame's surfaces fit better where so many echoes lie on them, that share of those that could, and so many
+times as many as on their own."""
 COMPARED_ECHOES = 2_000_000
+"""Echoes that are compared over all pairs of frames, at most."""
 CUT_SHARE, CUT_ELSEWHERE = 0.15, 0.05
+"""A file is cut off where so large a part of the beams that meet something come after its last row, and in the other
+frames no more than that."""
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["Frame"]
+__all__ = ["FEWEST_FRAMES", "Frame"]
+
+FEWEST_FRAMES = 3
+"""One frame each to fit, to select and to verify."""
 
 
 @dataclass(frozen=True)
@@ -17,3 +22,9 @@ class Frame:
     ideal: IdealScan
     measured: Scan
     time_s: float
+
+    @property
+    def median_range_m(self) -> float:
+        """Of the surfaces that beams meet, 0 where none does."""
+        met = self.ideal.distance_m[self.ideal.distance_m > 0.0]
+        return float(np.median(met)) if len(met) else 0.0

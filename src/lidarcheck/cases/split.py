@@ -9,16 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.cases.frame import Frame
+from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import UsageError
 
 __all__ = ["Split", "exchanged", "split_frames"]
 
-FEWEST = 3
 _ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
 """The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
+_FEW, _ROLES_OF_FEW = 5, ("fit", "select", "verify")
+"""Of fewer frames, each role has one before any has two."""
 _WORTH = 0.1
 """Two frames are swapped where that brings so large a part of the beams to where it is wanted."""
+_OF_VERIFY = 0.5
+"""What only the frames to verify have in view counts so much: no name is chosen by it."""
 
 FloatArray = npt.NDArray[np.float64]
 Roles = npt.NDArray[np.str_]
@@ -47,13 +50,13 @@ def split_frames(frames: Sequence[Frame]) -> Split:
 
     Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
     """
-    if len(frames) < FEWEST:
+    if len(frames) < FEWEST_FRAMES:
         raise UsageError(
             f"{len(frames)} {'frame is' if len(frames) == 1 else 'frames are'} too few to split",
-            fix=f"give at least {FEWEST} frames: one each to fit, to select and to verify",
+            fix=f"give at least {FEWEST_FRAMES} frames: one each to fit, to select and to verify",
         )
-    order = sorted(frames, key=lambda f: (_distance(f), f.number))
-    roles = ("fit", "select", "verify") if len(frames) < 5 else _ROLES
+    order = sorted(frames, key=lambda f: (f.median_range_m, f.number))
+    roles = _ROLES_OF_FEW if len(frames) < _FEW else _ROLES
     dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
     parts = ([f for f, role in zip(order, dealt, strict=True) if role == name] for name in ("fit", "select", "verify"))
     return Split(*(tuple(sorted(part, key=lambda f: f.number)) for part in parts))
@@ -105,9 +108,4 @@ def _unlike(roles: Roles, in_view: FloatArray) -> float:
     not."""
     fit = in_view[roles == "fit"].mean(axis=0)
     others, verify = in_view[roles != "fit"].mean(axis=0), in_view[roles == "verify"].mean(axis=0)
-    return float(np.maximum(others - fit, 0.0).sum() + 0.5 * np.maximum(verify - fit, 0.0).sum())
-
-
-def _distance(frame: Frame) -> float:
-    met = frame.ideal.distance_m[frame.ideal.distance_m > 0.0]
-    return float(np.median(met)) if len(met) else 0.0
+    return float(np.maximum(others - fit, 0.0).sum() + _OF_VERIFY * np.maximum(verify - fit, 0.0).sum())

@@ -23,6 +23,10 @@ SPREAD_CLIP = 16.0
 """The same of a squared difference of neighbours."""
 SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))
 """The features whose scatter is looked at, and between which neighbours: 0 along the column, 1 along the layer."""
+_GROUPS = 40
+"""Groups of beams about as bright, over which probabilities and spreads are smoothed."""
+_LEAST_SPREAD = (0.004, 0.01, 0.01, 0.3)
+"""Ranges are reported in steps of 1 cm, widths in steps of 1 ns: a residual cannot be known better."""
 _MOST_WEIGHT = 5.0
 """No slope weighs more: at a grazing angle a single beam would outweigh all others."""
 
@@ -103,11 +107,6 @@ def _partners(beams: BeamTable, axis: int) -> tuple[IndexArray, IndexArray]:
     following[sort[:-1]] = sort[1:]
     following[sort[-1]] = sort[-1]
     return mine, following[mine]
-
-
-_GROUPS = 40
-_LEAST_SPREAD = (0.004, 0.01, 0.01, 0.3)
-"""Ranges are reported in steps of 1 cm, widths in steps of 1 ns: a residual cannot be known better."""
 
 
 def _smooth_probability(

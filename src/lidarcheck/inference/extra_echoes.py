@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import SIDES, BeamTable
 from lidarcheck.inference.pairing import Observations
-from lidarcheck.inference.strata import RANGE_EDGES_M, range_bin
+from lidarcheck.inference.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
 from lidarcheck.inference.summary import Summary
 
 __all__ = ["FalseEchoes", "sides_of_surface"]
@@ -23,7 +23,11 @@ _STRAY = 0.15
 """The part of the beams along an edge that a usual error of the pose leads to the other side."""
 _GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
 _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
-_MATCH_OFFSETS = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
+"""Bins of how far an echo lies behind its surface, and of its range over its surface's: a ghost lies at twice that."""
+_MATCH_M = 2.5
+"""An echo so near to a bright target's range is taken to come from it."""
+_USUAL_LOG_AREA = (4.8, 0.6)
+"""Mean and spread of ln AREA of false echoes, about: strengths are counted in these."""
 
 
 class FalseEchoes:
@@ -77,9 +81,9 @@ class FalseEchoes:
     def _at_bright(self, observations: Observations, side: int) -> FloatArray:
         """Echoes at the range of the next bright target along the column or the layer, by how far it lies."""
         beams, beam = self.beams, observations.extra_beam
-        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < 2.5)
+        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < _MATCH_M)
         match &= (observations.extra_side < 0) | observations.detected[beam]
-        return _histogram(beams.bright[beam[match], side], _MATCH_OFFSETS)
+        return _histogram(beams.bright[beam[match], side], OFFSET_EDGES)
 
 
 def sides_of_surface(beams: BeamTable, beam: IndexArray, range_m: FloatArray) -> IndexArray:
@@ -98,8 +102,9 @@ def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
     """How strong echoes are, over range; a mean that counts as much as the number behind it."""
     place = range_bin(range_m)
     n = len(RANGE_EDGES_M)
+    standard = (log_area - _USUAL_LOG_AREA[0]) / _USUAL_LOG_AREA[1]
     count = np.bincount(place, minlength=n)
-    return np.asarray(np.bincount(place, (log_area - 4.8) / 0.6, n) / np.sqrt(np.maximum(count, 1)))
+    return np.asarray(np.bincount(place, standard, n) / np.sqrt(np.maximum(count, 1)))
 
 
 def _names() -> list[Summary]:
@@ -112,7 +117,7 @@ def _names() -> list[Summary]:
     kinds = itertools.product(SIDES, ("nearer", "farther"), ("besides its own", "for its own"))
     found += [Summary(others, "at a neighbour's range", ", ".join(kind)) for kind in kinds]
     for side in SIDES:
-        found += _between(others, f"at a bright target's range {side}", _MATCH_OFFSETS, "beams off")
+        found += _between(others, f"at a bright target's range {side}", OFFSET_EDGES, "beams off")
     return found + _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
 
 

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import NormalDist
 
-__all__ = ["HALF_WIDTH", "LEVEL", "Gap", "Interval"]
+__all__ = ["ENDS", "HALF_WIDTH", "LEVEL", "Gap", "Interval"]
 
 LEVEL = 0.90
 """An interval holds the true value nine times out of ten."""
-HALF_WIDTH = NormalDist().inv_cdf(0.5 + 0.5 * LEVEL)
+ENDS = (0.05, 0.95)
+"""The quantiles where it ends."""
+HALF_WIDTH = NormalDist().inv_cdf(ENDS[1])
 """Half of such an interval, in standard errors of what is normally distributed: 1.645."""
 
 

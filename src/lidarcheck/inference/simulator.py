@@ -95,7 +95,7 @@ class Simulator:
 
     @functools.cached_property
     def held(self) -> Shared[Simulator]:
-        """The lab for the tasks of a crew."""
+        """The simulator for the tasks of a worker pool."""
         return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:

@@ -11,18 +11,25 @@ import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import SIDES, BeamTable
 
-__all__ = ["RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
+__all__ = ["OFFSET_EDGES", "RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.int64]
 
 RANGE_EDGES_M = (0.0, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 130.0, 170.0, 230.0)
 _INCIDENCE_EDGES_DEG = (0.0, 20.0, 40.0, 55.0, 65.0, 75.0, 80.0, 84.0, 86.0, 87.0, 88.0, 89.0)
-_OFFSET_EDGES = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
-_STRIPS = 12
-_MAP = 8
+OFFSET_EDGES = (1.0, 3.0, 6.0, 11.0, 21.0, 41.0, 81.0)
+"""Bins of range, of the incidence, finest where it grazes, and of beams to a bright target, each twice the last."""
+_STRIPS, _MAP = 12, 8
+"""Strips of layers and of points, and those of either side of the map of the field of view."""
 _FINE = 128
 """Up to so many fired layers each have a bin of their own."""
+_APART_M, _APART = 1.0, 0.06
+"""Surfaces this much apart, or by this part of the range, are not one."""
+_PILE_UP_AREAS = (2000.0, 4000.0)
+"""Extra edges where few but bright beams lie: what light does to detectors shows there first."""
+_AMPLITUDES = 10
+"""Bins of amplitude with as many beams each."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +102,8 @@ def _amplitudes(log_area: FloatArray, hit: npt.NDArray[np.bool_]) -> Division:
     known = ~np.isnan(log_area)
     if not known.any():
         return Division("amplitude", np.full(len(log_area), -1, dtype=np.int64), ())
-    edges = np.unique(np.round(np.quantile(log_area[known], np.linspace(0.0, 1.0, 11)[:-1]), 2))
-    # Extra bins where few but bright beams lie: pile-up, dead time and blooming show there first.
-    edges = np.unique(np.concatenate([edges, np.log([2000.0, 4000.0])]))
+    edges = np.unique(np.round(np.quantile(log_area[known], np.linspace(0.0, 1.0, _AMPLITUDES + 1)[:-1]), 2))
+    edges = np.unique(np.concatenate([edges, np.log(_PILE_UP_AREAS)]))
     place = np.searchsorted(edges, log_area, side="right") - 1
     place = np.where(known, np.maximum(place, 0), -1)
     used = np.unique(place[place >= 0])
@@ -123,7 +129,7 @@ def _edges(beams: BeamTable) -> Division:
     """What stands beside a beam: the same surface, a nearer one, a farther one, or nothing at all."""
     hit = beams.distance_m > 0.0
     beside, own = beams.neighbour_m, beams.distance_m[:, None]
-    step = np.maximum(1.0, 0.06 * own)
+    step = np.maximum(_APART_M, _APART * own)
     nearer = ((beside > 0.0) & (beside < own - step)).any(axis=1)
     farther = (beside > own + step).any(axis=1)
     sky = (beside == 0.0).any(axis=1)
@@ -137,9 +143,9 @@ def _to_bright(beams: BeamTable, first: int, covariate: str) -> Division:
     ahead, behind = beams.bright[:, first], beams.bright[:, first + 1]
     use_ahead = (ahead > 0) & ((behind == 0) | (ahead <= behind))
     offset = np.where(use_ahead, ahead, behind).astype(np.float64)
-    bins = np.searchsorted(np.asarray(_OFFSET_EDGES), offset, side="right") - 1
-    count = len(_OFFSET_EDGES)
+    bins = np.searchsorted(np.asarray(OFFSET_EDGES), offset, side="right") - 1
+    count = len(OFFSET_EDGES)
     place = np.where(offset == 0.0, -1, np.where(use_ahead, bins, count + bins))
-    ends = [*(f"{a:g}-{b - 1:g}" for a, b in itertools.pairwise(_OFFSET_EDGES)), f"over {_OFFSET_EDGES[-1] - 1:g}"]
+    ends = [*(f"{a:g}-{b - 1:g}" for a, b in itertools.pairwise(OFFSET_EDGES)), f"over {OFFSET_EDGES[-1] - 1:g}"]
     texts = [f"{end}, target {side}" for side in (SIDES[first], SIDES[first + 1]) for end in ends]
     return _used(covariate, place, texts)

@@ -67,7 +67,7 @@ class _Sums(NamedTuple):
 
 
 class Summaries:
-    """Turns the sights of frames into summaries, relative to what a model shows of the same frames."""
+    """Turns observations of frames into summaries, relative to what a model shows of the same frames."""
 
     def __init__(
         self,

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.beam_table import BeamTable, beams_of
-from lidarcheck.inference.intervals import Gap, Interval
+from lidarcheck.inference.intervals import ENDS, Gap, Interval
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
@@ -78,7 +78,7 @@ class Scale:
 
     @functools.cached_property
     def held(self) -> Shared[Scale]:
-        """The scale for the tasks of a crew."""
+        """The scale for the tasks of a worker pool."""
         return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
@@ -268,6 +268,6 @@ def _drawn_anew(scale: Scale) -> list[FloatArray]:
 
 def _interval(value: float, draws: Sequence[float], *, centred: bool = False) -> Interval:
     """The spread of the draws about the value; resampling itself adds noise, which only the spread may keep."""
-    low, high = np.quantile(draws, [0.05, 0.95])
+    low, high = np.quantile(draws, ENDS)
     middle = float(np.mean(draws)) if not centred else value
     return Interval(float(value), float(max(value + low - middle, 0.0)), float(value + high - middle))

@@ -39,7 +39,7 @@ def split_beams(data: FitData, file: str) -> Holdout:
     """Every other frame, in order of their median distance, is held out; of one frame every other block of beams."""
     frames, beams = data.frames, data.beams
     if len(frames) > 1:
-        order = sorted(range(len(frames)), key=lambda i: (_distance(frames[i]), frames[i].number))
+        order = sorted(range(len(frames)), key=lambda i: (frames[i].median_range_m, frames[i].number))
         fitted, left = sorted(order[::2]), sorted(order[1::2])
         words = f"fitted to {_numbers(frames, fitted)}; held out: {_numbers(frames, left)}"
         in_fit = np.isin(beams.frame, fitted)
@@ -60,11 +60,6 @@ def split_beams(data: FitData, file: str) -> Holdout:
 def _blocks(beams: BeamTable) -> BoolArray:
     row, column = (np.unique(line, return_inverse=True)[1] // _BLOCK for line in (beams.layer, beams.point))
     return np.asarray((row + column) % 2 == 0)
-
-
-def _distance(frame: Frame) -> float:
-    met = frame.ideal.distance_m[frame.ideal.distance_m > 0.0]
-    return float(np.median(met)) if len(met) else 0.0
 
 
 def _numbers(frames: Sequence[Frame], rows: Sequence[int]) -> str:
