@@ -25,7 +25,7 @@ from lidarcheck.cli.bench.cluster import costs
 from lidarcheck.effects import catalogue
 from lidarcheck.errors import LidarcheckError, UsageError, WorkerError
 from lidarcheck.explain.workflow import explain
-from lidarcheck.figures.html.outputs import json_text
+from lidarcheck.figures.files.outputs import json_text
 from lidarcheck.formats import save_ideal
 from lidarcheck.harness.check import check
 from lidarcheck.harness.frames import FrameBatch

@@ -1,7 +1,7 @@
 """What a workflow has to show, as plain data: pictures, tables and words, for a terminal, an image or a page to draw.
 
-Nothing here draws. A workflow gives its result as a `Page`; `drawing` turns a figure into text for a terminal, into PNG
-or SVG, and `html` a page into HTML. "Real" is what was measured and "simulated" what the model gave, everywhere.
+Nothing here draws. A workflow gives its result as a `Page`; `axes` lays a figure out, `terminal`, `svg` and `png` draw
+it, and `html` draws a page. "Real" is what was measured and "simulated" what the model gave, everywhere.
 """
 
 from __future__ import annotations
@@ -9,12 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
+from lidarcheck.arrays import FloatArray
 
 __all__ = ["Cloud", "Course", "Curve", "Distribution", "Figure", "Grid", "Page", "Section", "Table"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

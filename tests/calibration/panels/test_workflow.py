@@ -279,8 +279,8 @@ def hall_files(tmp_path_factory):
 @pytest.fixture
 def no_pictures(monkeypatch):
     """Drawing is tested elsewhere and takes seconds."""
-    monkeypatch.setattr("lidarcheck.figures.html.page_files.draw_pictures", lambda *_: None)
-    monkeypatch.setattr("lidarcheck.figures.html.page_html.page_html", lambda shown: shown.summary)
+    monkeypatch.setattr("lidarcheck.figures.files.result_folder.draw_pictures", lambda *_: None)
+    monkeypatch.setattr("lidarcheck.figures.html.page.page_html", lambda shown: shown.summary)
 
 
 def run(*arguments):
@@ -378,7 +378,7 @@ def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(hall_files, tm
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lidarcheck.figures.html.page_files.draw_pictures", interrupted)
+    monkeypatch.setattr("lidarcheck.figures.files.result_folder.draw_pictures", interrupted)
     assert run(hall_files[1][0], "--out", tmp_path / "out", "-q") == 130
     assert not (tmp_path / "out").exists()
 

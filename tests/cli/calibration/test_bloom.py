@@ -213,7 +213,7 @@ def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(place, monkeyp
         assert (place / "out/model.toml").exists()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lidarcheck.figures.drawing.figure_image.save_figure", interrupted)
+    monkeypatch.setattr("lidarcheck.figures.files.pictures.save_figure", interrupted)
     assert main([*FIT, "--smoothness", "0.3", "-q"]) == 130
     assert not (place / "out").exists()
 

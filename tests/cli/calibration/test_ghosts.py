@@ -160,7 +160,7 @@ def test_an_interrupt_while_the_pictures_are_drawn_leaves_nothing(here, verb, mo
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("lidarcheck.figures.html.page_files.draw_pictures", interrupted)
+    monkeypatch.setattr("lidarcheck.figures.files.result_folder.draw_pictures", interrupted)
     argv = ("1_25m.txt", "--ideal", "1_25m_ideal.txt", "--model", "SLIM.toml", "--out", "out", "-q")
     assert main(["ghosts", verb, *argv]) == 130
     assert not Path("out").exists()

@@ -11,8 +11,8 @@ import pytest
 from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.workflow_output import PLOTS, Folder, check_out_dir, finish
 from lidarcheck.errors import InputError
+from lidarcheck.figures.axes import KINDS, VIEWS
 from lidarcheck.figures.data import Distribution, Page, Section, Table
-from lidarcheck.figures.drawing.panels import KINDS, VIEWS
 
 FIGURE = Distribution("Range / residual", "residual", "m", {"real": np.arange(9.0), "simulated": np.arange(7.0)})
 TABLE = Table("KPIs", ("panel", "bias"), (("one", "0.1"),), ("bias",))
@@ -81,7 +81,7 @@ def test_a_second_run_leaves_no_picture_of_the_first(tmp_path, capsys):
 
 def test_a_fault_leaves_everything_as_it_was(tmp_path, monkeypatch, capsys):
     (tmp_path / "report.html").write_text("old")
-    monkeypatch.setattr("lidarcheck.figures.html.page_html.page_html", lambda _page: 1 / 0)
+    monkeypatch.setattr("lidarcheck.figures.html.page.page_html", lambda _page: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         finish(PAGE, {}, out=tmp_path, json=None, plot=None)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]

@@ -62,7 +62,7 @@ class Workflow:
 def workflow(monkeypatch):
     stand_in = Workflow()
     page = types.SimpleNamespace(write_html=lambda found, case, path: Path(path).write_text(f"<p>{found.verdict}</p>"))
-    for name, module in (("lidarcheck.explain.workflow", stand_in), ("lidarcheck.figures.explain.report", page)):
+    for name, module in (("lidarcheck.explain.workflow", stand_in), ("lidarcheck.figures.html.explanation", page)):
         monkeypatch.setitem(sys.modules, name, module)
         monkeypatch.setattr(name, module, raising=False)
     monkeypatch.setattr("lidarcheck.explain.progress.PROGRESS", Progress({"split": 0.2, "fit": 0.8}))
@@ -219,7 +219,7 @@ def test_all_three_or_none(case, workflow, monkeypatch, capsys):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(sys.modules["lidarcheck.figures.explain.report"], "write_html", full)
+    monkeypatch.setattr(sys.modules["lidarcheck.figures.html.explanation"], "write_html", full)
     capsys.readouterr()
     assert main(["explain", "case", "--out", "found", "-q"]) == 2
     assert "found: cannot write: No space left on device; nothing was changed" in capsys.readouterr().err

@@ -64,7 +64,7 @@ def _scaling(json: bool, quick: bool, out: Path | None) -> int:
     from lidarcheck.cli.bench.machine import machine
     from lidarcheck.cli.bench.scaling import scaling_courses
     from lidarcheck.cli.core.workflow_output import check_out_dir, drawn
-    from lidarcheck.figures.html.page_files import draw_pictures
+    from lidarcheck.figures.files.result_folder import draw_pictures
     from lidarcheck.formats.plain import plain
 
     if out is not None:

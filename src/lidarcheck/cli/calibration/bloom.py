@@ -29,7 +29,7 @@ from lidarcheck.errors import InputError, UsageError
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells, Profile
     from lidarcheck.calibration.blooming.workflow import ModelSide
-    from lidarcheck.figures.html.page_files import Writer
+    from lidarcheck.figures.files.result_folder import Writer
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
 

@@ -16,7 +16,7 @@ from lidarcheck.cli.core.outputs import check_twice, check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.figures.html.page_files import drawing_ahead
+from lidarcheck.figures.files.result_folder import drawing_ahead
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.samples import PanelSamples

@@ -60,7 +60,7 @@ def compare(
     ideals, cuts = ideal or [], boxes(box or [])
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
     inputs = [*(r.path for r in reals), *(s.path for s in shown), *ideals, model]
-    from lidarcheck.figures.pages.vehicle_sheet import SHEET, save_distances
+    from lidarcheck.figures.files.vehicle_sheet import SHEET, save_distances
 
     check_places(out, json, inputs, [SHEET])
     from lidarcheck.calibration.vehicles.compare import compare_vehicles

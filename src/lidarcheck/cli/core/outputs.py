@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lidarcheck.cli.core.terminal import emit
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.figures.html.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
+from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
 
 __all__ = ["alone", "as_it_was", "check_twice", "check_writable", "json_text", "write_result"]
 

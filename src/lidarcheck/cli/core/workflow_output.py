@@ -18,7 +18,7 @@ from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.outputs import check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, note, paragraphs, stage, table
 from lidarcheck.errors import UsageError
-from lidarcheck.figures.html.page_files import (
+from lidarcheck.figures.files.result_folder import (
     ALL,
     PAGE,
     PICTURES,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["PAGE", "PICTURES", "PLOTS", "RESULT", "Folder", "Plot", "check_out_dir", "check_places", "drawn", "finish"]
 
 PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
-"""How a figure can be shown; but for `all`, `lidarcheck.figures.drawing.panels` has the same, which a test holds."""
+"""How a figure can be shown; but for `all`, `lidarcheck.figures.axes` has the same, which a test holds."""
 
 
 def _plot(_type: Any, tokens: Sequence[Any]) -> str:
@@ -131,7 +131,7 @@ def _show(page: Page, plot: str | None) -> None:
 
 def _shown(figures: Sequence[Figure], plot: str | None) -> list[tuple[Figure, str]]:
     """The figures with the kinds in which they are drawn; none without `plot`."""
-    from lidarcheck.figures.drawing.panels import kinds_of
+    from lidarcheck.figures.axes import kinds_of
 
     if plot is None:
         return []
@@ -144,7 +144,7 @@ def _shown(figures: Sequence[Figure], plot: str | None) -> list[tuple[Figure, st
 
 def drawn(figure: Figure, kind: str) -> str:
     """The figure in the terminal's width and with its colours, where it has them."""
-    from lidarcheck.figures.drawing.figure_text import figure_text
+    from lidarcheck.figures.terminal import figure_text
 
     terminal = sys.stdout.isatty()
     size = shutil.get_terminal_size() if terminal else os.terminal_size((80, 24))

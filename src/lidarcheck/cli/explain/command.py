@@ -207,7 +207,7 @@ def _write(found: Explanation, loaded: Case, out: Path, no_html: bool) -> None:
 
     writers: dict[str, Any] = {REPORT: lambda path: write_result(path, json_text(found.to_dict()))}
     if not no_html:
-        from lidarcheck.figures.explain.report import write_html
+        from lidarcheck.figures.html.explanation import write_html
 
         writers[PAGE] = lambda path: write_html(found, loaded, path)
     elif (out / PAGE).exists():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lidarcheck.errors import InputError
 from lidarcheck.explain.files import MODEL, PAGE, REPORT
-from lidarcheck.figures.html.outputs import make_directory, write_together
+from lidarcheck.figures.files.outputs import make_directory, write_together
 
 __all__ = ["MODEL", "PAGE", "REPORT", "check_directory", "check_not_read", "make_directory", "write_together"]
 

@@ -64,7 +64,7 @@ def check(
 
 
 def _write_page(report: CheckReport, html: Path) -> None:
-    from lidarcheck.figures.html.report import report_html
+    from lidarcheck.figures.html.check import report_html
 
     with stage("drawing the page"):
         write_result(html, report_html(report))

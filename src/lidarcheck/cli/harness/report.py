@@ -15,7 +15,7 @@ from lidarcheck.cli.core.terminal import Column, emit, hush, note, paragraphs, s
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.figures.html.release_page import Outcome, Release
+    from lidarcheck.figures.html.release import Outcome, Release
     from lidarcheck.harness.review.release import LastCheck
 
 __all__ = ["report", "workflows"]
@@ -47,7 +47,7 @@ def report(
         check_writable(json, option="--json", besides=(out, check, *read))
     with stage("reading the goldens"):
         release = _release(outcomes, amiss, goldens, _check(check, directory))
-    from lidarcheck.figures.html.release_page import release_html
+    from lidarcheck.figures.html.release import release_html
 
     with stage("drawing the page"):
         write_result(out, release_html(release))
@@ -76,7 +76,7 @@ def _check(check: Path | None, directories: Sequence[Path]) -> LastCheck | None:
 
 
 def _release(outcomes: list[Outcome], amiss: list[str], goldens: Path | None, check: LastCheck | None) -> Release:
-    from lidarcheck.figures.html.release_page import Release
+    from lidarcheck.figures.html.release import Release
     from lidarcheck.harness.goldens.provenance import source_hash
     from lidarcheck.harness.review.release import golden_states, project_of
 
@@ -137,7 +137,7 @@ def _document(release: Release) -> dict[str, object]:
 
 
 def _show(release: Release) -> None:
-    from lidarcheck.figures.html.release_page import golden_table, outcome_table, shift_table, summary_of
+    from lidarcheck.figures.html.release import golden_table, outcome_table, shift_table, summary_of
 
     emit(paragraphs(summary_of(release)))
     workflows = outcome_table(release)

@@ -12,7 +12,7 @@ from lidarcheck.cli.core.workflow_output import PAGE, RESULT
 from lidarcheck.cli.explain.files import PAGE as EXPLAIN_PAGE
 from lidarcheck.cli.explain.files import REPORT as EXPLAIN_REPORT
 from lidarcheck.errors import InputError
-from lidarcheck.figures.html.release_page import Outcome
+from lidarcheck.figures.html.release import Outcome
 
 __all__ = ["CHECK", "checks_in", "outcomes_in"]
 

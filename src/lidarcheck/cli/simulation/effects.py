@@ -110,24 +110,15 @@ def _picture(effect: Effect, shown: EffectCurve) -> str:
     head = f"{head}:\n{_wrapped(settings)}" if settings else f"{head}:\n"
     if not shown.significant:
         return f"{head}With these values nothing changes there by more than chance.\n"
-    from lidarcheck.figures.drawing.terminal import two_curves
+    from lidarcheck.figures.data import Course, Curve
+    from lidarcheck.figures.terminal import course_text
 
     tty = sys.stdout.isatty()
     width = min(shutil.get_terminal_size().columns, WIDTH) if tty else WIDTH
     colour = tty and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    plot = two_curves(
-        shown.x,
-        shown.before,
-        shown.after,
-        names=("without", "with"),
-        x_label=shown.x_label,
-        y_label=shown.y_label,
-        log_x=shown.log_x,
-        width=width,
-        height=HEIGHT,
-        colour=colour,
-        plain=not _draws_boxes(),
-    )
+    curves = (Curve("without", shown.x, shown.before), Curve("with", shown.x, shown.after))
+    course = Course(shown.label, shown.x_label, shown.y_label, curves, log_x=shown.log_x)
+    plot = course_text(course, width=width, height=HEIGHT, colour=colour, plain=not _draws_boxes())
     return f"{head}{_wrapped(shown.label[0].upper() + shown.label[1:] + '.')}\n{plot}"
 
 

@@ -1,1 +1,4 @@
-"""Pages: a workflow, a release and a run of the gate as HTML, with their pictures and files."""
+"""Self-contained HTML pages, without scripts: a workflow's (`page`), a check's, a gap's (`explanation`), a release's.
+
+Each stands alone, so that a command loads only its own; `environment` holds what their templates share.
+"""

@@ -1,1 +1,1 @@
-"""What each workflow of calibration shows: its result as a page of figures, tables and words."""
+"""What each workflow of calibration shows: its result as a `Page` of figures, tables and words, nothing drawn."""

@@ -12,12 +12,11 @@ from lidarcheck.calibration.blooming.cells import Cells, Profile
 from lidarcheck.calibration.blooming.response import FEATURES
 from lidarcheck.calibration.blooming.workflow import BloomingCalibration, rms_of
 from lidarcheck.figures.data import Course, Curve, Page, Section, Table
+from lidarcheck.figures.pages.blooming_courses import LABELS, profile_course, profile_curve, table_course
 from lidarcheck.formats.lut import Axis
 
 __all__ = ["calibration_document", "calibration_page", "profiles_document", "profiles_page"]
 
-_UNIT: dict[Axis, str] = {"vertical": "SPAD rows, upward", "horizontal": "columns of 0.05 deg, to the left"}
-_LABELS = {"range": "range [m]", "PEAK": "PEAK", "AREA": "AREA", "WIDTH": "WIDTH [ns]"}
 _MOST_ROWS = 48
 _FAILS = 4.0
 """Mean squared residual [variances] above which a fit is said not to hold."""
@@ -122,7 +121,7 @@ def _table_figure(result: BloomingCalibration) -> Course:
     y, low, high = (np.where(known & (column > 0.0), column, np.nan) for column in (y, np.maximum(low, 1e-8), high))
     fitted = Curve("fitted", x, y, low, high)
     given = Curve("before", x, np.where(before > 0, before, np.nan))
-    return Course("The table", f"X [{_UNIT[result.axis]}]", "Y", (fitted, given), log_y=True)
+    return table_course("The table", result.axis, (fitted, given))
 
 
 def _score_figure(result: BloomingCalibration) -> tuple[Course, ...]:
@@ -136,19 +135,14 @@ def _score_figure(result: BloomingCalibration) -> tuple[Course, ...]:
 
 def _profile_figures(name: str, axis: Axis, real: Profile, made: Profile | None) -> tuple[Course, ...]:
     figures = []
-    for feature, label in _LABELS.items():
-        curves = [Curve("real", real.offset, _column(real, feature))]
+    for feature in LABELS:
+        curves = [profile_curve("real", real, feature)]
         if (made is not None and feature != "range") or (
             made is not None and made is not real and not np.array_equal(made.range_m, real.range_m, equal_nan=True)
         ):
-            curves.append(Curve("simulated", made.offset, _column(made, feature)))
-        log = feature in ("PEAK", "AREA")
-        figures.append(Course(f"{feature} at {name}", f"offset [{_UNIT[axis]}]", label, tuple(curves), log_y=log))
+            curves.append(profile_curve("simulated", made, feature))
+        figures.append(profile_course(f"{feature} at {name}", feature, axis, curves))
     return tuple(figures)
-
-
-def _column(profile: Profile, feature: str) -> Any:
-    return profile.range_m if feature == "range" else profile.value[:, FEATURES.index(feature)]
 
 
 def _profile_table(real: Profile, made: Profile | None) -> Table:

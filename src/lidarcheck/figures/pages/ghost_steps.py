@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import IndexArray
 from lidarcheck.calibration.ghosts.search import SEARCH_M
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
 from lidarcheck.figures.data import Cloud, Section, Table
 
 __all__ = ["ExtractionStep", "steps_of", "steps_section"]
 
-IndexArray = npt.NDArray[np.int64]
 
 MOST_SHOWN = 20_000
 """Points of a group that a cloud gets; more would not show."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan, Sign
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Figure, Page, Section, Table
 from lidarcheck.figures.pages.ghost_steps import steps_section
@@ -15,7 +16,6 @@ from lidarcheck.kpi.distances import wasserstein
 
 __all__ = ["find_document", "find_page"]
 
-FloatArray = npt.NDArray[np.float64]
 
 NAMES = {SIGN: "sign", GHOST: "ghost"}
 COLUMNS = {"area": "AREA", "peak": "PEAK"}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.panels.find import Panel, Reject
 from lidarcheck.calibration.panels.noise import NoiseSide, WalkCurve, features_of
 from lidarcheck.calibration.panels.samples import PanelSamples
@@ -18,7 +19,6 @@ from lidarcheck.kpi.scatter import RangeScatter
 
 __all__ = ["document", "overview", "page"]
 
-FloatArray = npt.NDArray[np.float64]
 MOST_SHOWN = 20_000
 """Values of one sample that a picture gets; more would not show."""
 CLOUD_POINTS = 400

@@ -19,7 +19,7 @@ from lidarcheck.tui.widgets.dialogs import AskText
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
-    from lidarcheck.figures.html.page_files import Writer
+    from lidarcheck.figures.files.result_folder import Writer
 
 __all__ = ["Ghosts"]
 
@@ -146,7 +146,7 @@ def _files(page: GhostPage) -> Mapping[str, Writer]:
 
 def _write(page: GhostPage, directory: Path) -> list[str]:
     """What the page leaves, in files, all or none; their names. A file that is there is left as it is."""
-    from lidarcheck.figures.html.outputs import as_it_was
+    from lidarcheck.figures.files.outputs import as_it_was
 
     files = _files(page)
     there = next((name for name in files if (directory / name).exists()), "")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
     from lidarcheck.calibration.vehicles.merge import Placed
     from lidarcheck.figures.data import Figure, Page
-    from lidarcheck.figures.html.page_files import Writer
+    from lidarcheck.figures.files.result_folder import Writer
 
 __all__ = ["Histograms"]
 
@@ -208,13 +208,13 @@ class Histograms(PageView):
 
     def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:
         """The sheet, as the command."""
-        from lidarcheck.figures.pages.vehicle_sheet import SHEET
+        from lidarcheck.figures.files.vehicle_sheet import SHEET
 
         return {SHEET: partial(_write_sheet, made.result, kind)}
 
 
 def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:
-    from lidarcheck.figures.pages.vehicle_sheet import save_distances
+    from lidarcheck.figures.files.vehicle_sheet import save_distances
 
     save_distances(result, path, kind)
     return f"{path.name}: all distances"

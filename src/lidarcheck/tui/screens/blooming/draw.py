@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lidarcheck.figures.data import Course, Curve
+from lidarcheck.figures.pages.blooming_courses import profile_course, profile_curve, table_course
 from lidarcheck.tui.widgets.lines import Lines, line
 
 if TYPE_CHECKING:
@@ -19,16 +21,14 @@ __all__ = ["FEATURES", "LEAST", "draw_curve", "draw_fault", "draw_profile", "dra
 FEATURES = ("AREA", "PEAK", "WIDTH", "range")
 LEAST = (40, 8)
 """Columns and lines below which there is no plot."""
-_UNITS = {"AREA": "AREA", "PEAK": "PEAK", "WIDTH": "WIDTH [ns]", "range": "range [m]"}
-_OFFSET = {"vertical": "SPAD rows, upward", "horizontal": "columns of 0.05 deg, to the left"}
 
 
 def draw_curve(pane: Lines, table: LutTable, saved: LutTable | None, at: int, axis: Axis, *, plain: bool) -> None:
     """The table as it is edited, as the disk has it where that differs, and the cursor in row `at`."""
     here = np.where(np.arange(len(table)) == at, table.y, np.nan)
-    curves = [] if saved is None else [("on disk", saved.x, saved.y)]
-    curves += [("table", table.x, table.y), ("cursor", table.x, here)]
-    _show(pane, "Curve", curves, "Y", f"X [{_OFFSET[axis]}]", log=True, plain=plain)
+    curves = [] if saved is None else [Curve("on disk", saved.x, saved.y)]
+    curves += [Curve("table", table.x, table.y), Curve("cursor", table.x, here)]
+    _show(pane, table_course("Curve", axis, curves), plain=plain)
 
 
 def draw_profile(
@@ -39,11 +39,10 @@ def draw_profile(
     assert real is not None
     for name, side in sides.items():
         if side is None:
-            curves.append(("computing ...", real.offset, np.full(len(real.offset), np.nan)))
+            curves.append(Curve("computing ...", real.offset, np.full(len(real.offset), np.nan)))
         else:
-            curves.append((name, side.offset, _column(side, feature)))
-    label = f"offset [{_OFFSET[axis]}]"
-    _show(pane, title, curves, _UNITS[feature], label, log=feature in ("AREA", "PEAK"), plain=plain)
+            curves.append(profile_curve(name, side, feature))
+    _show(pane, profile_course(title, feature, axis, curves), plain=plain)
 
 
 def draw_words(pane: Lines, words: str, title: str) -> None:
@@ -56,20 +55,12 @@ def draw_fault(pane: Lines, words: str, title: str) -> None:
     pane.show([line(f" {text}", "bad") for text in textwrap.wrap(words, max(pane.size.width - 2, 20))], title=title)
 
 
-def _show(pane: Lines, title: str, curves: Any, y_label: str, x_label: str, *, log: bool, plain: bool) -> None:
-    from lidarcheck.figures.drawing.terminal import Series
-    from lidarcheck.figures.drawing.terminal import curves as draw
+def _show(pane: Lines, course: Course, *, plain: bool) -> None:
+    from lidarcheck.figures.terminal import course_text
 
     width, height = pane.size.width, pane.rows
     if width < LEAST[0] or height < LEAST[1]:
-        draw_words(pane, "no room for a plot here", title)
+        draw_words(pane, "no room for a plot here", course.title)
         return
-    text = draw(
-        [Series(name, x, y) for name, x, y in curves],
-        x_label=x_label, y_label=y_label, width=width, height=height, log_y=log, plain=plain,
-    )  # fmt: skip
-    pane.show([line(row) for row in text.splitlines()], title=title)
-
-
-def _column(profile: Profile, name: str) -> Any:
-    return profile.range_m if name == "range" else profile.value[:, ("PEAK", "AREA", "WIDTH").index(name)]
+    text = course_text(course, width=width, height=height, plain=plain)
+    pane.show([line(row) for row in text.splitlines()], title=course.title)

@@ -17,7 +17,7 @@ from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import line
 
 if TYPE_CHECKING:
-    from lidarcheck.figures.html.page_files import Writer
+    from lidarcheck.figures.files.result_folder import Writer
 
 __all__ = ["Exports", "file_name"]
 
@@ -45,7 +45,7 @@ class Exports:
         self.view.app.push_screen(AskText(title, name), lambda given: then(given) if given else None)
 
     def _directory(self, job: Job, made: Computed, kind: str, files: Mapping[str, Writer], name: str) -> None:
-        from lidarcheck.figures.html.page_files import PAGE, RESULT, check_out_dir
+        from lidarcheck.figures.files.result_folder import PAGE, RESULT, check_out_dir
 
         out = self.view.host.project.root / name
         write = partial(self._write_page, made, out, name, kind, files)
@@ -57,7 +57,7 @@ class Exports:
         self._sure(name, [file for file in (PAGE, RESULT, *files) if (out / file).exists()], write)
 
     def _file(self, write: Callable[[Path], str], job: Job, name: str) -> None:
-        from lidarcheck.figures.html.outputs import check_writable
+        from lidarcheck.figures.files.outputs import check_writable
 
         path = self.view.host.project.root / name
         try:
@@ -102,7 +102,7 @@ class Exports:
         self.view.say(said, bad=bad)
 
     def _write_page(self, made: Computed, out: Path, name: str, kind: str, files: Mapping[str, Writer]) -> str:
-        from lidarcheck.figures.html.page_files import PAGE, PICTURES, RESULT, write_page
+        from lidarcheck.figures.files.result_folder import PAGE, PICTURES, RESULT, write_page
 
         write_page(made.page, made.document, out, command=command_of(self.view.NAME), kind=kind, files=files)
         return f"{name}: {', '.join([PAGE, RESULT, *([f'{PICTURES}/'] if made.page.figures() else []), *files])}"

@@ -38,7 +38,7 @@ def name_room(jobs: Sequence[Job]) -> int:
 
 def job_line(job: Job, state: str, fault: str, here: bool, room: int) -> Line:
     """A job in the list: its name, in `room` letters, where it stands, and what is to be said of it."""
-    from lidarcheck.figures.drawing.panel import squeezed
+    from lidarcheck.figures.words import squeezed
 
     name = f"{'>' if here else ' '}{squeezed(printable(job.name), room, '..'):{room}} "
     if fault and state != "running":
@@ -117,7 +117,7 @@ def figure_lines(figures: Sequence[tuple[Figure, str]], room: tuple[int, int]) -
 
     None is smaller than can be read: what has no room is below, to be scrolled to.
     """
-    from lidarcheck.figures.drawing.figure_text import figure_text
+    from lidarcheck.figures.terminal import figure_text
 
     if not figures or room[0] <= 0 or room[1] <= 0:
         return []

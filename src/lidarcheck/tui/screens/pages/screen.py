@@ -27,7 +27,7 @@ from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, wrapped
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
-    from lidarcheck.figures.html.page_files import Writer
+    from lidarcheck.figures.files.result_folder import Writer
 
 __all__ = ["PAGE_ROWS", "PageView"]
 
@@ -73,7 +73,7 @@ class PageView(PageWork):
 
     def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
         """The title of the figures' pane, and the figures that are seen now, each with the kind it is drawn as."""
-        from lidarcheck.figures.drawing.panels import kinds_of
+        from lidarcheck.figures.axes import kinds_of
 
         groups = self.groups(page)
         self.turned = min(self.turned, max(len(groups) - 1, 0))
@@ -220,7 +220,7 @@ class PageView(PageWork):
 
     def action_kind(self) -> None:
         """Draw the figures that are seen as the next kind."""
-        from lidarcheck.figures.drawing.panels import kinds_of
+        from lidarcheck.figures.axes import kinds_of
 
         page = self.page
         drawn = self.shown(page)[1] if page is not None else []

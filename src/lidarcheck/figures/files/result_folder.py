@@ -1,0 +1,246 @@
+"""The files that a workflow leaves in its directory: checked before the work, written all or none.
+
+`report.html`: the page; `result.json`: the numbers, with where they came from; `pictures/`: a PNG of each figure; and
+what a workflow has besides.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lidarcheck import __version__
+from lidarcheck.errors import InputError
+from lidarcheck.figures.files.outputs import (
+    as_it_was,
+    check_writable,
+    json_text,
+    make_directory,
+    write_file,
+    write_together,
+)
+
+if TYPE_CHECKING:
+    from lidarcheck.figures.data import Figure, Page
+    from lidarcheck.workers import WorkerPool
+
+__all__ = [
+    "ALL",
+    "PAGE",
+    "PICTURES",
+    "RESULT",
+    "Folder",
+    "Writer",
+    "check_out_dir",
+    "draw_pictures",
+    "drawing_ahead",
+    "page_text",
+    "write_page",
+]
+
+PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
+ALL = "all"
+"""In the place of a kind of picture: each of them."""
+Writer = Callable[[Path], object]
+_WORTH_A_PROCESS = 12
+"""Pictures that take about as long as a process to begin."""
+_ready: list[WorkerPool] = []
+"""Processes that are ready to draw, of the command that is running."""
+_PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
+
+
+class Folder(NamedTuple):
+    """A directory of results: `fill` puts its files into an empty one, `old` matches the names of an earlier run's."""
+
+    fill: Writer
+    old: re.Pattern[str]
+
+
+def check_out_dir(
+    out: Path, besides: Iterable[str | Path | None] = (), *, files: Iterable[str] = (), option: str = "--out"
+) -> None:
+    """Refuse now, with an `InputError`, a directory that could not be written after minutes of work.
+
+    `besides`: the files that the command reads or writes otherwise, which no result may replace. `files`: names of
+    the results that are not every workflow's. `option`: what asked for the directory, in words.
+    """
+    besides = list(besides)
+    if out.exists() and not out.is_dir():
+        raise InputError("is not a directory", file=out, fix=f"name a directory for {option}")
+    where = Path(os.path.realpath(out))
+    new = not out.exists()
+    if new:
+        where = where.parent
+        if not where.is_dir():
+            raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
+    if not os.access(where, os.W_OK | os.X_OK):
+        raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
+    for name in () if new else (PAGE, RESULT):
+        check_writable(out / name, option=option, besides=besides)
+    read = {os.path.realpath(path) for path in besides if path is not None and str(path) != "-"}
+    for name in files:
+        _check_file(out / name, read, option)
+    pictures = out / PICTURES
+    if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
+        raise InputError("cannot be replaced", file=pictures, fix=f"move it away, or choose another place for {option}")
+
+
+def _check_file(place: Path, read: Iterable[str], option: str) -> None:
+    if os.path.realpath(place) in read:
+        fix = f"name another directory for {option}"
+        raise InputError("would replace a file of this command", file=place, fix=fix)
+    if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
+        raise InputError("cannot be replaced", file=place, fix=f"move it away, or choose another place for {option}")
+
+
+def page_text(page: Page, document: Any, *, command: str = "", html: str = "") -> str:
+    """The result with what it is of, as JSON, which `lidarcheck report` reads.
+
+    `document`: what `formats.plain` can turn into JSON. The hash of `html` says which page belongs to it.
+    """
+    return json_text(
+        {
+            "workflow": command or page.title,
+            "title": page.title,
+            "lidarcheck": __version__,
+            "summary": page.summary,
+            "result": document,
+            "provenance": dict(page.provenance),
+            "page": {"file": PAGE, "sha256": hashlib.sha256(html.encode()).hexdigest()} if html else None,
+        }
+    )
+
+
+def write_page(
+    page: Page,
+    document: Any,
+    out: Path,
+    *,
+    command: str = "",
+    kind: str = "histogram",
+    files: Mapping[str, Writer] | None = None,
+    folders: Mapping[str, Folder] | None = None,
+) -> str:
+    """Write the page, the numbers, the pictures and what is this workflow's own, all or none; `result.json`'s text.
+
+    `kind`: how the pictures are drawn, one of `axes.KINDS`, `axes.VIEWS` or `ALL`. `files`: each is written in its
+    place, in this order, since a model names its table from where it stands. `folders`: each is filled beside its
+    place and moved there last, as the pictures. On an error or interrupt all is as it was.
+    """
+    from lidarcheck.figures.html.page import page_html
+
+    html = page_html(page)
+    text = page_text(page, document, command=command, html=html)
+    drawn = Folder(lambda place: draw_pictures(page.figures(), place, kind), _PICTURE)
+    _write_all(out, text, html, files or {}, {PICTURES: drawn, **(folders or {})})
+    return text
+
+
+def _write_all(out: Path, text: str, html: str, files: Mapping[str, Writer], folders: Mapping[str, Folder]) -> None:
+    new = not out.exists()
+    make_directory(out)
+    stages = {name: out / f".{name}.{secrets.token_hex(8)}.part" for name in folders}
+    try:
+        with as_it_was([out / name for name in files]):
+            for name, write in files.items():
+                write(out / name)
+            for name, folder in folders.items():
+                _fill(folder, stages[name], out / name)
+            write_together(
+                out,
+                {RESULT: lambda path: write_file(path, text), PAGE: lambda path: write_file(path, html)},
+            )
+        for name, folder in folders.items():
+            _replace_directory(stages[name], out / name, folder.old)
+    finally:
+        for staged in stages.values():
+            shutil.rmtree(staged, ignore_errors=True)
+        if new:
+            with contextlib.suppress(OSError):  # it is not empty where all went well
+                out.rmdir()
+
+
+def _fill(folder: Folder, staged: Path, place: Path) -> None:
+    """Fill the staged directory; an error names the file by the place that it was to take."""
+    staged.mkdir()
+    try:
+        folder.fill(staged)
+    except InputError as error:
+        if error.file is None or Path(error.file).parent != staged:
+            raise
+        raise InputError(error.what, file=place / Path(error.file).name, line=error.line, fix=error.fix) from error
+
+
+@contextlib.contextmanager
+def drawing_ahead(out: Path | None) -> Iterator[None]:
+    """Meanwhile processes get ready to draw many pictures into `out`; nothing where that is None."""
+    if out is None:
+        yield
+        return
+    from lidarcheck.workers import Processes
+    from lidarcheck.workers.cores import usable_cores
+
+    with Processes(usable_cores() - 1, _wake, least=1) as pool:
+        _ready.append(pool)
+        try:
+            yield
+        finally:
+            _ready.remove(pool)
+
+
+def _wake() -> None:
+    """Load what every picture needs."""
+    from lidarcheck.figures.png.figure import load
+
+    load()
+
+
+def draw_pictures(figures: Sequence[Figure], directory: Path, kind: str) -> None:
+    """A PNG of each figure, as `kind` or in `all` the ways that it can be shown; on all cores where they are many."""
+    from lidarcheck.workers import Processes
+    from lidarcheck.workers.cores import usable_cores
+
+    numbered = [*enumerate(figures, 1)]
+    others = max(min(usable_cores(), len(figures) // _WORTH_A_PROCESS), 1) - 1
+    # This process draws too, and as many pictures more as others need to begin that are not ready.
+    own = (len(figures) + (0 if _ready else _WORTH_A_PROCESS * others)) // (others + 1)
+    new = contextlib.nullcontext(_ready[-1]) if _ready else Processes(others, least=1)
+    with new as pool:
+        drawn = [pool.submit(_draw, numbered[own + k :: others], directory, kind) for k in range(others)]
+        _draw(numbered[:own], directory, kind)
+        for wait in drawn:
+            wait()
+
+
+def _draw(numbered: Sequence[tuple[int, Figure]], directory: Path, kind: str) -> None:
+    from lidarcheck.figures.axes import kinds_of
+    from lidarcheck.figures.files.pictures import save_figure
+
+    for number, figure in numbered:
+        for one in (kinds_of(figure) or ("histogram",)) if kind == ALL else (kind,):
+            view = f"-{one}" if one in kinds_of(figure) else ""
+            save_figure(figure, directory / f"{number:02d}-{_slug(figure.title)}{view}.png", kind=one)
+
+
+def _slug(title: str) -> str:
+    """A file's name from a title."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"
+
+
+def _replace_directory(new: Path, place: Path, old: re.Pattern[str]) -> None:
+    """Put the new files in the place of an earlier run's; files of other names there stay, and no empty one is made."""
+    files = sorted(new.iterdir())
+    if files:
+        place.mkdir(exist_ok=True)
+    for path in place.iterdir() if place.is_dir() else ():
+        if old.fullmatch(path.name):
+            path.unlink()
+    for path in files:
+        path.replace(place / path.name)
