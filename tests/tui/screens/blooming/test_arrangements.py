@@ -1,11 +1,9 @@
 """Distances side by side, four features at once, and that nothing is computed twice."""
 
-import random
 import threading
 
 import pytest
 
-from lidarcheck.session.history import Edit, History, edit_between
 from lidarcheck.tui.jobs import profile_worker
 from tui_kit import app_on, drive, make_project, says, sees, text_of, until
 
@@ -139,27 +137,3 @@ def test_the_first_time_on_a_machine_is_said_and_compiled_aside(project, monkeyp
         await says(app, pilot, "the sensor model is compiled")
 
     drive(app_on(project, screen="blooming"), do, NARROW)
-
-
-def test_a_history_is_packed_and_gives_every_content_back():
-    draw, history = random.Random(4), History()
-    content = bytes(draw.randrange(256) for _ in range(400))
-    contents = [content]
-    for number in range(120):
-        at, end = sorted(draw.randrange(len(content) + 1) for _ in range(2))
-        new = content[:at] + bytes(draw.randrange(256) for _ in range(draw.randrange(30))) + content[end:]
-        edit = edit_between(content, new, f"edit {number}")
-        if edit is not None:
-            assert edit == Edit.of(edit.record())
-            history.add(edit)
-            content = new
-            contents.append(new)
-    for before in reversed(contents[:-1]):
-        content = history.move("undo").applied(content, back=True)
-        assert content == before
-    assert history.last("undo") is None
-    for after in contents[1:]:
-        content = history.move("redo").applied(content)
-        assert content == after
-    with pytest.raises(ValueError, match="for another content"):
-        history.last("undo").applied(b"something else" * 99, back=True)

@@ -1,37 +1,19 @@
-"""The terminal interface's core: the LUT session, its journal and lock, the project, runs and state."""
+"""A LUT file being edited: edits and undo, the journal, the lock, saving, and what a crash leaves."""
 
-import json
 import os
 import subprocess
 import sys
-import threading
-import time
-from pathlib import Path
 
 import pytest
 
 from lidarcheck.calibration.blooming.lut_edit import smoothed
 from lidarcheck.cli import main
-from lidarcheck.cli.core.app import COMMANDS
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.lut import load_lut, parse_lut
 from lidarcheck.session.edited_file import ChangedOnDisk
 from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.session.journal import read_journal
-from lidarcheck.session.own_files import make_own_directory
-from lidarcheck.session.project import read_project
-from lidarcheck.session.state import State, load_state, save_state
-from lidarcheck.tui.actions import ACTIONS, SCREENS
-from lidarcheck.tui.jobs.checks import Runs, check_scenario, run_scenarios
-from lidarcheck.tui.jobs.job import Cancelled
-from lidarcheck.tui.jobs.profiles import datasets_of
-from lidarcheck.tui.widgets.lines import folded
-from tui_kit import LUT, ROOT, fake_check, make_project
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    return make_project(tmp_path_factory.mktemp("tui") / "project")
+from tui_kit import LUT, ROOT
 
 
 @pytest.fixture
@@ -284,8 +266,9 @@ def test_the_lock_of_a_killed_process_is_free(lut):
 
 
 def test_killed_sessions_lose_nothing(tmp_path):
-    command = [sys.executable, str(ROOT / "tests/kits/tui_kit.py"), str(tmp_path), "40", "3"]
-    ran = subprocess.run(command, check=False, capture_output=True, text=True)
+    command = [sys.executable, str(ROOT / "tests/kits/killed_edits.py"), str(tmp_path), "40", "3"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), *sys.path])}
+    ran = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
     assert ran.returncode == 0, ran.stderr
     assert "doing" in ran.stdout
 
@@ -311,196 +294,3 @@ def test_many_edits_stay_small(session):
     tracemalloc.stop()
     assert len(session.history.done) == 200
     assert size < 4e5  # some hundred bytes an edit, and no copies of the file
-
-
-# The project
-
-
-def test_a_project_names_what_is_there_and_what_is_wrong(project):
-    found = read_project(project)
-    assert found.in_words() == "3 scenarios, 2 goldens, 3 models, 3 luts, 2 profiles, 1 scan"
-    faults = {entry.name: entry.fault for entry in found.faults}
-    assert set(faults) == {"scenarios/broken.toml", "bad_lut.ini", "measured/empty.txt"}
-    assert "bad_lut.ini:2: number 2 of PostPro.LUT_blooming_Y is" in faults["bad_lut.ini"]
-    assert "this is not TOML" in faults["scenarios/broken.toml"]
-    assert "the file is empty" in faults["measured/empty.txt"]
-    assert [dataset.name for dataset in datasets_of(found, "vertical")] == [
-        "measured/sign_69m.csv",
-        "measured/sign_157m.csv",
-    ]
-    assert datasets_of(found, "horizontal") == []
-
-
-def test_scans_find_their_ideal_scan_by_name(tmp_path):
-    head = "Layer Point Distance MaterialID IncidenceAngle\n1 1 20.0 1 0.0\n"
-    for name in ("ideal_sign_69m.txt", "sign_156.6m_ideal.txt"):
-        (tmp_path / name).write_text(head)
-    for name in ("real_sign_69m.txt", "sign_156.6m.txt", "lonely.txt"):
-        (tmp_path / name).write_text("X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n1 2 3 1 1 1 5 6 7\n")
-    pairs = {d.name: d.ideal and d.ideal.name for d in datasets_of(read_project(tmp_path), "vertical")}
-    assert pairs == {
-        "lonely.txt": None,
-        "real_sign_69m.txt": "ideal_sign_69m.txt",
-        "sign_156.6m.txt": "sign_156.6m_ideal.txt",
-    }
-
-
-def test_no_file_keeps_the_others_from_being_used(project, monkeypatch):
-    (project / "models/deep.toml").write_text(f"a = {'[' * 5000}{']' * 5000}")
-    (project / "models/empty.toml").write_text("")
-    os.mkfifo(project / "models/pipe.toml")
-    (project / "models/again.toml").symlink_to("again.toml")
-    monkeypatch.setattr("lidarcheck.formats.lut.load_lut", lambda _path: 1 / 0)
-    found = read_project(project)
-    faults = {entry.name: entry.fault for entry in found.faults}
-    assert "nested too deeply" in faults["models/deep.toml"]
-    assert "is empty" in faults["models/empty.toml"]
-    assert "not a regular file" in faults["models/pipe.toml"]
-    assert "symbolic links" in faults["models/again.toml"]
-    assert faults["a_lut.ini"] == f"{project / 'a_lut.ini'}: cannot be looked at, ZeroDivisionError: division by zero"
-    assert len(found.of("model")) == 3
-
-
-def test_a_directory_that_cannot_be_read_is_said(project, monkeypatch):
-    scandir = os.scandir
-
-    def refusing(path):
-        if Path(path).name == "measured":
-            raise PermissionError(13, "Permission denied", str(path))
-        return scandir(path)
-
-    monkeypatch.setattr(os, "scandir", refusing)
-    found = {entry.name: entry.fault for entry in read_project(project).faults}
-    assert "the directory cannot be read: Permission denied; check its permissions" in found["measured"]
-    assert "measured/empty.txt" not in found
-
-
-def test_a_project_that_was_removed_is_not_made_again(tmp_path):
-    save_state(State(screen="noise"), tmp_path / "gone")
-    assert not (tmp_path / "gone").exists()
-    with pytest.raises(InputError, match="cannot make the directory"):
-        make_own_directory(tmp_path / "gone")
-
-
-def test_a_folded_line_keeps_its_roles_and_every_letter():
-    assert folded((("short", "text"),), 10) == [(("short", "text"),)]
-    parts = (("one two ", "title"), ("three 漢字漢字漢字漢字 four", "bad"))
-    rows = folded(parts, 24)
-    assert rows == [(("one two ", "title"), ("three ", "bad")), (("  ", "text"), ("漢字漢字漢字漢字 four", "bad"))]
-    assert [row[0][0] for row in folded((("abcdef", "text"),), 2)] == ["ab", "cd", "ef"]
-    assert len(folded((("漢字", "text"),), 1)) == 2
-
-
-def test_no_directory_is_a_project(tmp_path):
-    (tmp_path / "file").write_text("x")
-    for name, what in (("file", "is not a directory"), ("none", "there is no such directory")):
-        with pytest.raises(InputError, match=what):
-            read_project(tmp_path / name)
-
-
-# Runs and state
-
-
-def test_a_run_is_kept_and_a_fault_does_not_stop_the_others(project, tmp_path):
-    found = []
-    paths = [project / f"scenarios/{name}.toml" for name in ("broken", "background_SMART")]
-
-    def check(paths, progress):
-        if paths[0].stem == "broken":
-            from lidarcheck.harness.scenario.scenario import load_scenario
-
-            load_scenario(paths[0])
-        return fake_check(paths, progress)
-
-    run_scenarios(paths, on_progress=lambda *_: None, on_outcome=found.append, stop=threading.Event(), check=check)
-    assert [outcome.verdict for outcome in found] == ["fault", "fell out"]
-    assert "broken.toml" in found[0].problems[0]
-    assert [kpi.verdict for kpi in found[1].kpis] == ["equivalent", "regressed"]
-    assert found[1].kpis[0].limit == "<= 3"
-    runs = Runs(tmp_path)
-    for outcome in found:
-        runs.add(outcome)
-    assert Runs(tmp_path).last == runs.last
-    (tmp_path / ".lidarcheck/tui/runs.json").write_text('{"a": 1}')
-    assert Runs(tmp_path).last == {}
-
-
-def test_a_run_stops_when_it_is_told_to(project):
-    stop, start = threading.Event(), time.monotonic()
-    stop.set()
-    with pytest.raises(Cancelled):
-        run_scenarios([project / "scenarios/background_SMART.toml"] * 9, on_progress=print, on_outcome=print, stop=stop)
-    assert time.monotonic() - start < 1.0
-
-
-def test_a_real_run_holds(project):
-    outcome = check_scenario(project / "scenarios/background_SMART.toml")
-    assert outcome.verdict == "holds"
-    assert outcome.kpis
-    assert {kpi.verdict for kpi in outcome.kpis} == {"identical"}
-
-
-def test_the_state_survives_and_a_damaged_one_is_a_fresh_one(tmp_path):
-    save_state(State("blooming", "plain", True, {"row": "3"}), tmp_path)
-    assert load_state(tmp_path) == State("blooming", "plain", True, {"row": "3"})
-    assert (tmp_path / ".lidarcheck/.gitignore").read_text() == "*\n"
-    for text in ("", "[]", '{"selected": 3, "screen": null}'):
-        (tmp_path / ".lidarcheck/tui/state.json").write_text(text)
-        assert load_state(tmp_path).selected == {}
-
-
-# Actions
-
-
-@pytest.mark.parametrize("action", ACTIONS, ids=lambda action: f"{action.screen} {action.name}")
-def test_every_action_has_a_twin_or_a_reason(action, capsys):
-    assert action.screen in ("", *SCREENS)
-    assert action.help
-    assert bool(action.reason) != bool(action.twin)
-    if action.twin:
-        assert action.twin in {command.name for command in COMMANDS}
-        assert main([*action.twin.split(), "--help"]) == 0
-        text = " ".join(capsys.readouterr().out.split())
-        assert action.says
-        assert action.says in text
-
-
-def test_no_key_means_two_things_on_a_screen():
-    for screen in SCREENS:
-        keys = [key for action in ACTIONS if action.screen in ("", screen) for key in action.keys]
-        assert len(keys) == len(set(keys))
-
-
-# The command
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "the terminal interface needs a terminal, and stdin is none; run it in a terminal without pipes"),
-        (["nowhere"], "nowhere: there is no such directory; give the directory with scenarios"),
-    ],
-)
-def test_without_a_terminal_it_says_so(arguments, said, capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert main(["tui", *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert said in err
-    assert len(err.splitlines()) == 1
-
-
-@pytest.mark.parametrize("term", ["dumb", ""])
-def test_a_terminal_that_cannot_place_text_is_refused(term, capsys, monkeypatch, tmp_path):
-    for name in ("stdin", "stdout", "stderr"):
-        monkeypatch.setattr(getattr(sys, name), "isatty", lambda: True, raising=False)
-    monkeypatch.setenv("TERM", term)
-    assert main(["tui", str(tmp_path)]) == 2
-    assert "cannot place text; set TERM" in capsys.readouterr().err
-
-
-def test_help_loads_no_textual():
-    program = "import sys\nfrom lidarcheck.cli import main\nmain(['--help']); main(['tui', '--help'])\n"
-    program += "print([name for name in sys.modules if name.startswith('textual')], file=sys.stderr)"
-    ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
-    assert json.loads(ran.stderr.replace("'", '"')) == []
