@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -35,13 +36,13 @@ def main(argv: list[str] | None = None) -> int:
     program: Path = args.lidarcheck.absolute()
     if not program.is_file():
         sys.exit(f"{program}: there is no such program; name one with --lidarcheck")
-    tool, inputs = Tool(program), args.directory / "inputs"
+    inputs, source = args.directory / "inputs", source_of(program)
+    tool = Tool(program, _cache(args.directory / "cache" / args.action, source))
     items = [item for item in ITEMS if item in args.only]
     if args.action == "record":
         _prepare(args, items, tool, inputs)
     elif not inputs.is_dir():
         sys.exit(f"{args.directory}: there is no record; make one with: ci/freeze record {args.directory}")
-    source = source_of(program)
     print(f"{args.action}: {program}, sources {source[:12]}", flush=True)
     return max((_item(item, args, tool, inputs, source) for item in items), default=0)
 
@@ -80,6 +81,16 @@ def source_of(program: Path) -> str:
     for file in files:
         digest.update(f"{file.relative_to(base)}\0".encode() + file.read_bytes() + b"\0")
     return digest.hexdigest()
+
+
+def _cache(place: Path, source: str) -> Path:
+    """An empty cache, or the one that this very code has left."""
+    stamp = place / "of"
+    if not stamp.is_file() or stamp.read_text(encoding="utf-8") != source:
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        stamp.write_text(source, encoding="utf-8")
+    return place
 
 
 def _prepare(args: argparse.Namespace, items: list[str], tool: Tool, inputs: Path) -> None:

@@ -25,14 +25,19 @@ class Result:
 
 @dataclass(frozen=True)
 class Tool:
-    """The executable under test, asked as a user asks it, on one thread so that times and bytes can be compared."""
+    """The executable under test, asked as a user asks it, on one thread so that times and bytes can be compared.
+
+    `cache`: what it has compiled and filled, for this record alone: what other code has left there must not be read.
+    """
 
     program: Path
+    cache: Path
 
     def ask(self, words: Iterable[object], place: Path) -> Result:
         """Run a command in the directory `place`, whatever it ends with."""
         keep = {key: value for key, value in os.environ.items() if not key.startswith(("LIDARCHECK_", "GITHUB_"))}
         env = keep | dict.fromkeys(ONE_THREAD, "1") | {"COLUMNS": "100", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
+        env["LIDARCHECK_CACHE"] = str(self.cache)
         argv = [str(self.program), *map(str, words)]
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
             process = subprocess.Popen(argv, cwd=place, env=env, stdin=subprocess.DEVNULL, stdout=out, stderr=err)

@@ -1,6 +1,5 @@
 import json
 import math
-import time
 
 import numpy as np
 import pytest
@@ -238,10 +237,7 @@ def test_half_a_million_echoes_a_side():
         )
         for _ in range(2)
     )
-    start = time.perf_counter()
     found = compare(m, s, ideal)
-    # About 1 s on two idle cores.
-    assert time.perf_counter() - start < 10.0
     assert found.features["AREA"].ks < 0.005
 
 
