@@ -221,7 +221,7 @@ def test_nothing_is_described_where_nothing_is_missing() -> None:
 
 
 def test_the_select_frames_judge_the_nuisances_of_the_fit(bench: SearchData) -> None:
-    from lidarcheck.inference.gauss_newton import fit
+    from lidarcheck.inference.effect_fit import fit
 
     same = fit(bench.select, [], [])
     assert select_distance(bench.select, same) == pytest.approx(

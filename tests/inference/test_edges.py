@@ -58,7 +58,7 @@ def wider(columns: int) -> IdealScan:
 def found(simulator: Simulator, *, deep: bool = False) -> list[set[tuple[int, int]]]:
     """Layer and point of each run's beams."""
     simulated = [simulator.observations(simulator.model, 1000 + k) for k in range(4)]
-    runs = runs_past(simulator.beams, simulator.measured_sights, simulated, deep=deep)
+    runs = runs_past(simulator.beams, simulator.measured_observations, simulated, deep=deep)
     return [{(int(simulator.beams.layer[i]), int(simulator.beams.point[i])) for i in run} for run in runs]
 
 
@@ -78,12 +78,12 @@ def test_a_column_that_sees_past_the_edge_is_one_run() -> None:
 def test_echoes_of_another_surface_that_are_taken_for_the_own_one_are_past_it() -> None:
     """What stands a little behind the panel is near enough to be an echo of the panel that is far off."""
     simulator = lab_of(street(0, **WHERE))
-    feature = simulator.measured_sights.feature.copy()
+    feature = simulator.measured_observations.feature.copy()
     edge = past_beams(met(LEFT_POINT))
     at = [(a, p) in edge for a, p in zip(simulator.beams.layer.tolist(), simulator.beams.point.tolist(), strict=True)]
     column = np.array(at) & (simulator.beams.frame == 0)
     feature[column, 0] += 2.5
-    simulator.measured_sights = dataclasses.replace(simulator.measured_sights, feature=feature)
+    simulator.measured_observations = dataclasses.replace(simulator.measured_observations, feature=feature)
     assert found(simulator) == [edge]
     feature[column, 0] -= 2.0
     assert found(simulator) == []
@@ -161,11 +161,11 @@ def test_along_edges_nothing_is_far_that_a_part_of_a_beam_decides(point: int, as
     """A column at the panel's border that reads a metre less: any angle may do that there, none inside the panel."""
     simulator = lab_of(street(0, **WHERE))
     shown = np.zeros((1, len(simulator.measured)))
-    off = simulator.measured_sights.feature.copy()
+    off = simulator.measured_observations.feature.copy()
     column = (simulator.beams.point == point) & (simulator.beams.material_id == PANEL) & (simulator.beams.frame == 0)
     off[column, 0] -= 1.0
-    simulator.measured_sights = dataclasses.replace(simulator.measured_sights, feature=off)
-    simulator.measured = simulator.summaries.of(simulator.measured_sights)
+    simulator.measured_observations = dataclasses.replace(simulator.measured_observations, feature=off)
+    simulator.measured = simulator.summaries.of(simulator.measured_observations)
     plain = simulator.distance(shown) - simulator.floor_distance
     along = simulator.distance(shown, metric=simulator.along_edges(simulator.model, 800)) - simulator.floor_distance
     assert plain > 50.0

@@ -14,7 +14,7 @@ from lidarcheck.cases.split import Split, split_frames
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.beam_table import beams_of
 from lidarcheck.inference.expectation import _smooth_probability
-from lidarcheck.inference.pairing import observations_of
+from lidarcheck.inference.observations import observations_of
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.strata import Division, binned, divisions, fine_divisions
 from lidarcheck.inference.summaries import compressed
@@ -331,7 +331,7 @@ def test_few_beams_of_bright_surfaces_that_are_lost_say_much(changed, off: bool)
         k for k, name in enumerate(simulator.summaries.names) if (name.feature, name.covariate) == ("detected", "all")
     ]
     [z] = simulator.measured_plain[at]
-    missing = (~simulator.measured_sights.detected)[bright & sure & ~simulator.summaries.expected.at_edge].sum()
+    missing = (~simulator.measured_observations.detected)[bright & sure & ~simulator.summaries.expected.at_edge].sum()
     assert (missing > 10) == off
     assert (z < -6.0) == off
     assert abs(z) < 4.0 or off

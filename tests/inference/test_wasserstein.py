@@ -12,7 +12,7 @@ from lidarcheck.explain.decision.findings import is_doubtful
 from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.wasserstein import PARTS, Scale, gap_of
 

@@ -1,1 +1,1 @@
-"""What explaining and calibrating share: beams as a table, residuals, summaries, the fit, and the gap."""
+"""What explaining and calibrating share: observations of beams, summaries, metric, descent, intervals and the gap."""

@@ -20,7 +20,7 @@ from lidarcheck.inference.nuisances import (
     REFLECTANCE_ERROR,
     beside,
 )
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.summaries import Summaries
 from lidarcheck.model.spec import Model
 from lidarcheck.workers.threads import mapped

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 
 __all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_weights"]
 

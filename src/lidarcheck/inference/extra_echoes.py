@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.inference.beam_table import SIDES, BeamTable
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
 from lidarcheck.inference.summary import Summary
 

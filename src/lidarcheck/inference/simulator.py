@@ -14,7 +14,7 @@ from lidarcheck.inference.covariance import metrics, nuisances, shuffled
 from lidarcheck.inference.edges import runs_along, runs_past, with_beams_of
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import Observations, observations_of
+from lidarcheck.inference.observations import Observations, observations_of
 from lidarcheck.inference.simulations import Simulations
 from lidarcheck.inference.summaries import Summaries, compressed
 from lidarcheck.model.spec import Model
@@ -59,8 +59,8 @@ class Simulator:
         drawn = mapped(lambda k: self.observations(model, _FIRST_FLOOR + k), range(FLOOR_SEEDS))
         fresh = shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
         self.summaries = Summaries(self.beams, base, fresh, names)
-        self.measured_sights = observations_of(self.beams, [f.measured for f in frames])
-        self.measured_plain = self.summaries.plain(self.measured_sights)
+        self.measured_observations = observations_of(self.beams, [f.measured for f in frames])
+        self.measured_plain = self.summaries.plain(self.measured_observations)
         self.measured = compressed(self.measured_plain)
         # Half of the draws teach the metric; the others tell how far it errs on data that it does not know.
         self.floor, self.check = self.summaries.fresh[CHECK_DRAWS:], self.summaries.fresh[:CHECK_DRAWS]
@@ -76,7 +76,7 @@ class Simulator:
     def edges_beside(self, simulated: Sequence[Observations], *, deep: bool = False) -> FloatArray:
         """What each run of beams that sees past an edge, and not so in simulations, or the other way round, does to the
         measured summaries, as a usual error of the pose; shape (n_summaries, runs). `deep`: see `edges.runs_past`."""
-        return self._of_runs(runs_past(self.beams, self.measured_sights, simulated, deep=deep), simulated[0])
+        return self._of_runs(runs_past(self.beams, self.measured_observations, simulated, deep=deep), simulated[0])
 
     def along_edges(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> Metric:
         """The metric for which a model shows the same whatever part of a beam an edge is off by."""
@@ -89,18 +89,18 @@ class Simulator:
         shape (n_summaries, runs)."""
         columns = [np.zeros((len(self.measured), 0))]
         for run in runs:
-            without = with_beams_of(self.measured_sights, shown, run)
+            without = with_beams_of(self.measured_observations, shown, run)
             columns.append(EDGE_ERROR * (self.measured - self.summaries.of(without))[:, None])
         return np.concatenate(columns, axis=1)
 
     @functools.cached_property
-    def held(self) -> Shared[Simulator]:
+    def shared(self) -> Shared[Simulator]:
         """The simulator for the tasks of a worker pool."""
         return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
-        return {name: value for name, value in self.__dict__.items() if name != "held"}
+        return {name: value for name, value in self.__dict__.items() if name != "shared"}
 
     def scans(self, model: Model, seed: int, nuisance: Nuisance | None = None) -> list[Scan]:
         """What the model shows of every frame, with random numbers of its own."""

@@ -17,7 +17,7 @@ from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
 from lidarcheck.inference.extra_echoes import FalseEchoes, sides_of_surface
 from lidarcheck.inference.kernels import add_up, write_residuals, write_scatter
-from lidarcheck.inference.pairing import FEATURES, Observations
+from lidarcheck.inference.observations import FEATURES, Observations
 from lidarcheck.inference.strata import Division, divisions, fine_divisions
 from lidarcheck.inference.summary import Summary
 from lidarcheck.workers.threads import mapped

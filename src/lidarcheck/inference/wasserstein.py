@@ -20,7 +20,7 @@ from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.intervals import ENDS, Gap, Interval
 from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
+from lidarcheck.inference.observations import FEATURES, Observations, observations_of
 from lidarcheck.inference.simulations import observed
 from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
 from lidarcheck.inference.summaries import Expected, expectation
@@ -77,13 +77,13 @@ class Scale:
         return cls(tuple(frames), beams, expected, strata, seed, surfaces)
 
     @functools.cached_property
-    def held(self) -> Shared[Scale]:
+    def shared(self) -> Shared[Scale]:
         """The scale for the tasks of a worker pool."""
         return Shared(self)
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept only to save time."""
-        return {name: value for name, value in self.__dict__.items() if name != "held"}
+        return {name: value for name, value in self.__dict__.items() if name != "shared"}
 
     @functools.cached_property
     def measured(self) -> Observations:
@@ -206,7 +206,7 @@ Told = Callable[[int, int, float], object]
 
 def excesses(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = None) -> list[tuple[float, float]]:
     """`Scale.excess` of each model."""
-    return [*(pool or WorkerPool()).map(Scale.excess, ((scale.held, model) for model in models))]
+    return [*(pool or WorkerPool()).map(Scale.excess, ((scale.shared, model) for model in models))]
 
 
 def gap_of(
@@ -221,7 +221,7 @@ def gap_of(
     """
     found: list[FloatArray] = []
     chance: list[FloatArray] = []
-    for apart, own in (pool or WorkerPool()).map(_apart, ((scale.held, model) for _, model in stages)):
+    for apart, own in (pool or WorkerPool()).map(_apart, ((scale.shared, model) for _, model in stages)):
         found.append(apart)
         chance.append(own)
         if told is not None:

@@ -11,7 +11,7 @@ from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.decision.closure import _as_struck as as_struck
 from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.evidence import SimulatorEvidence
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.simulator import Simulator
 
 WINDOW = {"layers": range(200, 250), "points": range(400, 520)}

@@ -14,7 +14,7 @@ from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
 from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 

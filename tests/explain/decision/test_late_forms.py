@@ -9,7 +9,7 @@ from lidarcheck.effects import make
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.decision.late_forms import with_finer_forms
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.workers import WorkerPool

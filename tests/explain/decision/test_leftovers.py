@@ -9,7 +9,7 @@ from lidarcheck.explain.decision.leftovers import ranges_follow, ranges_off
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import fit
+from lidarcheck.inference.effect_fit import fit
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS, Scale
 

@@ -19,7 +19,7 @@ from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.explain.workflow import Workflow
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS

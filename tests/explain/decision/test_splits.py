@@ -12,7 +12,7 @@ from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.decision.splits import only_edges_stay
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.scan import IdealScan, Scan
 

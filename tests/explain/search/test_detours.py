@@ -15,7 +15,7 @@ from lidarcheck.explain.search.search import backward
 from lidarcheck.explain.search.selection import Search, SearchData, accept, start_fit
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 GAIN, JITTER = make("signal_gain", {"gain": 0.4}), make("timing_jitter", {"sigma_ns": 0.5})

@@ -12,7 +12,7 @@ from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.search import _or_imitation
 from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(220, 300), "points": range(320, 640, 8)}

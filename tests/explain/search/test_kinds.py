@@ -14,7 +14,7 @@ from lidarcheck.explain.search import selection as forward
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import Search, SearchData, run_round
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))

@@ -8,7 +8,7 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.simulator import Simulator
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}

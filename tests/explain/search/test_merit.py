@@ -14,7 +14,7 @@ from lidarcheck.explain.search import trial as trials
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search, accept, best_of, neck_and_neck
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))

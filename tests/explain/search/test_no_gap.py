@@ -17,7 +17,8 @@ from lidarcheck.explain.search.search import _beside_usual, backward, find_effec
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference import optimiser
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale

@@ -11,7 +11,7 @@ from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search import relisted
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.scan import Scan
 

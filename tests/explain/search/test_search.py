@@ -9,8 +9,9 @@ from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.inference.gauss_newton import fit, fit_nuisance
+from lidarcheck.inference.effect_fit import fit
 from lidarcheck.inference.metric import Metric
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import Model, simulate

@@ -21,7 +21,8 @@ from lidarcheck.explain.search.second_look import joint_trials, look_around, sec
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import select_shown, tried
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale

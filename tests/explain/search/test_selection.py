@@ -16,7 +16,7 @@ from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.selection import KIN_PART, RANDOM_KIN_PART, Search, beside_related
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
 

@@ -9,7 +9,7 @@ from lidarcheck.effects.search import FreeParameter, Probe, search_spec
 from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.screening import screen
 from lidarcheck.explain.search.starts import fixed_probes, located_probes
-from lidarcheck.inference.gauss_newton import fit
+from lidarcheck.inference.effect_fit import fit
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
     LIMIT,

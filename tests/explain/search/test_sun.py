@@ -11,7 +11,7 @@ from lidarcheck.effects import make
 from lidarcheck.effects.search import Probe
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import finished, fit_next
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.simulator import Simulator
 
 SUN = {"rate_per_ns": 0.008, "direct": 0.8, "sun_azimuth_deg": -120.0, "sun_elevation_deg": 25.0}

@@ -11,7 +11,7 @@ from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search.search import without
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.taking_over import is_within_another, others_of
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 AREA = np.geomspace(10.0, 5000.0, 40)

@@ -7,7 +7,7 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import make
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.whole_bins import at_whole_steps
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 BRIGHT = {"layers": range(254, 284), "points": range(520, 600, 2), "sign": True}

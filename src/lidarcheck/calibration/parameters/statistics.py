@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.expectation import Expected, expectation, pose_weights
 from lidarcheck.inference.extra_echoes import sides_of_surface
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, range_bin
 from lidarcheck.inference.summaries import compressed
 

@@ -71,7 +71,7 @@ class BeamTable(Protocol):
 
 
 class Observations(Protocol):
-    """What scans show of each beam; see `inference.pairing`."""
+    """What scans show of each beam; see `inference.observations`."""
 
     @property
     def detected(self) -> BoolArray:

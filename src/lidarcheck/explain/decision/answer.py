@@ -89,7 +89,7 @@ def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Cl
     """The accepted effects with all that is said of them, and the small errors put right where that helps."""
     case = bench.simulator.model
     last = with_finer_forms(seen, case, last, bench.pool)
-    [(before, noise)] = bench.pool.map(Scale.excess_by_part, [(seen.held, case)])
+    [(before, noise)] = bench.pool.map(Scale.excess_by_part, [(seen.shared, case)])
     even = findings_of(bench, search, closed, last, float(before.mean()))
     findings = with_forms_of_beams(seen, case, even, last.last.nuisance, bench.pool)
     stages, model = [("", case)], case

@@ -15,7 +15,7 @@ from lidarcheck.explain.decision.images import only_images_stay
 from lidarcheck.explain.search.merit import best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.wasserstein import PARTS, Scale, excesses
 from lidarcheck.model.spec import Model
 
@@ -43,7 +43,7 @@ def appeal(bench: SearchData, seen: Scale, search: Search, closed: Closure, seed
         return replace(search, own=first), Closure(before, left, _open(first) * before)
     if search.fit.probes:
         return search, closed
-    tasks = ((seen.held, bench.simulator.model, one, seed) for one in _promising(search))
+    tasks = ((seen.shared, bench.simulator.model, one, seed) for one in _promising(search))
     for own in sorted(bench.pool.map(judged, tasks), key=lambda one: one.left):
         if _is_closed(own, before) and own.left < _LESS * first.left:
             now = fit(bench.simulator, own.last.probes, own.last.x, rounds=0, nuisance=own.last.nuisance)

@@ -16,9 +16,10 @@ from lidarcheck.explain.search.merit import FittedCandidate, accepted
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import SearchData, start_fit
 from lidarcheck.explain.search.trial import own_distance, select_shown
-from lidarcheck.inference.gauss_newton import Fit, fit_nuisance, jacobian_of
+from lidarcheck.inference.effect_fit import Fit, jacobian_of
 from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.metric import Metric
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped
 

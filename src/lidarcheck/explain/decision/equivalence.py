@@ -16,7 +16,8 @@ from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, accepted, b
 from lidarcheck.explain.search.refine import Judged, judged, polished
 from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import is_usual_error
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
@@ -86,7 +87,7 @@ def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], told:
     if now.distance - bench.simulator.floor_distance > CHANCE:
         asked += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
     best = now.distance + select_distance(bench.select, now)
-    tasks = ((bench.simulator.held, bench.select.held, now, place, trial) for place, trial in asked)
+    tasks = ((bench.simulator.shared, bench.select.shared, now, place, trial) for place, trial in asked)
     found = []
     for (place, trial), (swapped, distance) in zip(asked, done_by(bench.pool, _swapped, tasks), strict=True):
         farther = distance - best
@@ -167,7 +168,7 @@ def contest(
         simulator, last = polished(scale.frames, model, now, seed) if known is None else (known.simulator, known.last)
         return Polished(now, simulator, last, {}, behind=behind)
     fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
-    found = [*done_by(pool or WorkerPool(), judged, ((scale.held, model, one, seed) for one in fits))]
+    found = [*done_by(pool or WorkerPool(), judged, ((scale.shared, model, one, seed) for one in fits))]
     own = known or found.pop(0)
     both = list(zip(others[:_MOST], found, strict=True))
     now, own = _of_its_kind(now, own, both)

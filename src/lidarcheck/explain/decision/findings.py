@@ -16,7 +16,7 @@ from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.wording import standouts
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.inference.gauss_newton import Fit, with_effects
+from lidarcheck.inference.effect_fit import Fit, with_effects
 from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]

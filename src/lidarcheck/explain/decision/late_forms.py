@@ -14,7 +14,7 @@ from lidarcheck.effects.search.base import Refined
 from lidarcheck.effects.search.evidence import BeamTable, Observations
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.report.explanation import Finding
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
@@ -38,7 +38,7 @@ def with_finer_forms(seen: Scale, case: Model, polish: Polished, pool: WorkerPoo
         more = fit(polish.simulator, start.probes, start.x, rounds=_ROUNDS, nuisance=start.nuisance)
         if not more.possible:
             continue
-        both = [(seen.held, one.model(case), one.nuisance) for one in (polish.last, more)]
+        both = [(seen.shared, one.model(case), one.nuisance) for one in (polish.last, more)]
         (coarse_left, _), (fine_left, _) = pool.map(Scale.excess, both)
         polish = replace(polish, last=more) if fine_left < coarse_left else polish
     return polish
@@ -70,7 +70,7 @@ def with_forms_of_beams(
         more = step.read(ScaleReplays(seen, plain, off, pool), finding.effects[0])
         if more is None:
             continue
-        models = ((seen.held, one, off) for one in (plain, plain.with_(more.effect)))
+        models = ((seen.shared, one, off) for one in (plain, plain.with_(more.effect)))
         (left, _), (there, _) = pool.map(Scale.excess, models)
         if there < left:
             found[at] = _refined(finding, more)
@@ -118,7 +118,7 @@ class ScaleReplays:
 
     def looks(self, effects: Sequence[Effect], seeds: int, look: Look) -> list[list[FloatArray]]:
         """What `look`, a function of a module, says of simulations with each of the effects; a list a seed."""
-        tasks = ((self.seen.held, self.model.with_(effect), self.off, seeds, look) for effect in effects)
+        tasks = ((self.seen.shared, self.model.with_(effect), self.off, seeds, look) for effect in effects)
         return [*self.pool.map(_looked, tasks)]
 
 

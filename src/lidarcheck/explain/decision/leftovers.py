@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.effects.search import search_spec
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["ranges_follow", "ranges_off"]

@@ -14,7 +14,7 @@ from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.pairing import FEATURES
+from lidarcheck.inference.observations import FEATURES
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
@@ -99,7 +99,7 @@ def calibrated(seen: Scale, model: Model, off: Nuisance, pool: WorkerPool) -> tu
     tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
     ways = [model, *([tables.calibrated(model)] if tables.words() else [])]
     posed = [] if off.still else [off.calibrated(model, own_surface=own) for own in (False, True)]
-    found = [*pool.map(Scale.excess_by_part, ((seen.held, way) for way in (*ways, *posed)))]
+    found = [*pool.map(Scale.excess_by_part, ((seen.shared, way) for way in (*ways, *posed)))]
     chance = float(found[0][1].mean(axis=1).std(ddof=1))
     # Two angles that are fitted come a little nearer whatever the pose is.
     left = [excess.mean() + chance * (i >= len(ways)) for i, (excess, _) in enumerate(found)]

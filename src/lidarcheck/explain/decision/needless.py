@@ -20,7 +20,7 @@ from lidarcheck.explain.search.search import DOUBTFUL, without
 from lidarcheck.explain.search.second_look import closes_what_others_left, worth_by_beams
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.taking_over import is_within_another
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale, excesses
 from lidarcheck.model.spec import Model
@@ -51,7 +51,7 @@ def without_needless(bench: SearchData, seen: Scale, search: Search, seed: int) 
             for at, now in enumerate(_fewer(bench, found.fit))
         ]
         asked = [one for one in fewer if many or one[1] is not None]
-        judgements = done_by(bench.pool, judged, [(seen.held, case, now, seed) for now, _, _ in asked])
+        judgements = done_by(bench.pool, judged, [(seen.shared, case, now, seed) for now, _, _ in asked])
         enough = [
             (now, its)
             for (now, least, within), its in zip(asked, judgements, strict=True)
@@ -110,7 +110,7 @@ def _closes_all(seen: Scale, case: Model, its: Judged) -> bool:
 
 def _fewer(bench: SearchData, now: Fit) -> Iterator[Fit]:
     """The fits without one of the effects."""
-    return done_by(bench.pool, without, [(bench.simulator.held, now, at) for at in range(len(now.probes))])
+    return done_by(bench.pool, without, [(bench.simulator.shared, now, at) for at in range(len(now.probes))])
 
 
 def _explains(bench: SearchData, now: Fit, fewer: Fit) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.search import search_spec
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
@@ -40,7 +40,7 @@ def recurs(seen: Scale, model: Model, name: str, pool: WorkerPool) -> bool:
     at_random = search_spec(name).at_random
     if not at_random:
         return False
-    with_, without = pool.map(_shown, ((seen.held, one) for one in (model, model.without(name))))
+    with_, without = pool.map(_shown, ((seen.shared, one) for one in (model, model.without(name))))
     count = _lost if at_random == "loses echoes" else _others
     usual = sum(count(seen, one) for one in without) / _SEEDS
     measured, *random = (_agreement(count(seen, one) - usual) for one in (seen.measured, *with_))

@@ -11,7 +11,7 @@ import numpy as np
 
 from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.edges import at_borders
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
-from lidarcheck.inference.pairing import Observations
+from lidarcheck.inference.observations import Observations
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
@@ -29,7 +29,7 @@ _FEWEST, _MOST = 20.0, 9.0
 
 def extras(simulator: Simulator, model: Model, covariates: Sequence[str]) -> Iterator[tuple[str, Effect]]:
     """Echoes of no surface: how often, over each of some covariates, where along the beam, and how strong."""
-    measured = simulator.measured_sights
+    measured = simulator.measured_observations
     shown = [simulator.observations(model, 300 + k) for k in range(2)]
     lone = measured.extra_side < 0
     there = np.bincount(measured.extra_beam[lone], minlength=len(simulator.beams)).astype(np.float64)

@@ -59,7 +59,7 @@ def covariate(simulator: Simulator, name: str) -> FloatArray:
 def residuals(simulator: Simulator, model: Model) -> Iterator[Residual]:
     """What is left over for each part, beam by beam."""
     shown = [simulator.observations(model, 300 + k) for k in range(_SEEDS)]
-    measured, expected = simulator.measured_sights, simulator.summaries.expected
+    measured, expected = simulator.measured_observations, simulator.summaries.expected
     count = sum(s.detected.astype(np.float64) for s in shown)
     mean = sum(s.feature for s in shown) / np.maximum(count, 1.0)[:, None]
     both = measured.detected & (count > 0)

@@ -17,7 +17,7 @@ from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.search import backward, without
 from lidarcheck.explain.search.selection import Search, SearchData, Told, accept, onward
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 
 __all__ = ["detours", "other_ways", "with_fewer_kin"]
 

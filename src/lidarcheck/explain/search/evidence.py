@@ -52,7 +52,7 @@ class SimulatorEvidence:
     @property
     def measured(self) -> Observations:
         """What was measured."""
-        return self._simulator.measured_sights
+        return self._simulator.measured_observations
 
     @property
     def expected(self) -> Expected:
@@ -86,7 +86,7 @@ def dimming_of(simulator: Simulator, log_area: FloatArray, known: BoolArray) -> 
     seen = expected.known & brighter.detected
     change = np.where(seen, brighter.feature[:, AREA] - expected.mean[:, AREA], 0.0) / np.log(_BRIGHTER)
     slope = _by_amplitude(simulator, change, seen)
-    measured = simulator.measured_sights
+    measured = simulator.measured_observations
     valid = measured.detected & known & expected.known & (slope > _LEAST_SLOPE)
     spread = np.maximum(expected.spread[:, AREA], 1e-3)
     gain = np.where(valid, (measured.feature[:, AREA] - log_area) / np.maximum(slope, _LEAST_SLOPE), 0.0)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from lidarcheck.effects.search import Probe, search_spec
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.nuisances import is_usual_error
 
 __all__ = ["CHANCE", "PRICE", "FittedCandidate", "accepted", "best_of_each_name"]

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from lidarcheck.cases.frame import Frame
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.whole_bins import at_whole_steps
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model

@@ -12,7 +12,7 @@ from dataclasses import replace
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.effects.search.base import ListReader
 from lidarcheck.explain.search.evidence import SimulatorEvidence
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["read_again"]

@@ -62,7 +62,7 @@ def screen(
     start = [checkpoint.get(f"{pages} {i}") if checkpoint else None for i in range(len(probes))]
     open_ = [i for i, change in enumerate(start) if change is None]
     changes: list[FloatArray | None] = [None if c is None else np.array(c) for c in start]
-    for i, change in zip(open_, pool.map(_change, ((simulator.held, probes[i]) for i in open_)), strict=True):
+    for i, change in zip(open_, pool.map(_change, ((simulator.shared, probes[i]) for i in open_)), strict=True):
         changes[i] = change
         if checkpoint is not None:
             checkpoint.put(f"{pages} {i}", [] if change is None else change)

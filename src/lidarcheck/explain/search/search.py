@@ -15,7 +15,8 @@ from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import KIN_PART, SMALL, Search, SearchData, Told, forward, start_fit
 from lidarcheck.explain.search.taking_over import others_of
 from lidarcheck.explain.search.trial import TO_THE_END, finished, select_distance
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import done_by
 
@@ -118,7 +119,7 @@ def backward(bench: SearchData, now: Fit, told: Told) -> Fit:
     now = fit_nuisance(simulator, finished(simulator, now))
     while now.probes:
         fewer: list[Fit] = []
-        for one in done_by(bench.pool, without, [(simulator.held, now, j) for j in range(len(now.probes))]):
+        for one in done_by(bench.pool, without, [(simulator.shared, now, j) for j in range(len(now.probes))]):
             fewer.append(one)
             told("leave out again", len(fewer), len(now.probes))
         losses = [one.distance - now.distance for one in fewer]

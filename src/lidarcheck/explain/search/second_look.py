@@ -22,7 +22,8 @@ from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen
 from lidarcheck.explain.search.selection import MOST_EFFECTS, Search, SearchData, beside_related, run_round
 from lidarcheck.explain.search.starts import fixed_probes, located_probes
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit, fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
@@ -168,7 +169,7 @@ def joint_trials(own: Judged, search: Search, number: int, pool: WorkerPool) -> 
     """
     now, before = own.last, own.last.distance
     needed = _LEAST_JOINT * (before - own.simulator.floor_distance)
-    tasks = ((own.simulator.held, now, needed, *alike) for alike in _alike(search))
+    tasks = ((own.simulator.shared, now, needed, *alike) for alike in _alike(search))
     found = []
     for joint in pool.map(_joined, tasks):
         if joint.possible:
@@ -220,7 +221,7 @@ def _best(bench: SearchData, seen: Scale, search: Search, trials: Sequence[Fitte
         return None
     case = bench.simulator.model
     fits = [own.last, *(one.fit for one in tried)]
-    models = [(seen.held, case, Nuisance()), *((seen.held, one.model(case), one.nuisance) for one in fits)]
+    models = [(seen.shared, case, Nuisance()), *((seen.shared, one.model(case), one.nuisance) for one in fits)]
     whole, before, *after = bench.pool.map(Scale.excess_by_part, models)
     closing = [
         (float(there[0].mean()), one)

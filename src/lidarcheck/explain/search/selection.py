@@ -16,7 +16,8 @@ from lidarcheck.explain.search.related import are_related, enough_for, is_specia
 from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.trial import finished, select_shown, to_the_end, tried
-from lidarcheck.inference.gauss_newton import Fit, fit_nuisance
+from lidarcheck.inference.effect_fit import Fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers import WorkerPool
 
@@ -160,7 +161,7 @@ def neck_and_neck(bench: SearchData, found: Search, trials: Sequence[FittedCandi
     if len(close) < 2:
         return [*trials]
     shown = select_shown(bench.select, found.fit)
-    tasks = ((bench.simulator.held, bench.select.held, shown, t.fit) for t in close)
+    tasks = ((bench.simulator.shared, bench.select.shared, shown, t.fit) for t in close)
     ended = []
     for t, (end, after, change, edges, own) in zip(close, bench.pool.map(to_the_end, tasks), strict=True):
         gain = found.fit.distance - end.distance
@@ -253,7 +254,9 @@ def _fitted(
     before = bench.select.distance(shown)
     least = max(1.3 * bench.level, bench.worth)
     probes = (one.probe.scaled(scale) for scale, one in starts)
-    fits = bench.pool.map(tried, ((simulator.held, bench.select.held, now, shown, least, probe) for probe in probes))
+    fits = bench.pool.map(
+        tried, ((simulator.shared, bench.select.shared, now, shown, least, probe) for probe in probes)
+    )
     trials = []
     for i, ((_, one), (alone, after, change, edges, own)) in enumerate(zip(starts, fits, strict=True), 1):
         if not alone.possible or _is_another(simulator, alone):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import Probe, search_spec
-from lidarcheck.inference.gauss_newton import Fit
+from lidarcheck.inference.effect_fit import Fit
 
 __all__ = ["is_within_another", "others_of"]
 

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from lidarcheck.effects.base import make
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.whole_bins import at_whole_steps
-from lidarcheck.inference.gauss_newton import Fit, fit, fit_nuisance, with_effects
+from lidarcheck.inference.effect_fit import Fit, fit, with_effects
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from lidarcheck.effects.search import Probe, search_spec
-from lidarcheck.inference.gauss_newton import Fit, fit
+from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["at_whole_steps"]

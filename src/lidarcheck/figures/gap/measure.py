@@ -24,7 +24,7 @@ from lidarcheck.figures.gap.data import (
     ResidualCurve,
 )
 from lidarcheck.inference.beam_table import BeamTable, beams_of
-from lidarcheck.inference.pairing import FEATURES, Observations, observations_of
+from lidarcheck.inference.observations import FEATURES, Observations, observations_of
 from lidarcheck.inference.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
 from lidarcheck.model.chain import simulate

@@ -1,10 +1,10 @@
-"""Fitting effects' parameters, and what may be off besides, to the summaries of some frames."""
+"""Fitting effects' parameters to the summaries of some frames."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -12,16 +12,14 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect
 from lidarcheck.effects.search import Probe
 from lidarcheck.errors import UsageError
-from lidarcheck.inference.metric import Metric
-from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
+from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.optimiser import Point, Shows, broyden, damped_step, descend, jacobian_at, normal_equations
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
-__all__ = ["Fit", "fit", "fit_nuisance", "jacobian_of", "with_effects"]
+__all__ = ["Fit", "fit", "jacobian_of", "with_effects"]
 
 FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _LEAPS = (6.0, 3.0)
 """How many steps at once numbers are tried larger and smaller where slopes say nothing."""
@@ -35,10 +33,6 @@ _SLOW = 0.15
 """Where a round leads no more nearer than that, corrected slopes are taken anew."""
 _ENDS, _ENDS_PART = 2.0, 0.004
 """A round that gains less, and less than this part of the distance, with slopes of its own is the last."""
-_NUISANCE_DAMPINGS, _NUISANCE_DAMPING = (1.0, 3.0, 10.0), 0.05
-"""Of the nuisances: what is added to the curvature, 1 as a usual error costs 1, and by what part it is enlarged."""
-_NUISANCE_LENGTHS = (1.0, -1.0)
-"""Differences for their slopes, in usual errors: longer ones the limits would cut."""
 
 
 @dataclass(frozen=True)
@@ -200,91 +194,3 @@ def jacobian_of(simulator: Simulator, now: Fit) -> FloatArray:
     """Change of the summaries per step of every free parameter where a fit stands, (n_summaries, n_free)."""
     shows = _shown_by(simulator, simulator.model, now.probes, now.x, now.nuisance)
     return jacobian_at(shows, np.concatenate([*now.x]), now.shown)
-
-
-def fit_nuisance(simulator: Simulator, now: Fit, *, rounds: int = 2) -> Fit:
-    """Fit gain, reflectances and pose within their limits, the effects as they are; a usual error costs 1."""
-    now = _taken_over(now)
-    descent = _NuisanceDescent(simulator, now)
-    end = descend(descent, descent.start(), rounds)
-    return replace(now, distance=simulator.distance(end.shown), shown=end.shown, nuisance=descent.nuisance(end.x))
-
-
-class _NuisanceDescent:
-    """Towards the measurement in the nuisances, each in its usual errors and within its limits.
-
-    Steps are doubled wherever they lead nearer: slopes by single flips, and those far off, promise too much of them.
-    Slopes are taken once, since such small errors act in proportion.
-    """
-
-    worth_doubling = 0.0
-
-    def __init__(self, simulator: Simulator, now: Fit) -> None:
-        self.simulator, effects = simulator, now.effects()
-        self._axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
-        self._gain = all(effect.role != "gain" for effect in effects)
-        self._model = now.model(simulator.model)
-
-    def nuisance(self, x: FloatArray) -> Nuisance:
-        """The nuisance at a point."""
-        return at(self._axes, x, gain=self._gain)
-
-    def start(self) -> Point:
-        """Where nothing is off, and the slopes there.
-
-        What is not looked at is left out of the covariance too: given all the rest, the others alone would say little.
-        """
-        x = np.zeros(len(self._axes))
-        shown = self._shows(x)
-        self._rows = _where_seen(self.simulator, self._axes)
-        self._metric: Metric = self.simulator.bare.of_rows(self._rows)
-        self._jacobian = jacobian_at(self._shows, x, shown, _NUISANCE_LENGTHS)[self._rows]
-        return Point(x, shown, self.simulator.distance(shown, metric=self.simulator.bare), x)
-
-    def _shows(self, x: FloatArray, seeds: int | None = None) -> FloatArray:
-        return self.simulator.shows(self._model, seeds, nuisance=self.nuisance(x))
-
-    def look(self, now: Point, step: FloatArray) -> Point:
-        """See `Objective.look`; the distance is with what the nuisances cost."""
-        x = np.clip(now.x + step, -LIMIT, LIMIT)
-        shown = self._shows(x)
-        distance = self.simulator.distance(shown, metric=self.simulator.bare) + self.nuisance(x).penalty
-        return Point(x, shown, distance, x - now.x)
-
-    def steps(self, now: Point) -> Iterator[FloatArray]:
-        """Steps that are damped the more the less they lead."""
-        residual = (self.simulator.measured - now.shown.mean(axis=0))[self._rows]
-        curvature, slope = normal_equations(self._metric, self._jacobian, residual)
-        for damping in _NUISANCE_DAMPINGS:
-            yield damped_step(curvature + damping * np.eye(len(now.x)), slope - now.x, _NUISANCE_DAMPING)
-
-    def settled(self, before: Point, now: Point) -> bool:
-        """Where no step leads nearer."""
-        return now is before
-
-
-def _taken_over(now: Fit) -> Fit:
-    """The fit with what its nuisances said of a gain, a reflectance or the pose in the effects of the same: those have
-    no such nuisance beside them any more."""
-    moved = []
-    for probe, x, effect in zip(now.probes, now.x, now.effects(), strict=True):
-        moved.append(x + np.array([now.nuisance.said_by(effect, one.name) / one.step for one in probe.free]))
-    return replace(now, x=tuple(moved))
-
-
-def _where_seen(simulator: Simulator, axes: Sequence[str | int]) -> IndexArray:
-    """The numbers of the summaries by which a nuisance is judged: ranges along slopes, and all of each material.
-
-    All others change by little but chance, of which a thousand together would drown what a small error does. Of these
-    each axis counts in all: a pose moves the ranges of a material, which its reflectance must not make up for.
-    """
-    materials = {simulator.model.materials[axis].name or f"material {axis}" for axis in axes if isinstance(axis, int)}
-    slopes = {f"range along {way}" for axis, way in (("yaw", "azimuth"), ("pitch", "elevation")) if axis in axes}
-    ranges = ("range", "field of view")
-
-    def counts(feature: str, covariate: str, bin_: str) -> bool:
-        if covariate == "material":
-            return bin_ in materials
-        return feature in slopes or (bool(slopes) and (feature, covariate) == ranges)
-
-    return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in simulator.summaries.names])

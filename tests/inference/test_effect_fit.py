@@ -11,7 +11,8 @@ from lidarcheck.explain.decision.closure import intervals
 from lidarcheck.explain.search.screening import screen
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.workflow import explain
-from lidarcheck.inference.gauss_newton import fit, fit_nuisance
+from lidarcheck.inference.effect_fit import fit
+from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import LIMIT, Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.sensor import Material
