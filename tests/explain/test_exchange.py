@@ -10,7 +10,8 @@ from lidarcheck.cases.case import Case
 from lidarcheck.cases.split import Split, exchanged
 from lidarcheck.effects import make
 from lidarcheck.explain.progress import ignore_progress
-from lidarcheck.explain.workflow import Workflow, explain
+from lidarcheck.explain.steps import Workflow
+from lidarcheck.explain.workflow import explain
 from lidarcheck.workers import WorkerPool
 
 OFFSET = make("range_offset", {"offset_m": 0.12})

@@ -11,7 +11,7 @@ from explain_core_kit import case, frames, model, ripple
 from lidarcheck.cases.case import Case
 from lidarcheck.effects import catalogue, empirical_terms, make
 from lidarcheck.errors import UsageError
-from lidarcheck.explain import workflow
+from lidarcheck.explain import steps as workflow_steps
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import PROGRESS, ignore_progress
@@ -19,7 +19,8 @@ from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.explain.report.model_diff import write_model
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.explain.workflow import Workflow, explain
+from lidarcheck.explain.steps import Workflow
+from lidarcheck.explain.workflow import explain
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model import Model, load_model, simulate
@@ -186,7 +187,9 @@ def test_a_run_describes_once_however_many_names_it_withholds(
 ) -> None:
     asked: list[int] = []
     slope = make("empirical_range", {"covariate": "range_m", "knots": [0.0, 50.0], "values": [0.0, 0.1]})
-    monkeypatch.setattr(workflow, "describe", lambda *_: asked.append(1) or Description((slope,), "range over range"))
+    monkeypatch.setattr(
+        workflow_steps, "describe", lambda *_: asked.append(1) or Description((slope,), "range over range")
+    )
     run, first = Workflow(model(), 4, (), WorkerPool(), ignore_progress), start_fit(bench.simulator)
     closed = Closure(1000.0, 600.0, 60.0)
     answers = [run.decide(bench, None, Search(first, first), closed, None) for _ in range(2)]  # type: ignore[arg-type]

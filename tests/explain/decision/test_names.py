@@ -9,7 +9,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.effects.search import search_spec
-from lidarcheck.explain import workflow
+from lidarcheck.explain import steps as workflow_steps
 from lidarcheck.explain.decision.answer import CALIBRATION, Answer
 from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.explain.progress import ignore_progress
@@ -18,7 +18,7 @@ from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.selection import Search
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
-from lidarcheck.explain.workflow import Workflow
+from lidarcheck.explain.steps import Workflow
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.simulator import Simulator
@@ -104,7 +104,7 @@ def test_a_name_that_widens_the_gap_is_left_out(
 
     monkeypatch.setattr(Workflow, "judge", judged)
     monkeypatch.setattr(
-        workflow, "without", lambda simulator, fit, at: alone if at == 1 else pytest.fail("the wrong one")
+        workflow_steps, "without", lambda simulator, fit, at: alone if at == 1 else pytest.fail("the wrong one")
     )
     steps = tuple((name, Interval(v, v, v)) for name, v in zip(names, (first, second), strict=True))
     gap = Gap(*(Interval(v, v, v) for v in (1.0, second, 0.1)), waterfall=steps)
@@ -145,7 +145,7 @@ def test_a_rival_may_make_another_name_needless(
     monkeypatch.setattr(Workflow, "find_rivals", lambda self, bench, search, closed: [])
     monkeypatch.setattr(Workflow, "polish", polished)
     monkeypatch.setattr(Workflow, "decide", said)
-    monkeypatch.setattr(workflow, "backward", lambda bench, fit, told: fit_of(*needed))
+    monkeypatch.setattr(workflow_steps, "backward", lambda bench, fit, told: fit_of(*needed))
     run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("crosstalk", "fog")
     search, answer = run.judge(None, None, Search(first, first))  # type: ignore[arg-type]
     assert [one.name for one in answer.findings] == left == list(search.fit.names())
@@ -158,7 +158,7 @@ def test_nothing_is_left_out_where_no_rival_came(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(Workflow, "find_rivals", lambda self, bench, search, closed: [])
     monkeypatch.setattr(Workflow, "polish", lambda self, seen, search, closed, others: None)
     monkeypatch.setattr(Workflow, "decide", lambda self, bench, seen, search, *_: Answer("explained", (), (), ""))
-    monkeypatch.setattr(workflow, "backward", lambda *_: pytest.fail("not asked"))
+    monkeypatch.setattr(workflow_steps, "backward", lambda *_: pytest.fail("not asked"))
     run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("crosstalk", "fog")
     assert run.judge(None, None, Search(first, first))[1].verdict == "explained"  # type: ignore[arg-type]
 
@@ -195,9 +195,9 @@ def test_where_much_stays_open_other_names_are_asked(
         return search, Answer(verdict, (_named(name),), (), "", opened(its))
 
     monkeypatch.setattr(Workflow, "judge", judged)
-    monkeypatch.setattr(workflow, "with_fewer_kin", lambda *_: iter(()))
+    monkeypatch.setattr(workflow_steps, "with_fewer_kin", lambda *_: iter(()))
     ways = [Search(fit_of(name), fit_of(name)) for name in others]
-    monkeypatch.setattr(workflow, "other_ways", lambda *_: iter(ways))
+    monkeypatch.setattr(workflow_steps, "other_ways", lambda *_: iter(ways))
     run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("fog")
     answer = Answer("explained", (_named("fog"),), (), "", opened(left))
     search, answer = run.take_another_way(None, None, [], Search(first, first), answer)  # type: ignore[arg-type]
