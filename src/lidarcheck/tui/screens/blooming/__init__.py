@@ -1,1 +1,1 @@
-"""The screen Blooming."""
+"""The screen Blooming: two editors on the left (`table`, `settings`), and plots of what is selected on the right."""

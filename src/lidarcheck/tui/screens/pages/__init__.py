@@ -1,1 +1,1 @@
-"""Screens that show the pages of a workflow."""
+"""What the screens have in common that show the pages of a workflow: Histograms, Noise, Ghosts, Scenes."""

@@ -1,1 +1,1 @@
-"""What several screens have: what every screen is, and KPIs as lines."""
+"""What several screens have: what every screen is, work beside the interface, KPIs as lines."""
