@@ -49,7 +49,8 @@ place of the light's way is refused with the line it stands in. Paths of files a
 ## Adding one
 
 Put a file into `src/lidarcheck/effects/`. Nothing else has to know it: the model, `lidarcheck effects` with its plot,
-and this page find it there.
+and this page find it there. [new-effect.md](new-effect.md) goes from the equation to the golden, with what a search
+must know, and as a plugin of your own.
 
 1. A frozen dataclass that derives from `AimEffect`, `LightEffect`, `DetectorEffect` or `ReadoutEffect` of
    `effects/base.py`, with a `name`, and in `tree` the nodes of the effect tree, if it has any.

@@ -1,5 +1,7 @@
 """Lists of numbers are read again around the fit that has them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -92,7 +94,10 @@ def test_what_a_walk_s_curve_has_not_comes_out_as_a_table() -> None:
 @pytest.mark.parametrize(("steps", "nearer"), [(0, False), (2, True)])
 def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """A curve and a reflectance have made up for what the curve has not: beside these the table alone helps little."""
-    monkeypatch.setitem(relisted._FOLLOW, "walk_error", steps)
+    spec = search_spec("walk_error")
+    assert spec.list_reader is not None
+    other = dataclasses.replace(spec, list_reader=dataclasses.replace(spec.list_reader, rounds=steps))
+    monkeypatch.setattr(relisted, "search_spec", lambda name: other if name == "walk_error" else search_spec(name))
     brighter = model(make("material_reflectance", {"factor": 1.45, "material_id": 2}))
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 
