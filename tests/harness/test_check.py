@@ -14,7 +14,7 @@ from lidarcheck.errors import GoldenError, InputError, UsageError
 from lidarcheck.harness import scenario_run
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import evidence, seeds
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.goldens.file import load_golden, save_golden
 from lidarcheck.harness.layout import select
 from lidarcheck.harness.reports.results import CheckReport
@@ -39,7 +39,7 @@ def run(project: Project, **more: object) -> CheckReport:
     return check([project.root], **project.stand_ins, **more)  # type: ignore[arg-type]
 
 
-def verdicts(report: CheckReport, name: str) -> set[Verdict]:
+def verdicts(report: CheckReport, name: str) -> set[KpiVerdict]:
     return {kpi.verdict for scenario in report.scenarios for kpi in scenario.kpis if kpi.name == name}
 
 
@@ -50,7 +50,7 @@ def files(project: Project) -> dict[Path, bytes]:
 def test_unchanged_is_identical_after_the_paired_seeds(project: Project) -> None:
     report = run(project)
     assert report.exit_code == 0
-    assert report.counts == {verdict.value: 6 * (verdict is Verdict.IDENTICAL) for verdict in Verdict}
+    assert report.counts == {verdict.value: 6 * (verdict is KpiVerdict.IDENTICAL) for verdict in KpiVerdict}
     assert sorted(project.seeds) == sorted([*range(8)] * 2)
     assert not list(project.root.glob(".lidarcheck/proposals/*"))
 
@@ -78,8 +78,8 @@ def test_a_real_change_regresses(project: Project) -> None:
     before = files(project)
     report = run(project)
     assert report.exit_code == 1
-    assert verdicts(report, "area_mean") == {Verdict.REGRESSED}
-    assert verdicts(report, "area_distance") == {Verdict.REGRESSED}
+    assert verdicts(report, "area_mean") == {KpiVerdict.REGRESSED}
+    assert verdicts(report, "area_distance") == {KpiVerdict.REGRESSED}
     assert not any(verdict.fails for verdict in verdicts(report, "detection"))
     assert {result.seeds for result in report.scenarios} == {72}
     assert files(project) == before, "check has written a golden"
@@ -93,14 +93,14 @@ def test_a_small_change_is_changed(project: Project) -> None:
     project.shift = 0.9
     report = run(project)
     assert report.exit_code == 0
-    assert Verdict.CHANGED in verdicts(report, "area_mean")
+    assert KpiVerdict.CHANGED in verdicts(report, "area_mean")
 
 
 def test_better_is_improved(project: Project) -> None:
     project.lost = -0.04
     report = run(project)
     assert report.exit_code == 0
-    assert verdicts(report, "detection") == {Verdict.IMPROVED}
+    assert verdicts(report, "detection") == {KpiVerdict.IMPROVED}
 
 
 def test_results_do_not_depend_on_jobs(project: Project) -> None:
@@ -134,7 +134,7 @@ def test_a_limit_holds_besides(project: Project) -> None:
     assert run(project).exit_code == 0
     project.lost = 0.2
     report = run(project)
-    assert verdicts(report, "detection") == {Verdict.REGRESSED}
+    assert verdicts(report, "detection") == {KpiVerdict.REGRESSED}
     kpi = report.scenarios[0].kpis[1]
     assert "below the limit 0.8" in kpi.limit
     assert "limit" in kpi.note
@@ -144,7 +144,7 @@ def test_without_goldens_everything_is_missing(tmp_path: Path) -> None:
     project = Project(tmp_path / "project")
     report = run(project)
     assert report.exit_code == 1
-    assert {kpi.verdict for result in report.scenarios for kpi in result.kpis} == {Verdict.MISSING}
+    assert {kpi.verdict for result in report.scenarios for kpi in result.kpis} == {KpiVerdict.MISSING}
     assert "lidarcheck review one" in report.scenarios[0].kpis[0].note
     assert "compared" in report.problems[0]
     assert project.proposal("one").is_file()
@@ -172,8 +172,8 @@ def test_kpis_that_come_and_go_are_missing(project: Project) -> None:
     project.specs = (SPECS[0], dataclasses.replace(SPECS[0], name="new"))
     report = run(project)
     found = {kpi.name: kpi for kpi in report.scenarios[0].kpis}
-    assert found["area_mean"].verdict is Verdict.IDENTICAL
-    assert {found[name].verdict for name in ("new", "detection", "area_distance")} == {Verdict.MISSING}
+    assert found["area_mean"].verdict is KpiVerdict.IDENTICAL
+    assert {found[name].verdict for name in ("new", "detection", "area_distance")} == {KpiVerdict.MISSING}
     assert "golden does not have it" in found["new"].note
     assert "no longer asks" in found["detection"].note
     assert report.exit_code == 1
@@ -183,7 +183,7 @@ def test_a_kpi_that_is_asked_but_not_measured_is_missing(project: Project) -> No
     measured = project.measure
     project.measure = lambda *given: dataclasses.replace(measured(*given), samples={})  # type: ignore[method-assign]
     found = {kpi.name: kpi for kpi in run(project).scenarios[0].kpis}
-    assert found["area_distance"].verdict is Verdict.MISSING
+    assert found["area_distance"].verdict is KpiVerdict.MISSING
     assert "did not measure" in found["area_distance"].note
 
 
@@ -201,7 +201,7 @@ def test_values_that_vanish_are_indeterminate(project: Project) -> None:
     nan = {"area_mean": float("nan"), "detection": 0.95}
     project.measure = lambda *given: dataclasses.replace(measured(*given), values=nan)  # type: ignore[method-assign]
     report = run(project)
-    assert verdicts(report, "area_mean") == {Verdict.INDETERMINATE}
+    assert verdicts(report, "area_mean") == {KpiVerdict.INDETERMINATE}
     json.dumps(report.to_dict(), allow_nan=False)
 
 
@@ -250,10 +250,10 @@ def test_a_change_accepted_with_a_reason_is_no_drift(project: Project) -> None:
     assert report.exit_code == 0
     kpi = report.scenarios[0].kpis[0]
     assert kpi.release is not None
-    assert kpi.release.verdict is Verdict.REGRESSED
+    assert kpi.release.verdict is KpiVerdict.REGRESSED
     assert "a stronger laser" in kpi.note
     release([project.root])
-    assert run(project).scenarios[0].kpis[0].verdict is Verdict.IDENTICAL
+    assert run(project).scenarios[0].kpis[0].verdict is KpiVerdict.IDENTICAL
 
 
 def test_a_reason_that_the_release_has_excuses_no_drift(project: Project) -> None:
@@ -278,7 +278,7 @@ def test_a_fresh_change_is_not_called_drift(project: Project) -> None:
     kpi = run(project).scenarios[0].kpis[0]
     assert kpi.golden is not None
     assert kpi.release is not None
-    assert kpi.golden.verdict is kpi.release.verdict is Verdict.REGRESSED
+    assert kpi.golden.verdict is kpi.release.verdict is KpiVerdict.REGRESSED
     assert "since the last release" not in kpi.note
 
 
@@ -435,4 +435,4 @@ def test_golden_with_too_few_seeds_is_indeterminate(project: Project) -> None:
     kpi = golden.kpis["area_mean"]
     broken = dataclasses.replace(kpi, reference=dataclasses.replace(kpi.reference, seeds=1, sd=0.0))
     save_golden(dataclasses.replace(golden, kpis={**golden.kpis, "area_mean": broken}), project.golden("one"))
-    assert Verdict.INDETERMINATE in verdicts(run(project, seed=1), "area_mean")
+    assert KpiVerdict.INDETERMINATE in verdicts(run(project, seed=1), "area_mean")

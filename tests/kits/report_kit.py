@@ -3,19 +3,19 @@
 import math
 from pathlib import Path
 
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 
 SEEDS = tuple(100.0 + 0.3 * (-1) ** seed for seed in range(8))
 
 
-def kpi(name="area_mean", verdict=Verdict.IDENTICAL, delta=0.0, **changes) -> KpiResult:
+def kpi(name="area_mean", verdict=KpiVerdict.IDENTICAL, delta=0.0, **changes) -> KpiResult:
     spec = KpiSpec(name, "mean", "counts", "target", 2.0, low=90.0)
     values = {
         "old": 100.0,
         "new": 100.0 + delta,
-        "golden": Evidence(verdict, delta, 0.5, 3.5, 64),
+        "golden": KpiEvidence(verdict, delta, 0.5, 3.5, 64),
         "old_paired": SEEDS,
         "paired": tuple(value + delta for value in SEEDS),
         "fresh": tuple(100.0 + delta + 0.01 * seed for seed in range(64)),
@@ -23,7 +23,7 @@ def kpi(name="area_mean", verdict=Verdict.IDENTICAL, delta=0.0, **changes) -> Kp
     return KpiResult(spec, verdict, **(values | changes))
 
 
-def distance(verdict=Verdict.CHANGED) -> KpiResult:
+def distance(verdict=KpiVerdict.CHANGED) -> KpiResult:
     spec = KpiSpec("area_distance", "distance", "counts", "lower", 1.0, feature="area")
     old = tuple(10.0 * 1.04**level for level in range(129))
     return KpiResult(
@@ -31,7 +31,7 @@ def distance(verdict=Verdict.CHANGED) -> KpiResult:
         verdict,
         1.0,
         1.5,
-        golden=Evidence(verdict, 0.5, math.nan, 1.8, 64, note="9 of 64 seeds lie beyond"),
+        golden=KpiEvidence(verdict, 0.5, math.nan, 1.8, 64, note="9 of 64 seeds lie beyond"),
         old_paired=SEEDS,
         paired=SEEDS,
         old_quantiles=old,
@@ -41,7 +41,7 @@ def distance(verdict=Verdict.CHANGED) -> KpiResult:
 
 def missing(name="gone") -> KpiResult:
     spec = KpiSpec(name, "mean", "1", "higher", 0.1)
-    return KpiResult(spec, Verdict.MISSING, math.nan, 0.5, note="there is no golden: run `lidarcheck review x`")
+    return KpiResult(spec, KpiVerdict.MISSING, math.nan, 0.5, note="there is no golden: run `lidarcheck review x`")
 
 
 def scenario(name="wall", *kpis, file=None, **changes) -> ScenarioResult:
@@ -55,4 +55,4 @@ def report(*scenarios, problems=(), seed=None) -> CheckReport:
 
 
 def regressed() -> KpiResult:
-    return kpi("area_mean.near", Verdict.REGRESSED, 9.0, note="the 8 paired seeds differ", reason="a new lens")
+    return kpi("area_mean.near", KpiVerdict.REGRESSED, 9.0, note="the 8 paired seeds differ", reason="a new lens")

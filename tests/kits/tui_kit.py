@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from blooming_kit import lut_text, sign_model
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 from lidarcheck.model.files.model_file import save_model
@@ -57,9 +57,9 @@ def fake_check(paths, progress, moment_s=0.02):
     name = Path(paths[0]).stem
     specs = [KpiSpec(kpi, "mean", "1", "target", 0.1, high=3.0) for kpi in ("area_mean", "peak_mean")]
     kpis = tuple(
-        KpiResult(spec, verdict, 1.0, now, Evidence(verdict, now - 1.0, 0.01, 0.02, 16), note=note, fresh=(now,))
+        KpiResult(spec, verdict, 1.0, now, KpiEvidence(verdict, now - 1.0, 0.01, 0.02, 16), note=note, fresh=(now,))
         for spec, verdict, now, note in zip(
-            specs, (Verdict.EQUIVALENT, Verdict.REGRESSED), (1.01, 1.5), ("", "beyond the tolerance"), strict=True
+            specs, (KpiVerdict.EQUIVALENT, KpiVerdict.REGRESSED), (1.01, 1.5), ("", "beyond the tolerance"), strict=True
         )
     )
     return CheckReport((ScenarioResult(name, Path(paths[0]), "", kpis),), (), None, "", 2, 1e-3, 0.1, {})

@@ -16,9 +16,9 @@ from lidarcheck.harness.gate.evidence import (
     FIRST_SEEDS,
     FULL_SEEDS,
     PAIRED_SEEDS,
-    Evidence,
+    KpiEvidence,
+    KpiVerdict,
     Sample,
-    Verdict,
     error_share,
     worst,
 )
@@ -140,7 +140,7 @@ def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, shar
     if absent or golden is None:
         values = tuple(record.values.get(spec.name, math.nan) for record in case.paired)
         old = math.nan if golden is None else golden.reference.mean
-        return KpiResult(spec, Verdict.MISSING, old, _mean(values), note=absent, paired=values)
+        return KpiResult(spec, KpiVerdict.MISSING, old, _mean(values), note=absent, paired=values)
     sample = sample_of(golden, case.fresh, case.paired)
     assert case.golden is not None
     last = _evidence(spec, golden, sample, paired_identical(case.golden, golden, case.paired), share)
@@ -152,7 +152,7 @@ def _kpi_result(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None, shar
     features = [mean_quantiles(case.fresh or case.paired, spec.feature)] if spec.feature else []
     return KpiResult(
         spec=spec,
-        verdict=worst([verdict, *([Verdict.REGRESSED] if limit else ())]),
+        verdict=worst([verdict, *([KpiVerdict.REGRESSED] if limit else ())]),
         old=golden.reference.mean,
         new=_mean(sample.fresh) if sample.fresh else golden.reference.mean,
         golden=last,
@@ -179,20 +179,20 @@ def _why_missing(case: ScenarioRun, spec: KpiSpec, golden: KpiGolden | None) -> 
     return "" if case.measures(spec) else "the run did not measure it: check the scenario's selection"
 
 
-def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: Sample, identical: bool, share: float) -> Evidence:
+def _evidence(spec: KpiSpec, kpi: KpiGolden, sample: Sample, identical: bool, share: float) -> KpiEvidence:
     """The comparison with one reference; bit-identical paired seeds make EQUIVALENT IDENTICAL."""
     if not sample.fresh:
         smallest = sensitivity.smallest_change(spec, kpi.reference, share)
-        return Evidence(Verdict.IDENTICAL, 0.0, math.nan, smallest, 0, note="")
+        return KpiEvidence(KpiVerdict.IDENTICAL, 0.0, math.nan, smallest, 0, note="")
     evidence = gate.judge(spec, kpi.reference, sample, share)
-    if identical and evidence.verdict is Verdict.EQUIVALENT:
-        return dataclasses.replace(evidence, verdict=Verdict.IDENTICAL)
+    if identical and evidence.verdict is KpiVerdict.EQUIVALENT:
+        return dataclasses.replace(evidence, verdict=KpiVerdict.IDENTICAL)
     return evidence
 
 
 def _release_evidence(
     case: ScenarioRun, spec: KpiSpec, golden: KpiGolden, share: float
-) -> tuple[Evidence | None, bool, str]:
+) -> tuple[KpiEvidence | None, bool, str]:
     """(comparison with the last release, whether its verdict counts, what to say of it)."""
     kpi = case.release.kpis.get(spec.name) if case.release else None
     if kpi is None or case.release is None:

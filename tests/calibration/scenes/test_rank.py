@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidarcheck.calibration.scenes.groups import Division
+from lidarcheck.calibration.scenes.groups import UnitGroups
 from lidarcheck.calibration.scenes.rank import FEWEST_UNITS, rank
 from lidarcheck.calibration.scenes.units import Values
 
@@ -15,14 +15,14 @@ def values(**of) -> Values:
     return Values({name: np.asarray(column, dtype=np.float64) for name, column in of.items()}, np.full(n, np.nan))
 
 
-def kinds(parts: int = 40, n: int = N, seed: int = 0) -> list[Division]:
+def kinds(parts: int = 40, n: int = N, seed: int = 0) -> list[UnitGroups]:
     """The whole, parts of equal size, and sectors across them."""
     index = np.arange(n) % parts
     sector = np.arange(n) * 20 // n
     return [
-        Division("frame", np.zeros(n, dtype=np.int64), ("the whole frame",)),
-        Division("object", index, tuple(f"object {i}" for i in range(parts))),
-        Division("sector", sector, tuple(f"sector {i}" for i in range(20))),
+        UnitGroups("frame", np.zeros(n, dtype=np.int64), ("the whole frame",)),
+        UnitGroups("object", index, tuple(f"object {i}" for i in range(parts))),
+        UnitGroups("sector", sector, tuple(f"sector {i}" for i in range(20))),
     ]
 
 
@@ -125,7 +125,7 @@ def test_the_larger_of_two_comes_first():
 def test_too_few_units_are_never_listed():
     n = N
     index = np.where(np.arange(n) < FEWEST_UNITS - 1, 0, 1)
-    groups = [*kinds()[::2], Division("object", index, ("few", "many"))]
+    groups = [*kinds()[::2], UnitGroups("object", index, ("few", "many"))]
     ones = np.ones(n)
     ranking = rank(values(echo=np.where(index == 0, 0.0, 1.0)), values(echo=ones), values(echo=ones), groups)
     assert "few" not in listed(ranking)

@@ -9,22 +9,22 @@ import pytest
 
 from lidarcheck.cli import main
 from lidarcheck.errors import GoldenError
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 
 
 def kpi(name, verdict, new, note=""):
     spec = KpiSpec(name, "mean", "m", "target", 0.01)
-    return KpiResult(spec, verdict, 1.0, new, golden=Evidence(verdict, new - 1.0, 0.1, 0.02, 64), note=note)
+    return KpiResult(spec, verdict, 1.0, new, golden=KpiEvidence(verdict, new - 1.0, 0.1, 0.02, 64), note=note)
 
 
-HELD = ScenarioResult("walls", Path("walls.toml"), "", (kpi("range", Verdict.IDENTICAL, 1.0),), seeds=8)
+HELD = ScenarioResult("walls", Path("walls.toml"), "", (kpi("range", KpiVerdict.IDENTICAL, 1.0),), seeds=8)
 FELL = ScenarioResult(
     "panels",
     Path("panels.toml"),
     "",
-    (kpi("area", Verdict.EQUIVALENT, 1.0), kpi("walk", Verdict.REGRESSED, 1.5, "beyond ±0.1")),
+    (kpi("area", KpiVerdict.EQUIVALENT, 1.0), kpi("walk", KpiVerdict.REGRESSED, 1.5, "beyond ±0.1")),
     problems=("the scenario has changed",),
 )
 SKIPPED = ScenarioResult("slim", Path("slim.toml"), "", (), notes=("not run: the scenario is for SLIM",))
@@ -112,7 +112,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_run(checked, opti
 
 def test_a_missing_golden_shows_no_numbers(checked, capsys):
     spec = KpiSpec("range", "mean", "m", "target", 0.01)
-    missing = KpiResult(spec, Verdict.MISSING, math.nan, 1.0, note="there is no golden")
+    missing = KpiResult(spec, KpiVerdict.MISSING, math.nan, 1.0, note="there is no golden")
     checked(report(ScenarioResult("walls", Path("walls.toml"), "", (missing,))))
     assert main(["check"]) == 1
     out = capsys.readouterr().out

@@ -10,7 +10,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.figures.html.check import report_html, write_report
 from lidarcheck.figures.html.environment import breakable
 from lidarcheck.figures.svg.kpi_strip import strip
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from report_kit import distance, kpi, missing, regressed, report, scenario
 
 
@@ -95,7 +95,9 @@ def test_every_identifier_is_unique_and_every_reference_has_its_target(failing):
 
 def test_everything_is_escaped():
     evil = "<script>alert('x')</script> & \"q\" `<b>`"
-    found = scenario(evil, kpi(evil, Verdict.REGRESSED, 9.0, note=evil, reason=evil), problems=(evil,), notes=(evil,))
+    found = scenario(
+        evil, kpi(evil, KpiVerdict.REGRESSED, 9.0, note=evil, reason=evil), problems=(evil,), notes=(evil,)
+    )
     page = Page(report_html(report(found, problems=[evil])))
     assert page.tags("script") == []
     assert page.tags("svg")[-1]["aria-label"].startswith(evil)
@@ -126,7 +128,7 @@ def test_colours_are_the_page_s_own(failing):
         kpi(old_paired=(math.nan,) * 8, paired=(math.nan,) * 8, fresh=(math.nan,) * 64),
         kpi(old_paired=(math.nan, *[1.0] * 7), paired=(2.0,) * 8, fresh=()),
         kpi(paired=(5.0,) * 8, old_paired=(5.0,) * 8, fresh=(5.0,) * 16),
-        kpi(golden=Evidence(Verdict.INDETERMINATE, math.nan, math.nan, math.nan, 0), new=math.nan),
+        kpi(golden=KpiEvidence(KpiVerdict.INDETERMINATE, math.nan, math.nan, math.nan, 0), new=math.nan),
         kpi(old_paired=(1e300,) * 8, paired=(-1e300,) * 8),
     ],
 )

@@ -9,7 +9,15 @@ import pytest
 from scipy import stats as scipy_stats
 
 from lidarcheck.harness.gate import gate, sensitivity, statistics
-from lidarcheck.harness.gate.evidence import Evidence, Reference, Sample, Verdict, error_share, null_quantiles, worst
+from lidarcheck.harness.gate.evidence import (
+    KpiEvidence,
+    KpiVerdict,
+    Reference,
+    Sample,
+    error_share,
+    null_quantiles,
+    worst,
+)
 from lidarcheck.harness.kpis.spec import KpiSpec
 
 SHARE = error_share(120)
@@ -111,7 +119,7 @@ def test_sd_growth_is_fishers_f() -> None:
     assert statistics.sd_growth(1e-6, 64, 50) == pytest.approx(math.sqrt(scipy_stats.f.isf(1e-6, 63, 49)))
 
 
-def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, Evidence]:
+def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[bool, KpiEvidence]:
     """One A/A comparison without any tolerance: whether all 64 seeds were needed, and what they say."""
     _, trials, draw = KINDS[name]
     golden = reference(draw(rng, 64), trials, kind)
@@ -120,7 +128,7 @@ def run(kind: str, name: str, rng: np.random.Generator, share: float) -> tuple[b
     return needs, gate.judge(spec(kind), golden, sample(fresh, paired, trials), share)
 
 
-def moved(evidence: Evidence) -> bool:
+def moved(evidence: KpiEvidence) -> bool:
     """Whether chance was ruled out, whatever the tolerance would make of it."""
     by_full = abs(evidence.delta) > evidence.margin
     return by_full or abs(evidence.paired_delta) > evidence.paired_margin
@@ -133,7 +141,7 @@ def test_error_is_kept_at_a_budget_that_can_be_counted(name: str) -> None:
     kind = KINDS[name][0]
     rng = np.random.default_rng(sorted(KINDS).index(name))
     evidence = [run(kind, name, rng, 0.02)[1] for _ in range(1000)]
-    wrong = [e.verdict is Verdict.REGRESSED if kind == "distance" else moved(e) for e in evidence]
+    wrong = [e.verdict is KpiVerdict.REGRESSED if kind == "distance" else moved(e) for e in evidence]
     assert np.mean(wrong) <= 0.04 + 3 * math.sqrt(0.04 * 0.96 / 1000)
 
 
@@ -144,7 +152,7 @@ def test_aa_suites_stay_green() -> None:
         for name, (kind, _, _) in KINDS.items():
             for _ in range(8):
                 evidence = run(kind, name, rng, SHARE)[1]
-                assert evidence.verdict not in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.CHANGED), name
+                assert evidence.verdict not in (KpiVerdict.REGRESSED, KpiVerdict.IMPROVED, KpiVerdict.CHANGED), name
                 assert "no value" not in evidence.note
 
 
@@ -184,7 +192,7 @@ def test_smallest_change_is_caught(name: str) -> None:
         step = sensitivity.smallest_change(asked, golden, SHARE)
         fresh = draw(rng, 64, step)
         first = gate.needs_more(asked, golden, sample(fresh[:16], trials=trials), SHARE)
-        full = gate.judge(asked, golden, sample(fresh, trials=trials), SHARE).verdict is Verdict.REGRESSED
+        full = gate.judge(asked, golden, sample(fresh, trials=trials), SHARE).verdict is KpiVerdict.REGRESSED
         caught.append(first and full)
     assert np.mean(caught) > 0.92
     assert step < 5 * asked.tolerance
@@ -200,15 +208,15 @@ def test_verdicts_of_a_mean() -> None:
         for by in (0.5, 1.5, -1.5, 3.0, -3.0)
     }
     assert verdict == {
-        0.5: Verdict.EQUIVALENT,
-        1.5: Verdict.CHANGED,
-        -1.5: Verdict.CHANGED,
-        3.0: Verdict.IMPROVED,
-        -3.0: Verdict.REGRESSED,
+        0.5: KpiVerdict.EQUIVALENT,
+        1.5: KpiVerdict.CHANGED,
+        -1.5: KpiVerdict.CHANGED,
+        3.0: KpiVerdict.IMPROVED,
+        -3.0: KpiVerdict.REGRESSED,
     }
     lower = gate.judge(spec(tolerance=1.0, direction="lower"), golden, sample(base + 3.0), SHARE)
     target = gate.judge(spec(tolerance=1.0), golden, sample(base + 3.0), SHARE)
-    assert lower.verdict is target.verdict is Verdict.REGRESSED
+    assert lower.verdict is target.verdict is KpiVerdict.REGRESSED
 
 
 def test_too_noisy_for_its_tolerance_is_indeterminate() -> None:
@@ -217,10 +225,11 @@ def test_too_noisy_for_its_tolerance_is_indeterminate() -> None:
     assert sensitivity.too_coarse(spec(tolerance=1.0), golden, SHARE) == ""
     assert "tolerance" in sensitivity.too_coarse(spec(tolerance=0.5), golden, SHARE)
     assert (
-        gate.judge(spec(tolerance=1.0), golden, sample(rng.normal(10.0, 1.0, 64)), SHARE).verdict is Verdict.EQUIVALENT
+        gate.judge(spec(tolerance=1.0), golden, sample(rng.normal(10.0, 1.0, 64)), SHARE).verdict
+        is KpiVerdict.EQUIVALENT
     )
     noisy = gate.judge(spec(tolerance=1.0), golden, sample(rng.normal(10.0, 4.0, 64)), SHARE)
-    assert noisy.verdict is Verdict.INDETERMINATE
+    assert noisy.verdict is KpiVerdict.INDETERMINATE
     assert "scatter" in noisy.note
 
 
@@ -244,10 +253,10 @@ def test_missing_values() -> None:
     verdicts = [
         gate.judge(spec(tolerance=1.0), golden, sample(values), SHARE).verdict for values in (some, many, all_of)
     ]
-    assert verdicts == [Verdict.EQUIVALENT, Verdict.INDETERMINATE, Verdict.INDETERMINATE]
+    assert verdicts == [KpiVerdict.EQUIVALENT, KpiVerdict.INDETERMINATE, KpiVerdict.INDETERMINATE]
     assert gate.needs_more(spec(tolerance=1.0), golden, sample(some[:16]), SHARE)
     empty = reference(np.full(64, np.nan))
-    assert gate.judge(spec(), empty, sample(some), SHARE).verdict is Verdict.INDETERMINATE
+    assert gate.judge(spec(), empty, sample(some), SHARE).verdict is KpiVerdict.INDETERMINATE
     assert "measure more beams" in sensitivity.too_coarse(spec(), empty, SHARE)
 
 
@@ -257,7 +266,7 @@ def test_paired_seeds_catch_an_exact_shift() -> None:
     fresh = rng.normal(10.0, 1.0, 64)
     paired = np.array(golden.paired) + 1.1
     evidence = gate.judge(spec(tolerance=1.0), golden, sample(fresh, paired), SHARE)
-    assert evidence.verdict is Verdict.REGRESSED
+    assert evidence.verdict is KpiVerdict.REGRESSED
     assert "paired" in evidence.note
     assert evidence.paired_delta == pytest.approx(1.1)
 
@@ -266,7 +275,7 @@ def test_repeated_values_prove_nothing_when_paired() -> None:
     golden = reference(np.tile([5.0, 5.01], 32))
     paired = np.array(golden.paired) + 0.01
     evidence = gate.judge(spec(), golden, sample(np.tile([5.0, 5.01], 32), paired), SHARE)
-    assert evidence.verdict in (Verdict.EQUIVALENT, Verdict.INDETERMINATE)
+    assert evidence.verdict in (KpiVerdict.EQUIVALENT, KpiVerdict.INDETERMINATE)
     assert math.isnan(evidence.paired_margin)
 
 
@@ -274,12 +283,12 @@ def test_constants() -> None:
     golden = reference(np.full(64, 0.3))
     same = gate.judge(spec(), golden, sample(np.full(64, 0.3)), SHARE)
     other = gate.judge(spec(tolerance=0.01), golden, sample(np.full(64, 0.35)), SHARE)
-    assert (same.verdict, other.verdict) == (Verdict.EQUIVALENT, Verdict.REGRESSED)
+    assert (same.verdict, other.verdict) == (KpiVerdict.EQUIVALENT, KpiVerdict.REGRESSED)
 
 
 def test_a_constant_is_constant_only_to_its_printed_digits() -> None:
     golden = reference(np.full(64, 0.5))
-    for by, want in ((1e-12, Verdict.EQUIVALENT), (1e-6, Verdict.REGRESSED)):
+    for by, want in ((1e-12, KpiVerdict.EQUIVALENT), (1e-6, KpiVerdict.REGRESSED)):
         moved_by = sample(np.full(64, 0.5 * (1.0 + by)))
         assert gate.judge(spec(), golden, moved_by, SHARE).verdict is want
     assert not gate.needs_more(spec(), golden, sample(np.full(16, 0.5 * (1.0 + 1e-12))), SHARE)
@@ -292,7 +301,7 @@ def test_all_of_n_has_an_error() -> None:
     assert 0.0005 < step < 0.01
     few = np.ones(64)
     few[0] = 499 / 500
-    assert gate.judge(asked, golden, sample(few, trials=500), SHARE).verdict is Verdict.EQUIVALENT
+    assert gate.judge(asked, golden, sample(few, trials=500), SHARE).verdict is KpiVerdict.EQUIVALENT
 
 
 def test_distance_within_the_tolerance_is_changed() -> None:
@@ -300,8 +309,8 @@ def test_distance_within_the_tolerance_is_changed() -> None:
     golden = reference(np.abs(rng.normal(0.0, 1.0, 64)), kind="distance")
     fresh = np.abs(rng.normal(0.0, 1.0, 64)) + 2.0
     near, far = spec("distance", tolerance=5.0), spec("distance", tolerance=0.1)
-    assert gate.judge(near, golden, sample(fresh), SHARE).verdict is Verdict.CHANGED
-    assert gate.judge(far, golden, sample(fresh), SHARE).verdict is Verdict.REGRESSED
+    assert gate.judge(near, golden, sample(fresh), SHARE).verdict is KpiVerdict.CHANGED
+    assert gate.judge(far, golden, sample(fresh), SHARE).verdict is KpiVerdict.REGRESSED
     assert math.isnan(gate.judge(far, golden, sample(fresh), SHARE).margin)
 
 
@@ -323,6 +332,6 @@ def test_share_falls_with_the_suite() -> None:
 
 
 def test_worst() -> None:
-    assert worst([]) is Verdict.IDENTICAL
-    assert worst([Verdict.IMPROVED, Verdict.MISSING, Verdict.EQUIVALENT]) is Verdict.MISSING
-    assert [verdict.value for verdict in Verdict if verdict.fails] == ["indeterminate", "regressed", "missing"]
+    assert worst([]) is KpiVerdict.IDENTICAL
+    assert worst([KpiVerdict.IMPROVED, KpiVerdict.MISSING, KpiVerdict.EQUIVALENT]) is KpiVerdict.MISSING
+    assert [verdict.value for verdict in KpiVerdict if verdict.fails] == ["indeterminate", "regressed", "missing"]

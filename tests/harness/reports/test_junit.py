@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lidarcheck.errors import ConfigError, GoldenError, InputError
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.reports.annotations import annotations, explanation
 from lidarcheck.harness.reports.junit import GOLDEN_CASE, junit_text, write_junit
 from report_kit import distance, kpi, missing, regressed, report, scenario
@@ -105,7 +105,7 @@ def test_an_error_is_an_error():
 
 def test_markup_and_what_xml_cannot_hold():
     note = 'a < b & "c" \x00\x1b[31m \ud800 ]]> ü'
-    found = suites(junit_text(report(scenario("wall", kpi(verdict=Verdict.CHANGED, note=note)))))
+    found = suites(junit_text(report(scenario("wall", kpi(verdict=KpiVerdict.CHANGED, note=note)))))
     values = {item.get("name"): item.get("value") for item in case(found["wall"], "area_mean").iter("property")}
     assert values["note"] == 'a < b & "c" \ufffd\ufffd[31m \ufffd ]]> ü'
 
@@ -137,7 +137,7 @@ def test_github_gets_file_line_and_title(tmp_path):
     file = tmp_path / "sensor" / "scenarios" / "wall.toml"
     file.parent.mkdir(parents=True)
     file.write_text('description = "x"\n\n[[kpis]]\nkpi = "a"\n\n[[kpis]]\nkpi = "b"\n')
-    found = report(scenario("wall", kpi(), regressed(), file=file), scenario("gone", kpi(verdict=Verdict.CHANGED)))
+    found = report(scenario("wall", kpi(), regressed(), file=file), scenario("gone", kpi(verdict=KpiVerdict.CHANGED)))
     lines = annotations(found, GITHUB)
     assert lines[0].startswith(
         "::error file=sensor/scenarios/wall.toml,line=6,title=area_mean.near%3A regressed::wall area_mean.near: "
@@ -163,7 +163,7 @@ def test_a_command_cannot_be_broken_out_of():
 
 
 def test_no_more_than_github_shows():
-    many = report(scenario("wall", *(kpi(f"k{index}", Verdict.REGRESSED, 9.0) for index in range(12))))
+    many = report(scenario("wall", *(kpi(f"k{index}", KpiVerdict.REGRESSED, 9.0) for index in range(12))))
     lines = annotations(many, GITHUB)
     assert len(lines) == 10
     assert lines[-1] == "::error title=lidarcheck check::3 more of this kind: see the log or the JUnit report"

@@ -12,7 +12,7 @@ from harness_fakes import SPECS, Project
 from lidarcheck.errors import GoldenError, UsageError
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import evidence, sensitivity
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.gate.sensitivity import resolution
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.review import review as review_module
@@ -54,7 +54,7 @@ def test_a_golden_from_scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert not report.settled
     assert sorted(project.seeds) == sorted([*range(96)] * 2)
     assert report.scenarios[0].notes == ("no git",)
-    assert [kpi.verdict for kpi in report.scenarios[0].kpis] == [Verdict.MISSING] * 3
+    assert [kpi.verdict for kpi in report.scenarios[0].kpis] == [KpiVerdict.MISSING] * 3
     assert accept(report, [ALL]) == [project.golden("one"), project.golden("two")]
     golden = load_golden(project.golden("one"))
     assert golden.complete
@@ -71,7 +71,7 @@ def test_check_then_review_then_accept(project: Project) -> None:
     assert load_golden(project.proposal("one")).complete
     row = report.scenarios[0].kpis[0]
     assert row.delta == pytest.approx(0.9, abs=0.05)
-    assert row.verdict is Verdict.CHANGED
+    assert row.verdict is KpiVerdict.CHANGED
     before = project.golden("one").read_bytes()
     assert accept(report, [ALL]) == [project.golden("one")]
     assert project.golden("one").read_bytes() != before
@@ -97,10 +97,10 @@ def test_a_proposal_made_beside_another_golden_is_made_anew(project: Project) ->
     other = project.golden("one").read_bytes()
     project.golden("one").write_bytes(first)
     project.shift = 0.9
-    assert look(project).scenarios[0].kpis[0].verdict is Verdict.CHANGED
+    assert look(project).scenarios[0].kpis[0].verdict is KpiVerdict.CHANGED
     project.golden("one").write_bytes(other)
     report = look(project)
-    assert report.scenarios[0].kpis[0].verdict is Verdict.REGRESSED
+    assert report.scenarios[0].kpis[0].verdict is KpiVerdict.REGRESSED
     with pytest.raises(UsageError, match="area_mean: regressed"):
         accept(report, [ALL])
 
@@ -132,7 +132,7 @@ def test_what_the_check_saw_is_not_forgotten(project: Project) -> None:
     proposal = load_golden(project.proposal("one"))
     seen = {name: dataclasses.replace(kpi, verdict="regressed") for name, kpi in proposal.kpis.items()}
     review_module.save_golden(dataclasses.replace(proposal, kpis=seen), project.proposal("one"))
-    assert {kpi.verdict for kpi in look(project).scenarios[0].kpis} >= {Verdict.REGRESSED}
+    assert {kpi.verdict for kpi in look(project).scenarios[0].kpis} >= {KpiVerdict.REGRESSED}
 
 
 def test_a_dirty_tree_needs_a_reason(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,8 +190,8 @@ def test_kpi_by_kpi(project: Project) -> None:
     assert golden.provenance.kept == ("area_distance",)
     report = check([project.root], **project.stand_ins)
     found = {kpi.name: kpi.verdict for kpi in report.scenarios[0].kpis}
-    assert found["area_mean"] is Verdict.IDENTICAL
-    assert found["area_distance"] is Verdict.REGRESSED
+    assert found["area_mean"] is KpiVerdict.IDENTICAL
+    assert found["area_distance"] is KpiVerdict.REGRESSED
     project.seeds.clear()
     accept(look(project), ["area_distance"], reason="the same")
     assert load_golden(project.golden("one")).provenance.kept == ()

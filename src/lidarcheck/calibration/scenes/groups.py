@@ -12,7 +12,7 @@ from lidarcheck.calibration.scenes.units import NOTHING, Units
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
-__all__ = ["DISTANCE_STEP_M", "Division", "Sectors", "groups_of", "labels_of", "sector_edges"]
+__all__ = ["DISTANCE_STEP_M", "Sectors", "UnitGroups", "groups_of", "labels_of", "sector_edges"]
 
 DISTANCE_STEP_M = 10.0
 JUMP_M, JUMP_SHARE = 0.5, 0.03
@@ -21,7 +21,7 @@ MOST_SURFACES = 500
 
 
 @dataclass(frozen=True)
-class Division:
+class UnitGroups:
     """One way to divide the units: `index` (n,) is each one's group, -1 for none; `names` says what each group is."""
 
     name: str
@@ -98,24 +98,24 @@ def sector_edges(units: Units, columns: int, rows: int) -> Sectors:
 
 def groups_of(
     units: Units, by: str, sectors: Sectors, names: Mapping[int, str], materials: Mapping[int, str]
-) -> list[Division]:
+) -> list[UnitGroups]:
     """Every way to divide the units, those first that say most about where: `names`: of the labels."""
-    kinds = [Division("frame", np.zeros(len(units), dtype=np.int64), ("the whole frame",))]
+    kinds = [UnitGroups("frame", np.zeros(len(units), dtype=np.int64), ("the whole frame",))]
     kinds.append(_by_number(by, units.label, names))
     if by != "material":
         kinds.append(_by_number("material", units.material, materials))
     row, column = sector_of(units, sectors)
     cells = tuple(f"sector {c + 1}, {r + 1}" for r in range(sectors.shape[0]) for c in range(sectors.shape[1]))
-    kinds.append(Division("sector", row * sectors.shape[1] + column, cells))
+    kinds.append(UnitGroups("sector", row * sectors.shape[1] + column, cells))
     kinds.append(
-        Division("layer", units.layer, tuple(f"layer {i}" for i in range(int(units.layer.max(initial=0)) + 1)))
+        UnitGroups("layer", units.layer, tuple(f"layer {i}" for i in range(int(units.layer.max(initial=0)) + 1)))
     )
     points = tuple(f"point column {i}" for i in range(int(units.point.max(initial=0)) + 1))
-    kinds.append(Division("point", units.point, points))
+    kinds.append(UnitGroups("point", units.point, points))
     distance = np.where(units.label == NOTHING, -1, (units.distance_m / DISTANCE_STEP_M).astype(np.int64))
     far = int(distance.max(initial=0)) + 1
     tens = tuple(f"{DISTANCE_STEP_M * i:g} to {DISTANCE_STEP_M * (i + 1):g} m" for i in range(far))
-    kinds.append(Division("distance", distance, tens))
+    kinds.append(UnitGroups("distance", distance, tens))
     return kinds
 
 
@@ -126,9 +126,9 @@ def sector_of(units: Units, sectors: Sectors) -> tuple[IndexArray, IndexArray]:
     return np.clip(row, 0, sectors.shape[0] - 1), np.clip(column, 0, sectors.shape[1] - 1)
 
 
-def _by_number(kind: str, number: IndexArray, names: Mapping[int, str]) -> Division:
+def _by_number(kind: str, number: IndexArray, names: Mapping[int, str]) -> UnitGroups:
     values, index = np.unique(number, return_inverse=True)
     words = tuple(
         f"{kind} {value} ({names[value]})" if value in names else f"{kind} {value}" for value in values.tolist()
     )
-    return Division(kind, np.where(values[index] == NOTHING, -1, index).astype(np.int64), words)
+    return UnitGroups(kind, np.where(values[index] == NOTHING, -1, index).astype(np.int64), words)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.calibration.scenes.groups import Division, Sectors, sector_of
+from lidarcheck.calibration.scenes.groups import Sectors, UnitGroups, sector_of
 from lidarcheck.calibration.scenes.rank import Ranking
 from lidarcheck.calibration.scenes.units import FEATURES, NOTHING, Units, Values
 from lidarcheck.kpi.distances import wasserstein
@@ -86,7 +86,7 @@ class _Means:
         return np.where(n > 0, total / np.maximum(n, 1), np.nan)
 
 
-def parts_of(kind: Division, units: Units, m: Values, a: Values, ranking: Ranking) -> tuple[Part, ...]:
+def parts_of(kind: UnitGroups, units: Units, m: Values, a: Values, ranking: Ranking) -> tuple[Part, ...]:
     """KPIs of every object, the largest first."""
     means = _Means(kind.index, len(kind.names), m, a)
     order = np.argsort(kind.index, kind="stable")

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.calibration.scenes.groups import Division
+from lidarcheck.calibration.scenes.groups import UnitGroups
 from lidarcheck.calibration.scenes.units import FEATURES, Values
 
 __all__ = ["FALSE_ALARMS", "MOST_LISTED", "DisagreeingGroup", "Ranking", "rank"]
@@ -112,7 +112,7 @@ class _Terms:
     scatter: FloatArray
     twice: FloatArray
 
-    def sums(self, kind: Division, some: slice | BoolArray = slice(None)) -> _Sums:
+    def sums(self, kind: UnitGroups, some: slice | BoolArray = slice(None)) -> _Sums:
         index, most = kind.index[self.rows[some]], len(kind.names)
         inside = index >= 0
         index = index if inside.all() else index[inside]
@@ -127,7 +127,7 @@ class _Terms:
         return _Sums(count, *(total(column) for column in columns))
 
 
-def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[Division]) -> Ranking:
+def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[UnitGroups]) -> Ranking:
     """The disagreements of measured against simulated values, largest first.
 
     `again`: the simulation with other random numbers. Without it every difference of a unit counts as its own scatter.
@@ -180,7 +180,7 @@ def _compressed(change: FloatArray, usual: FloatArray, counts: bool) -> FloatArr
     return np.asarray(scatter * np.arcsinh(change / scatter)) if scatter > 0.0 else change
 
 
-def _inflation(terms: list[_Terms], kinds: list[Division]) -> dict[tuple[str, str], float]:
+def _inflation(terms: list[_Terms], kinds: list[UnitGroups]) -> dict[tuple[str, str], float]:
     """By how much z of the model against itself scatters more than 1, for each kind and feature; 1 or more."""
     found = {}
     for term in terms:
@@ -215,7 +215,7 @@ class _Search:
     """What is left to be found: the sums of the units that no finding has taken out."""
 
     terms: list[_Terms]
-    kinds: list[Division]
+    kinds: list[UnitGroups]
     sums: dict[tuple[str, str], _Sums]
     inflation: dict[tuple[str, str], float]
     bound: float
@@ -236,10 +236,10 @@ class _Search:
         _, group, name, _ = min((b for b in best if b[0] >= enough), key=lambda b: (b[3], -b[0]))
         return self._finding(next(kind for kind in self.kinds if kind.name == name), group)
 
-    def _order(self, kind: Division) -> int:
+    def _order(self, kind: UnitGroups) -> int:
         return [k.name for k in self.kinds].index(kind.name)
 
-    def _finding(self, kind: Division, group: int) -> DisagreeingGroup:
+    def _finding(self, kind: UnitGroups, group: int) -> DisagreeingGroup:
         judged = {term.name: tuple(float(x[group]) for x in self._judged(kind, term)) for term in self.terms}
         names = sorted((name for name, (_, s) in judged.items() if s > 0.0), key=lambda name: -judged[name][1])
         z, strength = judged[names[0]]
@@ -263,11 +263,11 @@ class _Search:
         """How many groups still stand out."""
         return sum(int(np.count_nonzero(self.strength(kind))) for kind in self.kinds if kind.name != "frame")
 
-    def strength(self, kind: Division) -> FloatArray:
+    def strength(self, kind: UnitGroups) -> FloatArray:
         """The largest disagreement of each group over the features, shape (n_groups,)."""
         return np.asarray(np.max([self._judged(kind, term)[1] for term in self.terms], axis=0))
 
-    def _judged(self, kind: Division, term: _Terms) -> tuple[FloatArray, FloatArray]:
+    def _judged(self, kind: UnitGroups, term: _Terms) -> tuple[FloatArray, FloatArray]:
         """z and strength of each group; the strength is 0 where the group does not stand out."""
         s = self.sums[kind.name, term.name]
         z, strength = self._score(s, kind, term)
@@ -293,7 +293,7 @@ class _Search:
         share = sectors.change[some] / sectors.count[some] / mean if mean else np.zeros(1)
         return bool(np.mean(share >= 0.5) >= 0.75)
 
-    def _score(self, s: _Sums, kind: Division, term: _Terms) -> tuple[FloatArray, FloatArray]:
+    def _score(self, s: _Sums, kind: UnitGroups, term: _Terms) -> tuple[FloatArray, FloatArray]:
         """z and strength of each group, shape (n_groups,)."""
         inflation = self.inflation.get((kind.name, term.name), 1.0)
         z = np.where(s.variance > 1e-12, s.change / np.sqrt(np.maximum(s.variance, 1e-12)), 0.0) / inflation

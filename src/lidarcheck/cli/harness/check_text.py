@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lidarcheck.cli.core.terminal import columns, number_text, table
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.reports.annotations import headline
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 
@@ -41,7 +41,7 @@ def verdict_table(scenarios: tuple[ScenarioResult, ...]) -> str:
 def _row(kpi: KpiResult) -> tuple[str, ...]:
     verdict = kpi.verdict.value.upper() if kpi.fails else kpi.verdict.value
     # Of an identical KPI only the paired seeds were run; the mean of these eight would look like a change.
-    now = kpi.old if kpi.verdict is Verdict.IDENTICAL and not kpi.fresh else kpi.new
+    now = kpi.old if kpi.verdict is KpiVerdict.IDENTICAL and not kpi.fresh else kpi.new
     numbers = (number_text(kpi.old), number_text(now), number_text(kpi.smallest))
     return (f"  {kpi.name}", verdict, *numbers, unit_text(kpi.spec.unit))
 
@@ -51,7 +51,7 @@ def _failures(scenario: ScenarioResult) -> list[str]:
     lines = [f"FAILED {scenario.name}: {problem}" for problem in scenario.problems]
     alike: dict[str, list[KpiResult]] = {}
     for kpi in scenario.kpis:
-        if kpi.fails and kpi.verdict is Verdict.MISSING:
+        if kpi.fails and kpi.verdict is KpiVerdict.MISSING:
             alike.setdefault(kpi.note, []).append(kpi)
         elif kpi.fails:
             lines.append(f"FAILED {headline(scenario, kpi)}")
@@ -63,7 +63,7 @@ def _failures(scenario: ScenarioResult) -> list[str]:
 
 def _advice(report: CheckReport) -> list[str]:
     """What to do about KPIs that moved; what is missing says so itself."""
-    moved = {Verdict.REGRESSED, Verdict.INDETERMINATE}
+    moved = {KpiVerdict.REGRESSED, KpiVerdict.INDETERMINATE}
     names = [scenario.name for scenario in report.scenarios if any(kpi.verdict in moved for kpi in scenario.kpis)]
     if not names or report.model:  # a model that was only asked for cannot be accepted
         return []

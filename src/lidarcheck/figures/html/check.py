@@ -12,7 +12,7 @@ from lidarcheck.figures.html.environment import page_environment
 from lidarcheck.figures.png.check_plots import Pen, drawing
 from lidarcheck.figures.svg.kpi_strip import strip
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.reports.annotations import advice, number, with_unit
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 __all__ = ["report_html", "write_report"]
 
 _ICONS = {
-    Verdict.IDENTICAL: "=",
-    Verdict.EQUIVALENT: "≈",
-    Verdict.CHANGED: "~",
-    Verdict.IMPROVED: "▲",
-    Verdict.INDETERMINATE: "?",
-    Verdict.REGRESSED: "✗",
-    Verdict.MISSING: "∅",
+    KpiVerdict.IDENTICAL: "=",
+    KpiVerdict.EQUIVALENT: "≈",
+    KpiVerdict.CHANGED: "~",
+    KpiVerdict.IMPROVED: "▲",
+    KpiVerdict.INDETERMINATE: "?",
+    KpiVerdict.REGRESSED: "✗",
+    KpiVerdict.MISSING: "∅",
 }
 
 
@@ -77,7 +77,7 @@ class _Scenario:
     @property
     def advice(self) -> list[str]:
         """What to do, once for all KPIs that fail alike."""
-        groups: dict[tuple[Verdict, bool], list[KpiResult]] = {}
+        groups: dict[tuple[KpiVerdict, bool], list[KpiResult]] = {}
         for kpi in self.found.kpis:
             if kpi.fails:
                 groups.setdefault((kpi.verdict, bool(kpi.limit)), []).append(kpi)
@@ -92,7 +92,9 @@ class _Scenario:
 
 
 _EXAMPLE = KpiResult(
-    KpiSpec("example", "mean", "1", "target", 1.0), Verdict.CHANGED, golden=Evidence(Verdict.CHANGED, 0.8, 0.4, 1.7, 64)
+    KpiSpec("example", "mean", "1", "target", 1.0),
+    KpiVerdict.CHANGED,
+    golden=KpiEvidence(KpiVerdict.CHANGED, 0.8, 0.4, 1.7, 64),
 )
 
 
@@ -105,7 +107,7 @@ def report_html(report: CheckReport) -> str:
     """The page as text; the same report gives the same bytes."""
     with drawing() as pen:
         scenarios = [_scenario(found, index, pen) for index, found in enumerate(report.scenarios, 1)]
-    counts = [(word, count, _ICONS[Verdict(word)]) for word, count in report.counts.items() if count]
+    counts = [(word, count, _ICONS[KpiVerdict(word)]) for word, count in report.counts.items() if count]
     return _template().render(
         report=report,
         scenarios=scenarios,

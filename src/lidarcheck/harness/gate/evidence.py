@@ -16,10 +16,10 @@ __all__ = [
     "GATE_LEVEL",
     "NULL_LEVELS",
     "PAIRED_SEEDS",
-    "Evidence",
+    "KpiEvidence",
+    "KpiVerdict",
     "Reference",
     "Sample",
-    "Verdict",
     "error_share",
     "mean_sd",
     "null_quantiles",
@@ -35,7 +35,7 @@ _REFERENCES = 2
 _LOOKS = 4  # paired, full, noise, limit
 
 
-class Verdict(StrEnum):
+class KpiVerdict(StrEnum):
     """What a comparison says of one KPI, in the order of weight."""
 
     IDENTICAL = "identical"
@@ -49,13 +49,13 @@ class Verdict(StrEnum):
     @property
     def fails(self) -> bool:
         """Whether it fails a run."""
-        return self in (Verdict.INDETERMINATE, Verdict.REGRESSED, Verdict.MISSING)
+        return self in (KpiVerdict.INDETERMINATE, KpiVerdict.REGRESSED, KpiVerdict.MISSING)
 
 
-def worst(verdicts: Sequence[Verdict]) -> Verdict:
+def worst(verdicts: Sequence[KpiVerdict]) -> KpiVerdict:
     """The one that weighs most; IDENTICAL of none."""
-    order = list(Verdict)
-    return max(verdicts, key=order.index, default=Verdict.IDENTICAL)
+    order = list(KpiVerdict)
+    return max(verdicts, key=order.index, default=KpiVerdict.IDENTICAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class KpiEvidence:
     """A comparison with one reference, in the KPI's unit.
 
     `delta`: new - old mean; `margin`: t·SE, what chance alone explains (nan where counts decide); `seeds`: fresh seeds
@@ -99,7 +99,7 @@ class Evidence:
     `paired_margin`: the same for the paired seeds (nan where they prove nothing); `note`: what decided.
     """
 
-    verdict: Verdict
+    verdict: KpiVerdict
     delta: float
     margin: float
     smallest: float

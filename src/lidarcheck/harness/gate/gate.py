@@ -16,10 +16,10 @@ from lidarcheck.harness.gate.evidence import (
     FULL_SEEDS,
     GATE_LEVEL,
     PAIRED_SEEDS,
-    Evidence,
+    KpiEvidence,
+    KpiVerdict,
     Reference,
     Sample,
-    Verdict,
     mean_sd,
     null_rank,
     worst,
@@ -49,7 +49,7 @@ def needs_more(spec: KpiSpec, reference: Reference, sample: Sample, share: float
     return _believed_resolution(reference, sample, share) > spec.tolerance
 
 
-def judge(spec: KpiSpec, reference: Reference, sample: Sample, share: float) -> Evidence:
+def judge(spec: KpiSpec, reference: Reference, sample: Sample, share: float) -> KpiEvidence:
     """The verdict on one KPI against one reference.
 
     `sample` holds 64 fresh seeds, or 16 with which `needs_more` was content: those are equivalent. Never IDENTICAL or
@@ -59,7 +59,7 @@ def judge(spec: KpiSpec, reference: Reference, sample: Sample, share: float) -> 
     seeds = len(sample.finite)
     gap = _too_few(reference, sample, share)
     if gap:
-        return Evidence(Verdict.INDETERMINATE, math.nan, math.nan, smallest, seeds, note=gap)
+        return KpiEvidence(KpiVerdict.INDETERMINATE, math.nan, math.nan, smallest, seeds, note=gap)
     first = len(sample.fresh) < FULL_SEEDS
     decide = _judge_distance if spec.kind == "distance" else _judge_mean
     return decide(spec, reference, sample, share, smallest, first)
@@ -81,46 +81,46 @@ def beyond_limit(spec: KpiSpec, values: Sequence[float], share: float) -> str:
 
 def _judge_mean(
     spec: KpiSpec, reference: Reference, sample: Sample, share: float, smallest: float, first: bool
-) -> Evidence:
+) -> KpiEvidence:
     change = _difference(spec, reference, sample)
     margin = stats.critical_t(share, change.df) * change.se
-    full = Verdict.EQUIVALENT if first else _step(spec, change.delta, margin)
+    full = KpiVerdict.EQUIVALENT if first else _step(spec, change.delta, margin)
     paired_delta, paired_margin = _paired(reference, sample, share)
-    paired = Verdict.EQUIVALENT if math.isnan(paired_margin) else _step(spec, paired_delta, paired_margin)
+    paired = KpiVerdict.EQUIVALENT if math.isnan(paired_margin) else _step(spec, paired_delta, paired_margin)
     noise = _noise(spec, reference, sample, share) if not first else ""
-    verdict = worst((full, paired, Verdict.INDETERMINATE if noise else Verdict.EQUIVALENT))
-    note = noise if verdict is Verdict.INDETERMINATE else ""
-    if verdict not in (full, Verdict.INDETERMINATE):
+    verdict = worst((full, paired, KpiVerdict.INDETERMINATE if noise else KpiVerdict.EQUIVALENT))
+    note = noise if verdict is KpiVerdict.INDETERMINATE else ""
+    if verdict not in (full, KpiVerdict.INDETERMINATE):
         note = f"the {len(sample.paired)} paired seeds differ by {paired_delta:+.4g} ±{paired_margin:.2g}"
-    return Evidence(verdict, change.delta, margin, smallest, len(sample.finite), paired_delta, paired_margin, note)
+    return KpiEvidence(verdict, change.delta, margin, smallest, len(sample.finite), paired_delta, paired_margin, note)
 
 
 def _judge_distance(
     spec: KpiSpec, reference: Reference, sample: Sample, share: float, smallest: float, first: bool
-) -> Evidence:
+) -> KpiEvidence:
     rank, null = null_rank(reference)
     values, edge = sample.finite, reference.null[GATE_LEVEL]
     above = sum(value > edge for value in values)
     beyond = sum(value > edge + spec.tolerance for value in values)
-    verdict, note = Verdict.EQUIVALENT, ""
+    verdict, note = KpiVerdict.EQUIVALENT, ""
     if not first and stats.exceedance_tail(beyond, len(values), rank, null) <= share:
-        verdict = Verdict.REGRESSED
+        verdict = KpiVerdict.REGRESSED
         note = f"{beyond} of {len(values)} seeds lie beyond the null's 95 % {edge:.4g} + tolerance {spec.tolerance:g}"
     elif not first and stats.exceedance_tail(above, len(values), rank, null) <= share:
-        verdict = Verdict.CHANGED
+        verdict = KpiVerdict.CHANGED
         note = f"{above} of {len(values)} seeds lie beyond the null's 95 % {edge:.4g}, but within the tolerance"
     delta = mean_sd(values)[0] - reference.mean
-    return Evidence(verdict, delta, math.nan, smallest, len(values), note=note)
+    return KpiEvidence(verdict, delta, math.nan, smallest, len(values), note=note)
 
 
-def _step(spec: KpiSpec, delta: float, margin: float) -> Verdict:
+def _step(spec: KpiSpec, delta: float, margin: float) -> KpiVerdict:
     """The verdict on a change of `delta` of which chance explains `margin`."""
     if abs(delta) <= margin:
-        return Verdict.EQUIVALENT
+        return KpiVerdict.EQUIVALENT
     if abs(delta) <= spec.tolerance + margin:
-        return Verdict.CHANGED
+        return KpiVerdict.CHANGED
     better = {"higher": delta > 0.0, "lower": delta < 0.0, "target": False}[spec.direction]
-    return Verdict.IMPROVED if better else Verdict.REGRESSED
+    return KpiVerdict.IMPROVED if better else KpiVerdict.REGRESSED
 
 
 def _difference(spec: KpiSpec, reference: Reference, sample: Sample) -> stats.Difference:

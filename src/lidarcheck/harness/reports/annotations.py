@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
 
 __all__ = ["advice", "annotations", "explanation", "headline", "number", "scenario_lines", "with_unit"]
@@ -32,7 +32,7 @@ def annotations(report: CheckReport, environ: Mapping[str, str]) -> list[str]:
             line, title = lines.get(index, 1), f"{kpi.name}: {kpi.verdict.value}"
             if kpi.fails:
                 errors.append(_command("error", file, line, title, headline(scenario, kpi)))
-            elif kpi.verdict in (Verdict.CHANGED, Verdict.IMPROVED):
+            elif kpi.verdict in (KpiVerdict.CHANGED, KpiVerdict.IMPROVED):
                 notices.append(_command("notice", file, line, title, headline(scenario, kpi)))
     return [*_capped("error", errors), *_capped("notice", notices)]
 
@@ -67,9 +67,9 @@ def advice(scenario: ScenarioResult, kpis: Sequence[KpiResult]) -> str:
     if any(kpi.limit for kpi in kpis):
         return "bring the model back within the limit, or change the limit in the scenario if the requirement has"
     verdicts = {kpi.verdict for kpi in kpis}
-    if verdicts == {Verdict.REGRESSED}:
+    if verdicts == {KpiVerdict.REGRESSED}:
         return f"undo what changed in the model; if the change is meant: {accept}"
-    if verdicts == {Verdict.INDETERMINATE}:
+    if verdicts == {KpiVerdict.INDETERMINATE}:
         return f"give the KPI more beams or frames, so that it scatters less; if the scatter is meant: {accept}"
     return ""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.formats.plain import plain
-from lidarcheck.harness.gate.evidence import Evidence, Verdict
+from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
 
 __all__ = ["CheckReport", "KpiResult", "ScenarioResult"]
@@ -28,11 +28,11 @@ class KpiResult:
     """
 
     spec: KpiSpec
-    verdict: Verdict
+    verdict: KpiVerdict
     old: float = math.nan
     new: float = math.nan
-    golden: Evidence | None = None
-    release: Evidence | None = None
+    golden: KpiEvidence | None = None
+    release: KpiEvidence | None = None
     limit: str = ""
     note: str = ""
     reason: str = ""
@@ -78,7 +78,7 @@ class ScenarioResult:
     @property
     def identical(self) -> bool:
         """Whether every KPI is, bit for bit."""
-        return bool(self.kpis) and all(kpi.verdict is Verdict.IDENTICAL for kpi in self.kpis)
+        return bool(self.kpis) and all(kpi.verdict is KpiVerdict.IDENTICAL for kpi in self.kpis)
 
     @property
     def failed(self) -> bool:
@@ -123,7 +123,7 @@ class CheckReport:
     def counts(self) -> dict[str, int]:
         """The number of KPIs per verdict, every verdict named."""
         found = [kpi.verdict for scenario in self.scenarios for kpi in scenario.kpis]
-        return {verdict.value: found.count(verdict) for verdict in Verdict}
+        return {verdict.value: found.count(verdict) for verdict in KpiVerdict}
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON holds it: lists, numbers, text; null where there is no number."""

@@ -19,7 +19,7 @@ from typing import Any
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.plain import plain
 from lidarcheck.harness.gate import evidence, gate, sensitivity
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Progress, Runner, ScenarioJob, SeedRecord
 from lidarcheck.harness.goldens.file import load_golden, save_golden
 from lidarcheck.harness.goldens.git_state import uncommitted
@@ -47,7 +47,7 @@ class KpiReview:
     name: str
     old: KpiGolden | None
     new: KpiGolden | None
-    verdict: Verdict
+    verdict: KpiVerdict
     needs_reason: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
 
@@ -59,7 +59,7 @@ class KpiReview:
     @property
     def open(self) -> bool:
         """Whether accepting it would change the golden."""
-        return self.verdict is not Verdict.IDENTICAL or (self.old is not None and self.old.spec != self.new_spec)
+        return self.verdict is not KpiVerdict.IDENTICAL or (self.old is not None and self.old.spec != self.new_spec)
 
     @property
     def new_spec(self) -> object:
@@ -191,22 +191,22 @@ def _proposal(case: ScenarioRun, reference: Sequence[SeedRecord], base: str, sha
     kpis = {}
     for name, kpi in built.kpis.items():
         found = [_verdict(case, kpi, records, share)]
-        if said.get(name) in (Verdict.REGRESSED, Verdict.INDETERMINATE) and found[0] is not Verdict.MISSING:
+        if said.get(name) in (KpiVerdict.REGRESSED, KpiVerdict.INDETERMINATE) and found[0] is not KpiVerdict.MISSING:
             found.append(said[name])
         kpis[name] = dataclasses.replace(kpi, verdict=evidence.worst(found).value)
     return dataclasses.replace(built, kpis=kpis)
 
 
-def _verdict(case: ScenarioRun, new: KpiGolden, records: Sequence[SeedRecord], share: float) -> Verdict:
+def _verdict(case: ScenarioRun, new: KpiGolden, records: Sequence[SeedRecord], share: float) -> KpiVerdict:
     old = case.golden.kpis.get(new.spec.name) if case.golden else None
     if old is None or case.golden is None:
-        return Verdict.MISSING
+        return KpiVerdict.MISSING
     if paired_identical(case.golden, old, case.paired):
-        return Verdict.IDENTICAL
+        return KpiVerdict.IDENTICAL
     return gate.judge(old.spec, old.reference, sample_of(old, records, case.paired), share).verdict
 
 
-def _last_verdicts(case: ScenarioRun) -> Mapping[str, Verdict]:
+def _last_verdicts(case: ScenarioRun) -> Mapping[str, KpiVerdict]:
     """What the last check of the same model said, on other seeds."""
     try:
         proposal = load_golden(case.layout.proposal(case.scenario.name))
@@ -214,7 +214,7 @@ def _last_verdicts(case: ScenarioRun) -> Mapping[str, Verdict]:
         return {}
     if not proposal.provenance.same_model(provenance_now(case.scenario, case.model)):
         return {}
-    return {name: Verdict(kpi.verdict) for name, kpi in proposal.kpis.items() if kpi.verdict}
+    return {name: KpiVerdict(kpi.verdict) for name, kpi in proposal.kpis.items() if kpi.verdict}
 
 
 def _scenario_review(case: ScenarioRun, proposal: Golden, base: str) -> ScenarioReview:
@@ -227,7 +227,7 @@ def _scenario_review(case: ScenarioRun, proposal: Golden, base: str) -> Scenario
     reasons = [f"uncommitted changes in {dirty}"] if dirty else []
     reasons += [f"the golden could not be read: {case.damage}"] if case.damage else []
     changed = golden is not None and golden.provenance.scenario != case.scenario.content_hash
-    if changed and any(kpi.old and kpi.new and kpi.verdict is not Verdict.IDENTICAL for kpi in kpis):
+    if changed and any(kpi.old and kpi.new and kpi.verdict is not KpiVerdict.IDENTICAL for kpi in kpis):
         reasons.append("the scenario and its values changed in one step")
     if not proposal.complete:
         drawn = min((kpi.reference.drawn for kpi in proposal.kpis.values()), default=0)
@@ -243,16 +243,16 @@ def _kpi_review(case: ScenarioRun, old: KpiGolden | None, new: KpiGolden | None,
         name = old.spec.name if old else ""
         asked = any(spec.name == name for spec in case.scenario.kpis)
         why = "the run did not measure it" if asked else "the scenario no longer asks for it"
-        return KpiReview(name, old, None, Verdict.MISSING, needs_reason=(why,))
+        return KpiReview(name, old, None, KpiVerdict.MISSING, needs_reason=(why,))
     if old is None:
-        verdict = Verdict.MISSING
+        verdict = KpiVerdict.MISSING
     elif old.same_values(new):
-        verdict = Verdict.IDENTICAL
+        verdict = KpiVerdict.IDENTICAL
     else:
-        verdict = Verdict(new.verdict or Verdict.CHANGED)
-    reasons = [verdict.value] if verdict in (Verdict.REGRESSED, Verdict.INDETERMINATE) else []
+        verdict = KpiVerdict(new.verdict or KpiVerdict.CHANGED)
+    reasons = [verdict.value] if verdict in (KpiVerdict.REGRESSED, KpiVerdict.INDETERMINATE) else []
     moved = thresholds_changed(old.spec, new.spec) if old else ""
-    if moved and verdict is not Verdict.IDENTICAL:
+    if moved and verdict is not KpiVerdict.IDENTICAL:
         reasons.append(f"a threshold changed in the same step: {moved}")
     refused = [sensitivity.too_coarse(new.spec, new.reference, share), _breaks_limit(new)]
     return KpiReview(new.spec.name, old, new, verdict, tuple(reasons), tuple(text for text in refused if text))

@@ -11,7 +11,7 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError, LidarcheckError
 from lidarcheck.harness.gate import evidence, sensitivity
-from lidarcheck.harness.gate.evidence import Verdict
+from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.layout import Layout, layout_of
@@ -107,9 +107,9 @@ def _kpis(golden: Golden | None, proposal: Golden) -> tuple[KpiReview, ...]:
     found = []
     for name in dict.fromkeys([*proposal.kpis, *old]):
         mine, new = old.get(name), proposal.kpis.get(name)
-        verdict = Verdict(new.verdict) if new and new.verdict else Verdict.MISSING
+        verdict = KpiVerdict(new.verdict) if new and new.verdict else KpiVerdict.MISSING
         if mine and new and mine.same_values(new):
-            verdict = Verdict.IDENTICAL
+            verdict = KpiVerdict.IDENTICAL
         found.append(KpiReview(name, mine, new, verdict))
     return tuple(found)
 
