@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["amount", "short", "squeezed"]
+__all__ = ["amount", "number", "short", "squeezed"]
 
 
 def amount(value: float, digits: int = 3) -> str:
@@ -15,6 +15,11 @@ def amount(value: float, digits: int = 3) -> str:
     if "e" in written and 1e-4 <= abs(value) < 1e7:
         written = f"{value:.0f}"
     return written.replace("-0", "0").replace("-", "−") if float(written) == 0.0 else written.replace("-", "−")
+
+
+def number(value: float, form: str = ".4g") -> str:
+    """A number in a cell of a table, by its format; `-` for NaN."""
+    return "-" if math.isnan(value) else format(value, form)
 
 
 def short(words: str, letters: int) -> str:

@@ -13,6 +13,7 @@ from lidarcheck.calibration.blooming.response import FEATURES
 from lidarcheck.calibration.blooming.workflow import BloomingCalibration, rms_of
 from lidarcheck.figures.data import Course, Curve, Page, Section, Table
 from lidarcheck.figures.pages.blooming_courses import LABELS, profile_course, profile_curve, table_course
+from lidarcheck.figures.words import number
 from lidarcheck.formats.lut import Axis
 
 __all__ = ["calibration_document", "calibration_page", "profiles_document", "profiles_page"]
@@ -155,18 +156,12 @@ def _profile_table(real: Profile, made: Profile | None) -> Table:
         header += [feature] if other is None else [feature, f"{feature} sim."]
     lines = []
     for row in rows[::step]:
-        line = [f"{round(float(real.offset[row]), 2):g}", str(int(real.echoes[row])), _text(real.range_m[row], 2)]
+        line = [f"{round(float(real.offset[row]), 2):g}", str(int(real.echoes[row])), number(real.range_m[row], ".2f")]
         for j in range(len(FEATURES)):
-            line += (
-                [_text(real.value[row, j], 1)] if other is None else [_text(p.value[row, j], 1) for p in (real, other)]
-            )
+            line += [number(p.value[row, j], ".1f") for p in (real, other) if p is not None]
         lines.append(tuple(line))
     title = "" if step == 1 else f"every {step} offsets; the JSON has all"
     return Table(title, tuple(header), tuple(lines), tuple(header))
-
-
-def _text(value: float, digits: int) -> str:
-    return "-" if np.isnan(value) else f"{value:.{digits}f}"
 
 
 def profiles_document(

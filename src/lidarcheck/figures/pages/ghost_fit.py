@@ -10,6 +10,7 @@ import numpy as np
 from lidarcheck.calibration.ghosts.fit import DatasetFit, GhostFit, GhostParameter
 from lidarcheck.calibration.ghosts.workflow import GhostScan
 from lidarcheck.figures.data import Course, Curve, Distribution, Figure, Page, Section, Table
+from lidarcheck.figures.words import number
 from lidarcheck.kpi.detection import wilson
 
 __all__ = ["fit_document", "fit_page"]
@@ -18,9 +19,9 @@ __all__ = ["fit_document", "fit_page"]
 def fit_page(fit: GhostFit, simulated: list[GhostScan], provenance: Mapping[str, str] | None = None) -> Page:
     """The fit; with scans that were `simulated` with it, one a dataset, their ghosts beside the real ones."""
     ghosts = sum(d.ghosts for d in fit.datasets)
-    number = len(fit.datasets)
+    count = len(fit.datasets)
     told = ", ".join(f"{name} {p.value:.4g}" + ("" if p.fitted else " (left)") for name, p in fit.parameters.items())
-    summary = f"{fit.effect.name}: {told}; from {ghosts} ghost echoes of {number} dataset{'s' if number != 1 else ''}."
+    summary = f"{fit.effect.name}: {told}; from {ghosts} ghost echoes of {count} dataset{'s' if count != 1 else ''}."
     sections = (
         Section("Parameters", fit.warnings, (_parameters(fit),)),
         Section("Datasets", tables=(_datasets(fit),), figures=(*_courses(fit.datasets), *_histograms(fit, simulated))),
@@ -57,16 +58,12 @@ def _datasets(fit: GhostFit) -> Table:
     rows = [
         (
             *(d.name, f"{d.range_m:.2f}", str(d.beams), str(d.ghosts), f"{d.ghosts_expected:.1f}"),
-            *(_number(d.area, ".1f"), f"{d.area_expected:.1f}"),
-            *(_number(d.beyond_m, ".3f"), f"{d.beyond_expected_m:.3f}", _number(d.pull, "+.1f")),
+            *(number(d.area, ".1f"), f"{d.area_expected:.1f}"),
+            *(number(d.beyond_m, ".3f"), f"{d.beyond_expected_m:.3f}", number(d.pull, "+.1f")),
         )
         for d in fit.datasets
     ]
     return Table("Real against the fitted model", header, tuple(rows), header[1:])
-
-
-def _number(value: float, form: str) -> str:
-    return format(value, form) if np.isfinite(value) else "-"
 
 
 def _courses(datasets: tuple[DatasetFit, ...]) -> list[Figure]:

@@ -11,6 +11,7 @@ from lidarcheck.arrays import IndexArray
 from lidarcheck.calibration.ghosts.search import SEARCH_M
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
 from lidarcheck.figures.data import Cloud, Section, Table
+from lidarcheck.figures.pages.thinning import thinned
 
 __all__ = ["ExtractionStep", "steps_of", "steps_section"]
 
@@ -102,12 +103,8 @@ def steps_section(found: GhostScan) -> Section:
     clouds = tuple(
         Cloud(
             f"{found.name}: step {i} of {len(steps)}, {step.title}",
-            {f"{name}: {len(held)}": xyz[_thinned(held)] for name, held in step.groups.items() if len(held)},
+            {f"{name}: {len(held)}": xyz[thinned(held, MOST_SHOWN)] for name, held in step.groups.items() if len(held)},
         )
         for i, step in enumerate(steps, start=1)
     )
     return Section(f"{found.name}: step by step", words, (Table("", header, rows, ("step", "echoes")),), clouds)
-
-
-def _thinned(rows: IndexArray) -> IndexArray:
-    return rows[:: max(-(-len(rows) // MOST_SHOWN), 1)]

@@ -12,6 +12,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan, Sign
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Figure, Page, Section, Table
 from lidarcheck.figures.pages.ghost_steps import steps_section
+from lidarcheck.figures.words import number
 from lidarcheck.kpi.distances import wasserstein
 
 __all__ = ["find_document", "find_page"]
@@ -74,16 +75,16 @@ def _sign_document(one: GhostScan, sign: Sign) -> dict[str, Any]:
 def _summary(found: Sequence[GhostScan]) -> str:
     with_ghost = [one for one in found if any(sign.has_ghost for sign in one.signs)]
     signs, ghosts = (sum(int(np.count_nonzero(one.label == label)) for one in found) for label in (SIGN, GHOST))
-    number = sum(len(one.signs) for one in found)
-    of = f"{_count(number, 'sign')} ({_count(signs, 'echo', 'echoes')}) in {_count(len(found), 'dataset')}"
+    count = sum(len(one.signs) for one in found)
+    of = f"{_count(count, 'sign')} ({_count(signs, 'echo', 'echoes')}) in {_count(len(found), 'dataset')}"
     if not with_ghost:
         return f"No ghost: {of}, and nothing at twice the range that chance does not give."
     rest = "" if len(with_ghost) == len(found) else f", in {len(with_ghost)} of them with a ghost"
     return f"{of}{rest}; {_count(ghosts, 'ghost echo', 'ghost echoes')}."
 
 
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def _count(count: int, one: str, many: str = "") -> str:
+    return f"{count} {one if count == 1 else many or one + 's'}"
 
 
 def _each(found: Sequence[GhostScan]) -> list[tuple[GhostScan, int, Sign]]:
@@ -95,7 +96,7 @@ def _signs_table(found: Sequence[GhostScan]) -> Table:
     rows = [
         (
             *(one.name, str(i), f"{sign.range_m:.2f}", f"{sign.width_m:.2f} x {sign.height_m:.2f}"),
-            *(str(len(sign.rows)), str(len(sign.ghost_rows)), _number(sign.offset_m, ".2f")),
+            *(str(len(sign.rows)), str(len(sign.ghost_rows)), number(sign.offset_m, ".2f")),
             f"{100 * sign.fraction:.0f} %",
             f"{100 * sign.fraction_low:.0f} ... {100 * sign.fraction_high:.0f} %",
         )
@@ -110,16 +111,12 @@ def _ratios_table(found: Sequence[GhostScan]) -> Table:
     for one, i, sign in _each(found):
         ratio = sign.ratio
         rows.append((
-            *(one.name, str(i), _number(ratio.count_ratio, ".3f"), _number(ratio.area_ratio, ".4f")),
-            *(_number(ratio.peak_ratio, ".4f"), _number(ratio.range_ratio, ".4f"), _number(ratio.size_ratio, ".2f")),
+            *(one.name, str(i), number(ratio.count_ratio, ".3f"), number(ratio.area_ratio, ".4f")),
+            *(number(ratio.peak_ratio, ".4f"), number(ratio.range_ratio, ".4f"), number(ratio.size_ratio, ".2f")),
             *(_median(one.brightness.values, sign.rows), _median(one.brightness.values, sign.ghost_rows)),
             _median(one.scan.peak, sign.ghost_rows),
         ))  # fmt: skip
     return Table("Ghost over sign, and medians", header, tuple(rows), tuple(header[2:]))
-
-
-def _number(value: float, form: str) -> str:
-    return format(value, form) if np.isfinite(value) else "-"
 
 
 def _median(values: FloatArray, rows: npt.NDArray[np.int64]) -> str:
@@ -225,7 +222,7 @@ def _compared(found: Sequence[GhostScan], simulated: Sequence[GhostScan]) -> tup
             for column, quantity in COLUMNS.items():
                 real, sim = (s.values(label, column) for s in (one, other))
                 means = [f"{v.mean():.1f}" if len(v) else "-" for v in (real, sim)]
-                rows.append((one.name, name, f"{quantity}, mean", *means, _number(wasserstein(real, sim), ".1f")))
+                rows.append((one.name, name, f"{quantity}, mean", *means, number(wasserstein(real, sim), ".1f")))
     words = ("The distance is the 1-Wasserstein distance of the two distributions, in the quantity's own unit.",)
     table = Table("", header, tuple(rows), header[3:])
     return (Section("Real and simulated", words, (table,)),)

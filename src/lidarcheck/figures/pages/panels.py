@@ -15,6 +15,8 @@ from lidarcheck.calibration.panels.noise import NoiseSide, WalkCurve, features_o
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.calibration.panels.workflow import PanelsResult
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Figure, Page, Section, Table
+from lidarcheck.figures.pages.thinning import thinned
+from lidarcheck.figures.words import number
 from lidarcheck.kpi.scatter import RangeScatter
 
 __all__ = ["document", "overview", "page"]
@@ -100,9 +102,9 @@ def _side_words(result: PanelsResult) -> tuple[str, ...]:
     several = result.frames_measured > 1
     noise = "from frame to frame on one beam" if several else "around the panel's plane, as there is one frame"
     words = f"Detection with its 95 % interval; range noise is half the central 68.3 %, {noise}."
-    thinned = [p.number for p, s in zip(result.panels, result.measured, strict=True) if s.kept_beams > 1]
-    more = f"Of panels {', '.join(map(str, thinned))} only some beams' echoes are held; detection counts all."
-    return (words, more) if thinned else (words,)
+    some = [p.number for p, s in zip(result.panels, result.measured, strict=True) if s.kept_beams > 1]
+    more = f"Of panels {', '.join(map(str, some))} only some beams' echoes are held; detection counts all."
+    return (words, more) if some else (words,)
 
 
 def _of(result: PanelsResult, panel: Panel) -> str:
@@ -184,13 +186,9 @@ def _figures_of(side: NoiseSide, features: tuple[str, ...]) -> tuple[str, ...]:
     lengths = (_noise_m(side), side.bias_m, side.plane_robust_m)
     return (
         *_detection(side),
-        *(_number(1000 * length, 1) for length in lengths),
-        *(_number(side.means.get(name, math.nan), 1) for name in features),
+        *(number(1000 * length, ".1f") for length in lengths),
+        *(number(side.means.get(name, math.nan), ".1f") for name in features),
     )
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def _cloud(result: PanelsResult) -> Cloud:
@@ -198,7 +196,7 @@ def _cloud(result: PanelsResult) -> Cloud:
     for panel, sample in zip(result.panels, result.measured, strict=True):
         xyz = np.stack([sample.scan.x_m, sample.scan.y_m, sample.scan.z_m], axis=-1)
         name = _of(result, panel) or "panels"
-        groups[name] = np.concatenate([groups.get(name, np.zeros((0, 3))), _thinned(xyz, CLOUD_POINTS)])
+        groups[name] = np.concatenate([groups.get(name, np.zeros((0, 3))), thinned(xyz, CLOUD_POINTS)])
     return Cloud("Echoes on panels", groups)
 
 
@@ -265,7 +263,9 @@ def _panel_section(result: PanelsResult, i: int) -> Section:
     if result.simulated is not None:
         samples[SIMULATED] = result.simulated[i]
     figures: list[Figure] = [
-        Distribution(f"{title}: {name}", name, unit, {side: _thinned(_values(s, name)) for side, s in samples.items()})
+        Distribution(
+            f"{title}: {name}", name, unit, {side: thinned(_values(s, name), MOST_SHOWN) for side, s in samples.items()}
+        )
         for name, unit in _shown(result)
     ]
     figures.append(
@@ -288,10 +288,6 @@ def _values(sample: PanelSamples, name: str) -> FloatArray:
     if name == "distance":
         return np.round(sample.scan.range_m, 4)
     return features_of(sample.scan).get(name, ("", np.zeros(0)))[1]
-
-
-def _thinned(values: FloatArray, most: int = MOST_SHOWN) -> FloatArray:
-    return values[:: max(-(-len(values) // most), 1)]
 
 
 def _gap_table(gaps: Mapping[str, Any]) -> tuple[Table, ...]:

@@ -11,6 +11,8 @@ from lidarcheck.calibration.scenes.parts import SectorMap
 from lidarcheck.calibration.scenes.rank import FALSE_ALARMS
 from lidarcheck.calibration.scenes.workflow import SceneComparison
 from lidarcheck.figures.data import Cloud, Course, Curve, Figure, Grid, Page, Section, Table
+from lidarcheck.figures.pages.thinning import thinned_cloud
+from lidarcheck.figures.words import number
 from lidarcheck.kpi.overlap import Overlap
 from lidarcheck.sensor import elevation_deg
 
@@ -18,7 +20,6 @@ __all__ = ["MOST_PARTS", "page"]
 
 MOST_PARTS = 30
 """Rows of the table of objects; result.json has all."""
-MOST_POINTS = 5000
 
 
 def page(result: SceneComparison, provenance: Mapping[str, str] | None = None) -> Page:
@@ -58,16 +59,16 @@ def _disagreements(result: SceneComparison) -> Section:
             d.kind,
             d.name,
             d.feature,
-            _number(d.measured),
-            _number(d.simulated),
+            number(d.measured),
+            number(d.simulated),
             str(d.units),
-            _number(d.strength),
+            number(d.strength),
         )
         for i, d in enumerate(result.disagreements, 1)
     )
     header = ("", "kind", "where", "feature", "measured", "simulated", "beams", "strength")
     table = Table("", header, rows, right=("", "measured", "simulated", "beams", "strength"))
-    real, simulated = (cloud[:: max(len(cloud) // MOST_POINTS, 1)] for cloud in result.worst_points)
+    real, simulated = map(thinned_cloud, result.worst_points)
     clouds: tuple[Figure, ...] = ()
     if len(real) or len(simulated):
         clouds = (Cloud("Where they disagree most", {"real": real, "simulated": simulated}),)
@@ -109,7 +110,7 @@ def _whole(result: SceneComparison) -> Section:
 
 
 def _overlap_row(name: str, o: Overlap) -> tuple[str, ...]:
-    return name, _percent(o.measured_share), _percent(o.simulated_share), _number(o.chamfer_m)
+    return name, _percent(o.measured_share), _percent(o.simulated_share), number(o.chamfer_m)
 
 
 def _layers(result: SceneComparison) -> Course:
@@ -129,7 +130,7 @@ def _parts(result: SceneComparison) -> Section:
         (
             *(p.name, str(p.beams), f"{p.distance_m:.1f}", _percent(p.echo_measured), _percent(p.echo_simulated)),
             *_numbers(p.range_bias_m, p.area_ratio, p.stray_measured, p.stray_simulated),
-            _number(p.strength) if p.strength else "",
+            number(p.strength) if p.strength else "",
         )
         for p in result.parts[:MOST_PARTS]
     )
@@ -186,7 +187,7 @@ def _sector_table(s: SectorMap) -> Table:
                 *place,
                 str(s.beams[i, j]),
                 *_numbers(*(float(value[i, j]) for value in values)),
-                _number(float(strength[i, j])) if strength[i, j] else "",
+                number(float(strength[i, j])) if strength[i, j] else "",
             )
         )
     return Table("Measured minus simulated", header, tuple(rows), right=header)
@@ -194,12 +195,8 @@ def _sector_table(s: SectorMap) -> Table:
 
 def _numbers(*values: float) -> tuple[str, ...]:
     """Cells of a table: four digits, - where there is no number."""
-    return tuple(_number(value) for value in values)
+    return tuple(number(value) for value in values)
 
 
 def _percent(share: float) -> str:
     return "-" if math.isnan(share) else f"{100.0 * share:.2f} %"
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"

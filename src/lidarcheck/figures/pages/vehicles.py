@@ -8,18 +8,18 @@ from collections.abc import Mapping
 from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
 from lidarcheck.calibration.vehicles.merge import Merged
 from lidarcheck.figures.data import Cloud, Distribution, Page, Section, Table
+from lidarcheck.figures.pages.thinning import thinned_cloud
+from lidarcheck.figures.words import number
 from lidarcheck.kpi.comparison import FeatureGap
 
 __all__ = ["distributions", "merge_page", "page"]
-
-MOST_POINTS = 5000
 
 
 def page(result: VehicleComparison, provenance: Mapping[str, str] | None = None) -> Page:
     """The result as people read it."""
     sections = [_overview(result)]
     for at, figures in zip(result.distances, distributions(result), strict=True):
-        clouds = {n: cloud[:: max(len(cloud) // MOST_POINTS, 1)] for n, cloud in zip(_SIDES, at.clouds, strict=True)}
+        clouds = {n: thinned_cloud(cloud) for n, cloud in zip(_SIDES, at.clouds, strict=True)}
         words = (
             f"Real: {at.real.how}, {at.real.extent.words()}. Simulated: {at.simulated.how}, "
             f"{at.simulated.extent.words()}.",
@@ -54,7 +54,7 @@ def _summary(result: VehicleComparison) -> str:
     worst = [(_relative(gap), at, name, gap) for at in result.distances for name, gap in at.features.items()]
     share, at, name, gap = max(worst, key=lambda entry: entry[0])
     where = ", ".join(f"{d.distance_m:.0f}" for d in result.distances)
-    distance = f"{_number(gap.wasserstein)} {gap.unit}".strip()
+    distance = f"{number(gap.wasserstein)} {gap.unit}".strip()
     return (
         f"{result.vehicle} at {where} m: the largest difference is of {name} at {at.distance_m:.0f} m, "
         f"{100.0 * share:.0f} % of the mean (Wasserstein {distance})."
@@ -75,8 +75,8 @@ def _overview(result: VehicleComparison) -> Section:
         tuple(
             (
                 f"{at.distance_m:.1f}", str(at.real.echoes), str(at.simulated.echoes), str(at.real.beams),
-                str(at.simulated.beams), _number(at.detection_ratio), _number(at.detection_real),
-                _number(at.detection_simulated),
+                str(at.simulated.beams), number(at.detection_ratio), number(at.detection_real),
+                number(at.detection_simulated),
             )
             for at in result.distances
         ),
@@ -95,11 +95,7 @@ def _overview(result: VehicleComparison) -> Section:
 
 def _kpis(gap: FeatureGap, chance: float) -> tuple[str, ...]:
     values = (gap.wasserstein, gap.ks, chance, gap.js, gap.dvm_bias, gap.dvm_scatter)
-    return tuple(_number(value) for value in values)
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.4g}"
+    return tuple(number(value) for value in values)
 
 
 def merge_page(merged: Merged, title: str, provenance: Mapping[str, str] | None = None) -> Page:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.figures.gap.data import FieldMap
+from lidarcheck.figures.svg.shades import LEVELS, box, levels_of, shade, shaded
 from lidarcheck.figures.svg.shapes import svg, text
 from lidarcheck.figures.words import amount
 from lidarcheck.sensor import azimuth_deg, elevation_deg
@@ -20,8 +20,6 @@ from lidarcheck.sensor import azimuth_deg, elevation_deg
 __all__ = ["map_svg", "reach_of", "scale_svg"]
 
 
-_LEVELS = 5
-"""Shades to either side of zero."""
 _MARKED, _STRONG = 2, 4
 """From the first on a block bears its sign, from the second on in the other ink."""
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -50,13 +48,8 @@ def map_svg(one: FieldMap, side: str, reach: float) -> str:
     seen = np.isfinite(values)
     if not seen.any():
         return ""
-    level = np.zeros(values.shape, dtype=np.int64)
-    level[seen] = np.rint(np.clip(values[seen] / reach, -1.0, 1.0) * _LEVELS).astype(np.int64)
-    parts = [
-        f'<path class="{_shade(shade)}" d="{_boxes(seen & (level == shade))}"/>'
-        for shade in range(-_LEVELS, _LEVELS + 1)
-        if (seen & (level == shade)).any()
-    ]
+    level = levels_of(values / reach)
+    parts = shaded(level, seen, _boxes)
     strong = np.abs(level) >= _STRONG
     for name, chosen in (("sign", ~strong & (np.abs(level) >= _MARKED)), ("sign strong", strong)):
         signs = _signs(seen & chosen, level > 0)
@@ -65,26 +58,18 @@ def map_svg(one: FieldMap, side: str, reach: float) -> str:
     return svg(_words(one, side, values), "".join([*parts, *_ends(one)]), name="map", width=_WIDTH, height=_HEIGHT)
 
 
-def _shade(level: int) -> str:
-    return f"z{level}" if level >= 0 else f"n{-level}"
-
-
 def _place(row: int, column: int, shape: tuple[int, ...]) -> tuple[float, float, float, float]:
     """Left, top, width and height of a block: high layers are above, high points to the left."""
     wide, high = _WIDE / shape[1], _HIGH / shape[0]
     return _LEFT + (shape[1] - 1 - column) * wide, _TOP + (shape[0] - 1 - row) * high, wide, high
 
 
-def _boxes(chosen: npt.NDArray[np.bool_]) -> str:
+def _boxes(chosen: BoolArray) -> str:
     """Blocks as one path."""
-    path = []
-    for row, column in np.argwhere(chosen).tolist():
-        x, y, wide, high = _place(row, column, chosen.shape)
-        path.append(f"M{x:.1f} {y:.1f}h{wide:.1f}v{high:.1f}h{-wide:.1f}z")
-    return "".join(path)
+    return "".join(box(*_place(row, column, chosen.shape)) for row, column in np.argwhere(chosen).tolist())
 
 
-def _signs(chosen: npt.NDArray[np.bool_], positive: npt.NDArray[np.bool_]) -> str:
+def _signs(chosen: BoolArray, positive: BoolArray) -> str:
     path = []
     for row, column in np.argwhere(chosen).tolist():
         x, y, wide, high = _place(row, column, chosen.shape)
@@ -127,19 +112,19 @@ def _words(one: FieldMap, side: str, values: FloatArray) -> str:
 
 def scale_svg(one: FieldMap, reach: float) -> str:
     """The shades with the numbers that they stand for."""
-    count = 2 * _LEVELS + 1
+    count = 2 * LEVELS + 1
     wide = (_SCALE_WIDTH - 20.0) / count
     parts = []
-    for i, level in enumerate(range(-_LEVELS, _LEVELS + 1)):
+    for i, level in enumerate(range(-LEVELS, LEVELS + 1)):
         x = 10.0 + i * wide
-        parts.append(f'<path class="{_shade(level)}" d="M{x:.1f} 2h{wide:.1f}v9h{-wide:.1f}z"/>')
+        parts.append(f'<path class="{shade(level)}" d="M{x:.1f} 2h{wide:.1f}v9h{-wide:.1f}z"/>')
         if abs(level) >= _MARKED:
             cross = "m-2 -2v4" if level > 0 else ""
             name = "sign strong" if abs(level) >= _STRONG else "sign"
             parts.append(f'<path class="{name}" d="M{x + wide / 2.0 - 2.0:.1f} 6.5h4{cross}"/>')
-    for i, words in ((0, f"−{amount(reach)}"), (_LEVELS, "0"), (count - 1, f"+{amount(reach)} {_unit(one.unit)}")):
-        anchor = "start" if i == 0 else "middle" if i == _LEVELS else "end"
-        x = 10.0 if i == 0 else 10.0 + (i + 0.5) * wide if i == _LEVELS else _SCALE_WIDTH - 10.0
+    for i, words in ((0, f"−{amount(reach)}"), (LEVELS, "0"), (count - 1, f"+{amount(reach)} {_unit(one.unit)}")):
+        anchor = "start" if i == 0 else "middle" if i == LEVELS else "end"
+        x = 10.0 if i == 0 else 10.0 + (i + 0.5) * wide if i == LEVELS else _SCALE_WIDTH - 10.0
         parts.append(text(x, 22.0, words.strip(), anchor))
     label = f"scale from {amount(-reach)} to {amount(reach)} {_unit(one.unit)}, blue with minus to orange with plus"
     return svg(label, "".join(parts), name="scale", width=_SCALE_WIDTH, height=_SCALE_HEIGHT)

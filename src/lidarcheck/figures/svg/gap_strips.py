@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lidarcheck.explain.report.explanation import Candidate
-from lidarcheck.figures.svg.shapes import svg
+from lidarcheck.figures.svg.shapes import line, svg
 from lidarcheck.figures.words import amount
 from lidarcheck.inference.intervals import Gap, Interval
 
@@ -71,8 +71,8 @@ def candidate_strip(one: Candidate) -> str:
     first, last = sorted((110.0, x))
     name = "enough" if ratio >= 1.0 else "little"
     bar = f'<rect class="{name}" x="{first:.1f}" y="6" width="{last - first:.1f}" height="10"/>'
-    line = '<path class="zero" d="M110 1V21"/>'
-    return svg(f"gain {amount(ratio)} times what is needed", bar + line, name="strip", width=_WIDTH, height=_HEIGHT)
+    middle = '<path class="zero" d="M110 1V21"/>'
+    return svg(f"gain {amount(ratio)} times what is needed", bar + middle, name="strip", width=_WIDTH, height=_HEIGHT)
 
 
 def _place(value: float, reach: float) -> float:
@@ -82,7 +82,7 @@ def _place(value: float, reach: float) -> float:
 def _line(name: str, low: float, high: float, reach: float, top: float, bottom: float) -> str:
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
-    return f'<path class="{name}" d="M{_place(low, reach):.1f} {top:g}L{_place(high, reach):.1f} {bottom:g}"/>'
+    return line(name, _place(low, reach), top, _place(high, reach), bottom)
 
 
 def _floor(floor: Interval, reach: float) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from lidarcheck.figures.svg.shapes import line, svg
 from lidarcheck.harness.reports.results import KpiResult
 
 __all__ = ["strip"]
@@ -29,13 +30,12 @@ def strip(kpi: KpiResult) -> str:
     label = f"change {change:+.2f} tolerances" + (f", ±{margin:.2f} by chance" if margin else "")
     parts = [
         _box("band", -1.0, 1.0, 2.0, _HEIGHT - 4.0),
-        _line("zero", 0.0, 0.0, 2.0, _HEIGHT - 2.0),
+        line("zero", _place(0.0), 2.0, _place(0.0), _HEIGHT - 2.0),
         *_caught(evidence.smallest / tolerance, one_sided=kpi.spec.kind == "distance"),
-        _line("interval", change - margin, change + margin, _MIDDLE, _MIDDLE) if margin else "",
+        line("interval", _place(change - margin), _MIDDLE, _place(change + margin), _MIDDLE) if margin else "",
         _mark(change),
     ]
-    opening = f'<svg class="strip" role="img" aria-label="{label}" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}">'
-    return f"{opening}{''.join(parts)}</svg>"
+    return svg(label, "".join(parts), name="strip", width=_WIDTH, height=_HEIGHT)
 
 
 def _place(tolerances: float) -> float:
@@ -48,15 +48,11 @@ def _box(name: str, low: float, high: float, top: float, height: float) -> str:
     return f'<rect class="{name}" x="{left:.1f}" y="{top:g}" width="{_place(high) - left:.1f}" height="{height:g}"/>'
 
 
-def _line(name: str, low: float, high: float, top: float, bottom: float) -> str:
-    return f'<path class="{name}" d="M{_place(low):.1f} {top:g}L{_place(high):.1f} {bottom:g}"/>'
-
-
 def _caught(smallest: float, *, one_sided: bool) -> list[str]:
     if math.isnan(smallest) or smallest > _REACH:
         return []
     signs = (1.0,) if one_sided else (-1.0, 1.0)
-    return [_line("caught", sign * smallest, sign * smallest, 5.0, _HEIGHT - 5.0) for sign in signs]
+    return [line("caught", x, 5.0, x, _HEIGHT - 5.0) for x in (_place(sign * smallest) for sign in signs)]
 
 
 def _mark(change: float) -> str:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.figures.axes.elements import Subplot
 from lidarcheck.figures.axes.map_cells import cell_edges, reach_of, resampled
 from lidarcheck.figures.data import Grid
+from lidarcheck.figures.svg.shades import LEVELS, box, levels_of, shade, shaded
 from lidarcheck.figures.svg.shapes import LETTER, PlotArea, svg, text
 from lidarcheck.figures.words import amount
 
 __all__ = ["map_svg"]
 
-_LEVELS = 5
 _MAP_ROWS, _MAP_COLUMNS = 64, 120
 
 
@@ -28,15 +29,8 @@ def map_svg(subplot: Subplot, grid: Grid, width: float, height: float) -> str:
     low, high = reach_of(grid)
     cells = resampled(grid, _number(grid.y, _MAP_ROWS), _number(grid.x, _MAP_COLUMNS))
     seen = np.isfinite(cells)
-    level = np.zeros(cells.shape, dtype=np.int64)
-    if grid.diverging:
-        level[seen] = np.rint(cells[seen] / high * _LEVELS).astype(np.int64)
-    else:
-        level[seen] = np.rint((cells[seen] - low) / (high - low) * _LEVELS).astype(np.int64)
-    parts = [
-        f'<path class="{_shade(shade)}" d="{_boxes(seen & (level == shade), frame)}"/>'
-        for shade in np.unique(level[seen]).tolist()
-    ]
+    level = levels_of(cells / high if grid.diverging else (cells - low) / (high - low))
+    parts = shaded(level, seen, lambda chosen: _boxes(chosen, frame))
     if grid.diverging:
         parts.append(_signs(level, frame))
     parts += [frame.axes(frame.x_ticks(), subplot.x_label), _scale(subplot, grid, low, high, width)]
@@ -52,24 +46,19 @@ def _number(middles: npt.ArrayLike, most: int) -> int:
     return min(len(steps) + 1, most) if even else most
 
 
-def _shade(level: int) -> str:
-    return f"z{level}" if level >= 0 else f"n{-level}"
-
-
-def _boxes(chosen: npt.NDArray[np.bool_], frame: PlotArea) -> str:
+def _boxes(chosen: BoolArray, frame: PlotArea) -> str:
     """Cells beside each other in a row are one box."""
     rows, columns = chosen.shape
     wide, high = (frame.right - frame.left) / columns, (frame.bottom - frame.top) / rows
     padded = np.pad(chosen.astype(np.int8), ((0, 0), (1, 1)))
     starts, ends = np.argwhere(np.diff(padded) == 1), np.argwhere(np.diff(padded) == -1)
     return "".join(
-        f"M{frame.left + first * wide:.1f} {frame.top + row * high:.1f}h{(last - first) * wide:.1f}v{high:.1f}"
-        f"h{(first - last) * wide:.1f}z"
+        box(frame.left + first * wide, frame.top + row * high, (last - first) * wide, high)
         for (row, first), (_, last) in zip(starts.tolist(), ends.tolist(), strict=True)
     )
 
 
-def _signs(level: npt.NDArray[np.int64], frame: PlotArea) -> str:
+def _signs(level: IndexArray, frame: PlotArea) -> str:
     """A minus or plus on shades from the second on, every so many cells, for those who do not see the colours."""
     rows, columns = level.shape
     wide, high = (frame.right - frame.left) / columns, (frame.bottom - frame.top) / rows
@@ -86,11 +75,11 @@ def _signs(level: npt.NDArray[np.int64], frame: PlotArea) -> str:
 
 def _scale(subplot: Subplot, grid: Grid, low: float, high: float, width: float) -> str:
     """The y label, and the shades with the numbers at their ends."""
-    levels = range(-_LEVELS if grid.diverging else 0, _LEVELS + 1)
+    levels = range(-LEVELS if grid.diverging else 0, LEVELS + 1)
     last = f"{amount(high)} {grid.value_label}".strip()
     x = width - 6.0 - LETTER * len(last)
     parts = [text(4.0, 13.0, subplot.y_label, "start", "label"), text(x, 13.0, last)]
     x -= 4.0 + 9.0 * len(levels)
-    parts += [f'<path class="{_shade(level)}" d="M{x + 9.0 * i:.1f} 5h9v10h-9z"/>' for i, level in enumerate(levels)]
+    parts += [f'<path class="{shade(level)}" d="M{x + 9.0 * i:.1f} 5h9v10h-9z"/>' for i, level in enumerate(levels)]
     parts.append(text(x - 4.0, 13.0, amount(low), "end"))
     return "".join(parts)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from lidarcheck.figures.axes.scales import round_ticks
 
-__all__ = ["HEIGHT", "LETTER", "WIDTH", "PlotArea", "nodes", "svg", "text"]
+__all__ = ["HEIGHT", "LETTER", "WIDTH", "PlotArea", "line", "nodes", "svg", "text"]
 
 WIDTH, HEIGHT = 260.0, 158.0
 _BESIDE, _BELOW = 6.0, 36.0
@@ -112,6 +112,11 @@ def text(x: float, y: float, words: str, anchor: str = "start", name: str = "") 
     style = f' class="{name}"' if name else ""
     where = "" if anchor == "start" else f' text-anchor="{anchor}"'
     return f'<text{style}{where} x="{x:.1f}" y="{y:.1f}">{html.escape(words)}</text>'
+
+
+def line(name: str, x: float, y: float, end_x: float, end_y: float) -> str:
+    """A straight line from one place to another."""
+    return f'<path class="{name}" d="M{x:.1f} {y:g}L{end_x:.1f} {end_y:g}"/>'
 
 
 def nodes(points: Sequence[tuple[float, float]]) -> str:
