@@ -13,7 +13,7 @@ from lidarcheck.explain.report.explanation import Candidate, Finding
 from lidarcheck.explain.report.text import report_sections
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search
-from lidarcheck.explain.search.starts import Probe, fixed_probes
+from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.figures.html.explanation import explanation_html
 from lidarcheck.inference.effect_fit import Fit
 
