@@ -17,7 +17,6 @@ import dataclasses
 import difflib
 import functools
 import importlib
-import importlib.metadata
 import inspect
 import itertools
 import pkgutil
@@ -39,6 +38,7 @@ from lidarcheck.effects.parameters import (
     list_parameter,
     parameter,
 )
+from lidarcheck.effects.plugins import plugins
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -66,7 +66,6 @@ __all__ = [
     "list_parameter",
     "make",
     "parameter",
-    "plugins",
     "with_role",
 ]
 
@@ -227,22 +226,6 @@ def catalogue() -> Mapping[str, type[Effect]]:
 def empirical_terms() -> Mapping[str, type[Effect]]:
     """The empirical terms by name, in the order of the light's way: what describes data that no effect explains."""
     return {name: effect for name, effect in _found().items() if effect.empirical}
-
-
-@functools.cache
-def plugins() -> tuple[object, ...]:
-    """What other packages bring: the modules, or what is in them, that their entry points `lidarcheck.effects` name.
-
-    `UsageError` for one that does not load.
-    """
-    found = []
-    for point in importlib.metadata.entry_points(group="lidarcheck.effects"):
-        try:
-            found.append(point.load())
-        except (ImportError, AttributeError) as error:
-            fix = "correct its entry point lidarcheck.effects, or uninstall the package that has it"
-            raise UsageError(f"the plugin {point.name} ({point.value}) does not load: {error}", fix=fix) from error
-    return tuple(found)
 
 
 @functools.cache

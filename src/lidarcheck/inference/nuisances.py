@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import STAGES, Effect, make, with_role
 from lidarcheck.effects.search import search_spec
-from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR, UsualError
+from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR
+from lidarcheck.effects.search.parts import UsualError
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces, aimed
 

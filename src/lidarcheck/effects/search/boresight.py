@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.effects.search.base import POSE_ERROR_DEG, FreeParameter, Probe, SearchSpec, UsualError
+from lidarcheck.effects.search.base import POSE_ERROR_DEG, FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence
+from lidarcheck.effects.search.parts import UsualError
 from lidarcheck.effects.search.residuals import best_factors, range_residuals
 
 _USUAL_DEG = (0.3, 0.3)

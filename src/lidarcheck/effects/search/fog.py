@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lidarcheck.effects.search.base import LOG_STEP, BeamByBeam, FreeParameter, SearchSpec, Variant
+from lidarcheck.effects.search.base import LOG_STEP, FreeParameter, SearchSpec, Variant
 from lidarcheck.effects.search.fog_patches import refined, words
+from lidarcheck.effects.search.parts import BeamByBeam
 
 _FREE = (
     FreeParameter("mor_m", LOG_STEP, log=True),

@@ -13,8 +13,8 @@ import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import Effect, make
-from lidarcheck.effects.search.base import Refined
 from lidarcheck.effects.search.evidence import BeamTable, Observations, Replays
+from lidarcheck.effects.search.parts import Refined
 
 __all__ = ["Patchiness", "patchiness_of", "refined", "words"]
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.incidence_falloff import STEP_DEG
-from lidarcheck.effects.search.base import FreeParameter, ListReader, Probe, SearchSpec, Variant
+from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec, Variant
 from lidarcheck.effects.search.evidence import Evidence, Observations
+from lidarcheck.effects.search.parts import ListReader
 from lidarcheck.effects.search.residuals import at_knots
 
 _FREE = (FreeParameter("exponent", 0.1),)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.effects.search.base import FreeParameter, ListReader, Probe, SearchSpec, TakeOver
+from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence, Observations
+from lidarcheck.effects.search.parts import ListReader, TakeOver
 
 _FREE = (FreeParameter("gain", 0.05, log=True),)
 _PERIODS = (2, 3, 4, 5, 6, 8)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.effects.search.base import REFLECTANCE_ERROR, FreeParameter, Probe, SearchSpec, UsualError
+from lidarcheck.effects.search.base import REFLECTANCE_ERROR, FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence
+from lidarcheck.effects.search.parts import UsualError
 
 _FREE = (FreeParameter("factor", 0.05, log=True),)
 _LEAST, _ANY = 0.05, 1.3

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.effects.search.base import FreeParameter, Imitation, Probe, SearchSpec
+from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence
 from lidarcheck.effects.search.motion import driving_ahead
+from lidarcheck.effects.search.parts import Imitation
 from lidarcheck.effects.search.residuals import of_echoes_and_light, range_residuals
 
 

@@ -1,6 +1,7 @@
 """What a search must know of `signal_gain`."""
 
-from lidarcheck.effects.search.base import GAIN_ERROR, FreeParameter, SearchSpec, UsualError
+from lidarcheck.effects.search.base import GAIN_ERROR, FreeParameter, SearchSpec
+from lidarcheck.effects.search.parts import UsualError
 
 SPEC = SearchSpec(
     "signal_gain",

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.search.base import FreeParameter, ListReader, Probe, SearchSpec, TakeOver
+from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import AREA, RANGE, Evidence, Observations
+from lidarcheck.effects.search.parts import ListReader, TakeOver
 from lidarcheck.effects.search.residuals import at_knots, medians, range_residuals
 from lidarcheck.effects.walk_error import LARGEST_REFERENCE, QUARTERS, WalkError
 

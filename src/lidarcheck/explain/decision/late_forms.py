@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect
 from lidarcheck.effects.search import search_spec
-from lidarcheck.effects.search.base import Refined
 from lidarcheck.effects.search.evidence import BeamTable, Observations
+from lidarcheck.effects.search.parts import Refined
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.inference.effect_fit import Fit, fit

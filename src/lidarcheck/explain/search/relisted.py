@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lidarcheck.effects.search import Probe, search_spec
-from lidarcheck.effects.search.base import ListReader
+from lidarcheck.effects.search.parts import ListReader
 from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
