@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lidarcheck.cli.simulation.effects_text import TREE, example, node_names
 from lidarcheck.effects import Effect, catalogue
+from lidarcheck.effects.search import search_spec
 from lidarcheck.formats.atomic import write_text
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "effects.md"
@@ -112,7 +113,20 @@ def section(effect: type[Effect]) -> str:
     if rows:
         text.append("| parameter | unit | range | typical | meaning |\n|---|---|---|---|---|\n")
         text.append("".join(f"{row}\n" for row in rows) + "\n")
-    return "".join([*text, f"```toml\n{example(effect)}```\n\n"])
+    return "".join([*text, f"```toml\n{example(effect)}```\n\n", *seen(effect)])
+
+
+def seen(effect: type[Effect]) -> list[str]:
+    """What watches one effect, and the picture that proves it."""
+    spec = search_spec(effect.name)
+    kinds = ", ".join(f"`{kind}`" for kind in spec.watched_by)
+    found = [f"Watched by the KPIs {kinds}."] if kinds else []
+    if spec.shown_by:
+        feature, over = spec.shown_by
+        feature = {"others": "other echoes", "detected": "detection"}.get(feature, feature)
+        words = {"map": f"the map of {feature}", "histogram": f"the histogram of {feature}"}
+        found.append(f"In a report of a gap it shows in {words.get(over, f'{feature} over {over}')}.")
+    return [" ".join(found) + "\n\n"] if found else []
 
 
 def prose(text: str) -> str:

@@ -5,6 +5,8 @@ import pytest
 
 from lidarcheck.effects import catalogue, empirical_terms, find
 from lidarcheck.effects.search import SearchSpec, search_spec, search_specs
+from lidarcheck.figures.gap.measure import COVARIATES
+from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.inference.wasserstein import PARTS
 
 SPECS = [search_spec(name) for name in catalogue()]
@@ -57,3 +59,13 @@ def test_starts_of_other_kinds_stand_in_an_order_of_their_own() -> None:
     orders = [spec.order for spec in SPECS if spec.variants or spec.starts or spec.starts_of_each]
     assert np.isfinite(orders).all()
     assert len(set(orders)) == len(orders)
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=IDS)
+def test_a_kpi_watches_it_and_a_picture_proves_it(spec: SearchSpec) -> None:
+    assert spec.watched_by
+    assert set(spec.watched_by) <= set(KINDS)
+    assert spec.shown_by is not None
+    feature, over = spec.shown_by
+    assert feature in {"range", "area", "peak", "width", "detected", "others"}
+    assert over in {*COVARIATES, "map", "histogram"}

@@ -10,4 +10,5 @@ SPEC = SearchSpec(
     groups=frozenset({"background", "detector"}),
     form_errors={"probability": 0.15},
     watched_by=("echo_share", "width_mean", "multi_echo_share", "area_mean"),
+    shown_by=("width", "amplitude"),
 )

@@ -25,4 +25,5 @@ SPEC = SearchSpec(
     groups=frozenset({"background"}),
     form_errors={"sky": 0.20},  # what the sky is taken to be
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
+    shown_by=("others", "map"),
 )

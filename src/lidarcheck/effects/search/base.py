@@ -232,6 +232,9 @@ class SearchSpec:
 
     watched_by: tuple[str, ...] = ()
     """The kinds of KPI that it moves by what it does, the most telling first."""
+    shown_by: tuple[str, str] | None = None
+    """The picture that proves it in a report of a gap: of range, area, peak, width, detected or others (echoes that
+    belong to no surface), over a covariate, as a map or as a histogram."""
 
     @property
     def is_searched(self) -> bool:

@@ -43,4 +43,5 @@ SPEC = SearchSpec(
     form_errors={"vertical_deg": 0.25, "horizontal_deg": 0.25},  # a beam's profile, of which few rays have no flanks
     finer=_with_more_rays,
     watched_by=("mixed_pixel_share", "multi_echo_share", "range_noise"),
+    shown_by=("others", "map"),
 )

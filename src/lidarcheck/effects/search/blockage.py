@@ -167,4 +167,5 @@ SPEC = SearchSpec(
     is_another=_is_a_band,
     form_errors={"transmission": 0.06},  # what a border is taken to be
     watched_by=("area_mean", "detection_probability", "area_point_spread", "area_layer_spread"),
+    shown_by=("area", "map"),
 )

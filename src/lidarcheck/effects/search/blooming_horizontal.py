@@ -21,4 +21,5 @@ SPEC = SearchSpec(
     amounts=("core_left", "core_right", "skirt_left", "skirt_right"),
     why_unseen=why_unseen,
     watched_by=HALO,
+    shown_by=("others", "map"),
 )

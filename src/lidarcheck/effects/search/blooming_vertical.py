@@ -21,4 +21,5 @@ SPEC = SearchSpec(
     amounts=("core_up", "core_down", "skirt_up", "skirt_down"),
     why_unseen=why_unseen,
     watched_by=HALO,
+    shown_by=("others", "map"),
 )

@@ -46,4 +46,5 @@ SPEC = SearchSpec(
     at_edges=True,
     least_errors={"yaw_deg": POSE_ERROR_DEG, "pitch_deg": POSE_ERROR_DEG},
     watched_by=("echo_layer_mean", "echo_point_mean", "range_residual_per_layer", "range_noise", "area_mean"),
+    shown_by=("range", "map"),
 )

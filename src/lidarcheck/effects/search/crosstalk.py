@@ -14,4 +14,5 @@ SPEC = SearchSpec(
     groups=frozenset({"detector"}),
     form_errors={"sides": 0.12, "corners": 0.20},  # how detectors lie side by side
     watched_by=("area_spread", "peak_mean", "false_alarm_probability", "area_mean"),
+    shown_by=("peak", "amplitude"),
 )

@@ -10,4 +10,5 @@ SPEC = SearchSpec(
     groups=frozenset({"background"}),
     confused_with={"ambient_light": "a frame in the dark, or a closed aperture"},
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
+    shown_by=("others", "histogram"),
 )

@@ -38,4 +38,5 @@ SPEC = SearchSpec(
     least_errors={"shift_ns": 0.6},
     whole_steps={"shift_ns": lambda sensor: sensor.bin_ns},
     watched_by=("multi_echo_share", "area_mean", "echo_range_mean", "width_mean"),
+    shown_by=("area", "amplitude"),
 )

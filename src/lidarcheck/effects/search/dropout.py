@@ -177,4 +177,5 @@ SPEC = SearchSpec(
     chance_errors=_chance_errors,
     as_struck=_as_struck,
     watched_by=("detection_probability", "echo_share"),
+    shown_by=("detected", "map"),
 )

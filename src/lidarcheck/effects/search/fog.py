@@ -50,4 +50,5 @@ SPEC = SearchSpec(
     confused_with={"rain": "many frames of the air close to the sensor: drops are single, fog is a veil"},
     beam_by_beam=BeamByBeam("patches", refined, words),
     watched_by=("area_loss_per_metre", "echo_share", "stray_range_onset", "area_mean", "detection_probability"),
+    shown_by=("others", "histogram"),
 )

@@ -55,4 +55,5 @@ SPEC = SearchSpec(
     groups=frozenset({"light"}),
     list_reader=ListReader("factors", _factors, rounds=2),
     watched_by=("area_incidence_exponent", "area_mean", "detection_probability"),
+    shown_by=("area", "incidence"),
 )

@@ -29,4 +29,5 @@ SPEC = SearchSpec(
         "stray_range_onset",
         "echo_area_mean",
     ),
+    shown_by=("others", "map"),
 )

@@ -121,4 +121,5 @@ SPEC = SearchSpec(
     read_lists=("gains",),
     list_reader=ListReader("gains", _gains, rounds=0, always=False),  # its gain is but a factor on the list
     watched_by=("area_layer_spread", "area_mean", "detection_probability"),
+    shown_by=("area", "layer"),
 )

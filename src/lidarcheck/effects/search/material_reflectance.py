@@ -35,4 +35,5 @@ SPEC = SearchSpec(
     groups=frozenset({"light"}),
     usual_error=UsualError(REFLECTANCE_ERROR, ("factor",), log=True),
     watched_by=("area_mean", "detection_probability", "peak_mean"),
+    shown_by=("area", "material"),
 )

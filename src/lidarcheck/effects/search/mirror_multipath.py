@@ -27,4 +27,5 @@ SPEC = SearchSpec(
     shows_images=True,
     why_unseen=lambda _evidence: "no surface mirrors another that the sensor sees",
     watched_by=("echo_share", "echo_range_mean", "multi_echo_share", "false_alarms_per_beam"),
+    shown_by=("others", "map"),
 )

@@ -134,4 +134,5 @@ SPEC = SearchSpec(
     lasting_case_of="vibration",  # a view that wanders follows any turn that lasts
     read_lists=("movers",),
     watched_by=("range_residual_per_point", "range_residual_mean", "range_noise"),
+    shown_by=("range", "point"),
 )

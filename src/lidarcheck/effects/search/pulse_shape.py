@@ -29,4 +29,5 @@ SPEC = SearchSpec(
     confused_with={"threshold": "the echo's WIDTH over AREA on a bright panel"},
     form_errors={"tail_share": 0.20, "tail_ns": 0.10},  # what a tail is taken to be
     watched_by=("width_mean", "peak_mean", "area_mean"),
+    shown_by=("width", "histogram"),
 )

@@ -22,4 +22,5 @@ SPEC = SearchSpec(
     amounts=("rate_mm_h",),
     named_by={"drop_density": 0.0},  # drops that nobody sees, and the light that they take, are fog as well
     watched_by=("false_alarms_per_beam", "echo_range_mean", "area_loss_per_metre", "stray_range_onset"),
+    shown_by=("others", "histogram"),
 )

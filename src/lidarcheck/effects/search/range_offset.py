@@ -44,4 +44,5 @@ SPEC = SearchSpec(
     kinds_alike=True,  # over a range of a bin
     may_stay={"range": (0.04, 0.15)},
     watched_by=("range_residual_mean", "range_residual_median"),
+    shown_by=("range", "histogram"),
 )

@@ -31,4 +31,5 @@ SPEC = SearchSpec(
     kinds_alike=True,  # over a range of a bin
     may_stay={"range": (0.04, 0.15)},
     watched_by=("range_residual_per_metre", "range_residual_mean"),
+    shown_by=("range", "range"),
 )

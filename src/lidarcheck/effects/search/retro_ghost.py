@@ -15,4 +15,5 @@ SPEC = SearchSpec(
     why_unseen=why_unseen,
     form_errors={"extra_m": 0.35},
     watched_by=("ghost_count_ratio", "ghost_area_ratio", "ghost_peak_ratio", "multi_echo_share"),
+    shown_by=("others", "histogram"),
 )

@@ -10,4 +10,5 @@ SPEC = SearchSpec(
     groups=frozenset({"background"}),
     whole_steps={"shift": lambda _sensor: 1.0},
     watched_by=("detection_probability", "false_alarm_probability", "width_mean", "area_mean"),
+    shown_by=("detected", "amplitude"),
 )

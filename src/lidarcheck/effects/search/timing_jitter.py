@@ -8,4 +8,5 @@ SPEC = SearchSpec(
     fixed_starts=({"sigma_ns": 0.3}, {"sigma_ns": 1.0}),
     amounts=("sigma_ns",),
     watched_by=("range_noise",),
+    shown_by=("range", "histogram"),
 )

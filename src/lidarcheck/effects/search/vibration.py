@@ -190,4 +190,5 @@ SPEC = SearchSpec(
     variants_anew=("random", "wander", "free phase"),
     acts_anew=_turns_anew,
     watched_by=("range_residual_point_spread", "range_noise"),
+    shown_by=("range", "point"),
 )

@@ -154,4 +154,5 @@ SPEC = SearchSpec(
     may_stay={"range": (0.08, 0.15)},
     list_reader=ListReader("shifts_m", _shifts, rounds=2),
     watched_by=("range_residual_per_decade", "range_residual_mean"),
+    shown_by=("range", "amplitude"),
 )
