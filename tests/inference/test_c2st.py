@@ -7,8 +7,8 @@ import pytest
 
 from explain_core_kit import at_ranges, frames, model
 from lidarcheck.effects import Effect, make
-from lidarcheck.inference.beam_table import beams_of, key_of
 from lidarcheck.inference.c2st import COLUMNS, _rows, classifier_auc
+from lidarcheck.inference.observed.beam_table import beams_of, key_of
 
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 8)}
 

@@ -13,7 +13,7 @@ from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import Fit
-from lidarcheck.inference.kernels import areas_between
+from lidarcheck.inference.observed.kernels import areas_between
 from lidarcheck.inference.wasserstein import PARTS, Scale, gap_of
 
 OFFSET = make("range_offset", {"offset_m": 0.08})

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import Scan

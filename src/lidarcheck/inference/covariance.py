@@ -10,8 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, make, with_role
-from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.edges import EXTRA
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
@@ -20,8 +18,10 @@ from lidarcheck.inference.nuisances import (
     REFLECTANCE_ERROR,
     beside,
 )
-from lidarcheck.inference.observations import Observations
-from lidarcheck.inference.summaries import Summaries
+from lidarcheck.inference.observed.beam_table import BeamTable
+from lidarcheck.inference.observed.edges import EXTRA
+from lidarcheck.inference.observed.observations import Observations
+from lidarcheck.inference.observed.summaries import Summaries
 from lidarcheck.model.spec import Model
 from lidarcheck.workers.threads import mapped
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from lidarcheck.cases.frame import Frame
 from lidarcheck.effects.base import Effect
-from lidarcheck.inference.beam_table import BeamTable
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observations import Observations, observations_of
+from lidarcheck.inference.observed.beam_table import BeamTable
+from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.incremental import DetectedFrame, simulate_detected
 from lidarcheck.model.spec import Model

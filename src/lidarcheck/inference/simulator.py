@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.covariance import metrics, nuisances, shuffled
-from lidarcheck.inference.edges import runs_along, runs_past, with_beams_of
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observations import Observations, observations_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.edges import runs_along, runs_past, with_beams_of
+from lidarcheck.inference.observed.observations import Observations, observations_of
+from lidarcheck.inference.observed.summaries import Summaries, compressed
 from lidarcheck.inference.simulations import Simulations
-from lidarcheck.inference.summaries import Summaries, compressed
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import Scan
 from lidarcheck.workers import Shared

@@ -16,14 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.inference.beam_table import BeamTable, beams_of
 from lidarcheck.inference.intervals import ENDS, Gap, Interval
-from lidarcheck.inference.kernels import areas_between
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observations import FEATURES, Observations, observations_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.kernels import areas_between
+from lidarcheck.inference.observed.observations import FEATURES, Observations, observations_of
+from lidarcheck.inference.observed.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
+from lidarcheck.inference.observed.summaries import Expected, expectation
 from lidarcheck.inference.simulations import observed
-from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
-from lidarcheck.inference.summaries import Expected, expectation
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool

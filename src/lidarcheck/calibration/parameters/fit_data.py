@@ -14,9 +14,9 @@ import numpy.typing as npt
 from lidarcheck.calibration.parameters.statistics import Statistics
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import UsageError
-from lidarcheck.inference.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.inference.metric import Metric
-from lidarcheck.inference.observations import Observations, observations_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
+from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.inference.simulations import observed
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.calibration.parameters.fit_data import FitData, seed_of
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import InputError
-from lidarcheck.inference.beam_table import BeamTable, key_of
+from lidarcheck.inference.observed.beam_table import BeamTable, key_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.expectation import Expected, expectation, pose_weights
-from lidarcheck.inference.extra_echoes import sides_of_surface
-from lidarcheck.inference.observations import Observations
-from lidarcheck.inference.strata import RANGE_EDGES_M, divisions, range_bin
-from lidarcheck.inference.summaries import compressed
+from lidarcheck.inference.observed.beam_table import BeamTable
+from lidarcheck.inference.observed.expectation import Expected, expectation, pose_weights
+from lidarcheck.inference.observed.extra_echoes import sides_of_surface
+from lidarcheck.inference.observed.observations import Observations
+from lidarcheck.inference.observed.strata import RANGE_EDGES_M, divisions, range_bin
+from lidarcheck.inference.observed.summaries import compressed
 
 __all__ = ["Statistics"]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.calibration.parameters.fit_data import FitData, seed_of
-from lidarcheck.inference.observations import FEATURES, Observations
+from lidarcheck.inference.observed.observations import FEATURES, Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import Shared, WorkerPool

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 

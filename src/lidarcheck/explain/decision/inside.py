@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lidarcheck.effects.search import search_spec
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 

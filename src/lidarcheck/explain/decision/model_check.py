@@ -14,7 +14,7 @@ from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observations import FEATURES
+from lidarcheck.inference.observed.observations import FEATURES
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.search import search_spec
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.effects.search import search_spec
-from lidarcheck.inference.edges import at_borders
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.edges import at_borders
+from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.explain.report.explanation import Standout
-from lidarcheck.inference.summary import Summary
+from lidarcheck.inference.observed.summary import Summary
 
 __all__ = ["depends_on", "place_words", "standouts"]
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import make, with_role
 from lidarcheck.effects.search.evidence import AREA, Dimming, Observations
-from lidarcheck.inference.beam_table import BeamTable, key_of
-from lidarcheck.inference.expectation import Expected
 from lidarcheck.inference.nuisances import beside
+from lidarcheck.inference.observed.beam_table import BeamTable, key_of
+from lidarcheck.inference.observed.expectation import Expected
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Sensor

@@ -23,9 +23,9 @@ from lidarcheck.figures.gap.data import (
     Pictures,
     ResidualCurve,
 )
-from lidarcheck.inference.beam_table import BeamTable, beams_of
-from lidarcheck.inference.observations import FEATURES, Observations, observations_of
-from lidarcheck.inference.strata import Division, divisions
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.observations import FEATURES, Observations, observations_of
+from lidarcheck.inference.observed.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model

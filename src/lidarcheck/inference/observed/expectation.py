@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.observations import Observations
+from lidarcheck.inference.observed.beam_table import BeamTable
+from lidarcheck.inference.observed.observations import Observations
 
 __all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_weights"]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import SIDES, BeamTable
+from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
 
 __all__ = ["OFFSET_EDGES", "RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
 

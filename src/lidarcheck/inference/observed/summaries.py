@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import BeamTable
-from lidarcheck.inference.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
-from lidarcheck.inference.extra_echoes import FalseEchoes, sides_of_surface
-from lidarcheck.inference.kernels import add_up, write_residuals, write_scatter
-from lidarcheck.inference.observations import FEATURES, Observations
-from lidarcheck.inference.strata import Division, divisions, fine_divisions
-from lidarcheck.inference.summary import Summary
+from lidarcheck.inference.observed.beam_table import BeamTable
+from lidarcheck.inference.observed.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
+from lidarcheck.inference.observed.extra_echoes import FalseEchoes, sides_of_surface
+from lidarcheck.inference.observed.kernels import add_up, write_residuals, write_scatter
+from lidarcheck.inference.observed.observations import FEATURES, Observations
+from lidarcheck.inference.observed.strata import Division, divisions, fine_divisions
+from lidarcheck.inference.observed.summary import Summary
 from lidarcheck.workers.threads import mapped
 
 __all__ = ["Expected", "Summaries", "Summary", "compressed", "expectation"]

@@ -8,7 +8,7 @@ import pytest
 from explain_core_kit import PANEL, WALL, model, street
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference import simulator as simulating
-from lidarcheck.inference.edges import EXTRA, runs_along, runs_past, with_beams_of
+from lidarcheck.inference.observed.edges import EXTRA, runs_along, runs_past, with_beams_of
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan

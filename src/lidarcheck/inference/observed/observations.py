@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import BeamTable, key_of
-from lidarcheck.inference.kernels import write_nearest
+from lidarcheck.inference.observed.beam_table import BeamTable, key_of
+from lidarcheck.inference.observed.kernels import write_nearest
 from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
 from lidarcheck.scan import Scan
 

@@ -12,12 +12,12 @@ from explain_core_kit import MATERIALS, PANEL, SIGN, at_ranges, frames, model, s
 from lidarcheck.cases.frame import Frame
 from lidarcheck.cases.split import Split, split_frames
 from lidarcheck.errors import UsageError
-from lidarcheck.inference.beam_table import beams_of
-from lidarcheck.inference.expectation import _smooth_probability
-from lidarcheck.inference.observations import observations_of
+from lidarcheck.inference.observed.beam_table import beams_of
+from lidarcheck.inference.observed.expectation import _smooth_probability
+from lidarcheck.inference.observed.observations import observations_of
+from lidarcheck.inference.observed.strata import Division, binned, divisions, fine_divisions
+from lidarcheck.inference.observed.summaries import compressed
 from lidarcheck.inference.simulator import Simulator
-from lidarcheck.inference.strata import Division, binned, divisions, fine_divisions
-from lidarcheck.inference.summaries import compressed
 from lidarcheck.model import simulate
 from lidarcheck.scan import IdealScan, Scan
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import BeamTable, key_of
-from lidarcheck.inference.observations import FEATURES, Observations
+from lidarcheck.inference.observed.beam_table import BeamTable, key_of
+from lidarcheck.inference.observed.observations import FEATURES, Observations
 
 __all__ = ["EXTRA", "at_borders", "runs_along", "runs_past", "with_beams_of"]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from explain_core_kit import MATERIALS, PANEL, ROAD, SIGN, WALL, model
-from lidarcheck.inference.beam_table import BeamTable, beams_of
-from lidarcheck.inference.observations import Observations, observations_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import azimuth_deg, elevation_deg
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.inference.beam_table import SIDES, BeamTable
-from lidarcheck.inference.observations import Observations
-from lidarcheck.inference.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
-from lidarcheck.inference.summary import Summary
+from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
+from lidarcheck.inference.observed.observations import Observations
+from lidarcheck.inference.observed.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
+from lidarcheck.inference.observed.summary import Summary
 
 __all__ = ["FalseEchoes", "sides_of_surface"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lidarcheck.inference.kernels import add_up, write_nearest, write_residuals, write_scatter
+from lidarcheck.inference.observed.kernels import add_up, write_nearest, write_residuals, write_scatter
 
 RNG = np.random.default_rng(12)
 
