@@ -34,6 +34,7 @@ def split(given: Case) -> Split:
     return run().split(given)
 
 
+@pytest.mark.long
 def test_the_select_frames_fit_where_they_alone_show_a_gap() -> None:
     given, doing = of_role("select"), run()
     first = doing.split(given)

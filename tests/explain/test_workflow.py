@@ -99,12 +99,14 @@ def test_the_report_says_what_was_done(named: Explanation, told) -> None:
     assert "range_offset" not in named.not_testable
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_answer(offset_case: Case, named: Explanation) -> None:
     again = explain(offset_case, seed=1, exclude=AT_REST)
     assert text(again) == text(named)
     assert again.model == named.model
 
 
+@pytest.mark.long
 def test_what_is_excluded_is_not_named(offset_case: Case) -> None:
     found = explain(offset_case, seed=1, exclude=("range_offset", *AT_REST))
     assert found.verdict == "unknown" or "range_offset" not in [one.name for one in found.findings]

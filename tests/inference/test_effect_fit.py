@@ -50,6 +50,7 @@ def test_a_small_error_of_a_table_entry_is_fitted_to_the_end(seed: int) -> None:
     assert after < 0.3 * before
 
 
+@pytest.mark.long
 def test_an_offset_is_not_taken_for_a_sensor_that_moves() -> None:
     found = explain(case(model(make("range_offset", {"offset_m": 0.12})), model()), seed=1)
     assert [one.name for one in found.findings] == ["range_offset"]

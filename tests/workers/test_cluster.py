@@ -183,6 +183,7 @@ def test_a_scheduler_without_workers_is_said_and_how_to_start_some(farm, inputs,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("work", [frames, checked, calibrated, explained])
 def test_the_same_bits_on_one_process_on_four_and_on_a_cluster(work, inputs, tmp_path, processes, cluster):
     pools = {"one": WorkerPool(), "four": processes, "cluster": cluster}

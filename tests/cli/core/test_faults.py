@@ -111,6 +111,7 @@ def test_missing_streams_are_no_failure(closed: tuple[int, ...]) -> None:
     assert run.returncode == 0
 
 
+@pytest.mark.long
 def test_a_cache_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     example, model = ROOT / "examples" / "wall_ideal.txt", ROOT / "scenarios" / "models" / "SMART.toml"
     arguments = ["simulate", str(example), "--model", str(model), "--out", str(tmp_path / "o.txt")]

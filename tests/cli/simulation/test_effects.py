@@ -251,6 +251,7 @@ def test_the_same_seed_shows_the_same_curve():
         show(effects.make("dropout", {}), seed=-1)
 
 
+@pytest.mark.long
 def test_chance_alone_is_not_shown_as_a_change():
     for seed in range(20):
         assert not show(effects.make("dropout", {"share": 1e-4}), seed=seed).significant

@@ -66,6 +66,7 @@ def test_beams_that_other_causes_lose_and_lines_along_edges_leave_the_size_as_it
     assert found.settings["share"] == pytest.approx(0.05, abs=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("others", [(), (make("dark_counts", {"rate_per_ns": 1e-3}),)])
 def test_beams_that_are_lost_one_by_one_make_no_blocks(others: tuple[object, ...]) -> None:
     assert not starts_of(lab_of(0.08, 1, 1, *others))

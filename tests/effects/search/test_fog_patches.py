@@ -63,6 +63,7 @@ def patchiness(scale: Scale) -> Patchiness | None:
     return patchiness_of(ScaleReplays(scale, model(EVEN), Nuisance(), WorkerPool()), EVEN)
 
 
+@pytest.mark.long
 def test_even_fog_is_not_patchy() -> None:
     scale = seen((1.0,), (1.0,), (1.0,), (1.0,))
     assert patchiness(scale) is None
@@ -74,6 +75,7 @@ def test_other_effects_are_left_as_they_are() -> None:
     assert with_forms_of_beams(seen(*((d,) for d in DENSITIES)), model(), [other], Nuisance(), WorkerPool()) == (other,)
 
 
+@pytest.mark.long
 def test_frames_of_different_density_have_patches_larger_than_the_view() -> None:
     found = patchiness(seen(*((d,) for d in DENSITIES)))
     assert found is not None
@@ -83,6 +85,7 @@ def test_frames_of_different_density_have_patches_larger_than_the_view() -> None
     assert found.patch_deg > 20.0
 
 
+@pytest.mark.long
 def test_directions_of_different_density_have_patches_within_the_view() -> None:
     stripes = [(a, b, a, b) for a, b in ((0.6, 1.5), (1.4, 0.7), (0.75, 1.3), (1.5, 0.6))]
     found = patchiness(seen(*stripes))
@@ -92,6 +95,7 @@ def test_directions_of_different_density_have_patches_within_the_view() -> None:
     assert 1.0 < found.patch_deg < 8.0
 
 
+@pytest.mark.long
 def test_a_name_of_fog_gets_the_patches_with_their_interval() -> None:
     scale = seen(*((d,) for d in DENSITIES))
     [found] = with_forms_of_beams(scale, model(), [finding()], Nuisance(), WorkerPool())

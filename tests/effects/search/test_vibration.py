@@ -27,6 +27,7 @@ def starts(effect: Effect, **how: object) -> dict[str, Probe]:
     return {p.variant: p for p in located_probes(simulator, ["vibration"])}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frequency_hz", [170.0, 741.0, 2300.0])
 def test_the_frequency_is_found_to_a_part_of_what_a_sweep_resolves(frequency_hz: float) -> None:
     found = starts(shaken(yaw_deg=0.06, frequency_hz=frequency_hz, phase_deg=50.0))[""].settings

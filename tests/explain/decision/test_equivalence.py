@@ -40,6 +40,7 @@ def trial(bench: SearchData, name: str, gain: float) -> FittedCandidate:
     return FittedCandidate(name, 1, found, gain, 1.0, 1000.0, 100.0)
 
 
+@pytest.mark.long
 def test_the_nearer_name_takes_the_place(bench: SearchData) -> None:
     scale = Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 5)
     right, wrong = (fitted(bench.simulator, name) for name in ("range_offset", "range_scale"))

@@ -31,6 +31,7 @@ def left(seen: Scale, now: Fit) -> float:
     return seen.excess(now.model(model()), now.nuisance)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rays", [3, 11])
 def test_more_rays_are_taken_where_they_leave_less(rays: int) -> None:
     seen, before = fitted(rays)

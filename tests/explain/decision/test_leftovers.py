@@ -28,6 +28,7 @@ def named(true: Effect, name: str) -> Judged:
     return judged(Scale.of(measured, model(), 5), model(), found, 7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", TRUE)
 def test_the_true_name_leaves_nothing_that_follows(name: str) -> None:
     own = named(TRUE[name], name)
@@ -35,6 +36,7 @@ def test_the_true_name_leaves_nothing_that_follows(name: str) -> None:
     assert not ranges_follow(own.simulator, own.last)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("true", "name"), [("walk_error", "range_scale"), ("range_scale", "range_offset")])
 def test_a_wrong_name_does(true: str, name: str) -> None:
     own = named(TRUE[true], name)

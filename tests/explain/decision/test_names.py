@@ -46,6 +46,7 @@ def test_a_band_over_all_points_is_no_dirt(plain: Simulator, first: int, last: i
     assert search_spec("signal_gain").is_another is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("missing", "is_rain"), [(HAZE, False), (DRIZZLE, True)], ids=["haze", "rain"])
 def test_there_is_no_rain_without_drops(missing: Effect, is_rain: bool) -> None:
     simulator = Simulator(frames(model(missing), 2, **FINE), model(), 3)

@@ -134,6 +134,7 @@ def bench_of(true: Model, believed: Model, changed: Callable[[Scan], Scan] | Non
     return bench, Scale.of(measured[:3], believed, 8), Scale.of(measured[3:], believed, 9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changed", "says", "closed"),
     [

@@ -62,6 +62,7 @@ def misled(bench: SearchData) -> Search:
     return Search(start_fit(bench.simulator, nuisances=False), wrong, trials)
 
 
+@pytest.mark.long
 def test_where_much_stays_open_the_search_begins_with_another_effect(
     both: SearchData, screened: list[Screened]
 ) -> None:
@@ -97,6 +98,7 @@ def test_where_little_stays_open_no_other_way_is_tried(screened: list[Screened])
     assert detours(bench, nothing, screened, unasked) is nothing
 
 
+@pytest.mark.long
 def test_an_accepted_effect_is_fitted_to_the_end() -> None:
     """A first fit of few steps leaves a long pulse too short; what it leaves open is no effect of its own."""
     bench = bench_of(LONG)
@@ -163,6 +165,7 @@ def test_each_other_way_is_told_with_its_own_trials_alone(
     assert [len(way.trials) for way in ways] == [began + 1, began + 1]
 
 
+@pytest.mark.long
 def test_a_way_is_searched_once_and_told_as_it_was_found(
     both: SearchData, screened: list[Screened], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,6 +41,7 @@ def test_it_drives_as_fast_as_lengthens_ranges_by_the_offset() -> None:
     assert driving.settings["yaw_deg_s"] == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("hidden", "passes", "names"),
     [

@@ -28,6 +28,7 @@ def variants(fits: list[Fit]) -> list[str]:
     return [fit.probes[0].variant for fit in fits]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mor_m", [300.0, 700.0])
 def test_an_overlap_that_rises_smoothly_has_starts_of_its_own(mor_m: float) -> None:
     _, fits = tried_on(make("fog", RISES | {"mor_m": mor_m}))

@@ -42,6 +42,7 @@ def test_a_usual_error_of_the_table_is_no_effect() -> None:
     assert searched()[0] == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("share", [0.008, 0.012])
 def test_few_lost_beams_stand_out_of_a_rest_that_is_small_enough_for_chance(share: float) -> None:
     found, bench, _ = searched(make("dropout", {"share": share}))
@@ -96,6 +97,7 @@ def test_a_pose_and_tables_that_move_the_same_ranges_are_told_apart() -> None:
     assert found.nuisance.materials[WALL] == pytest.approx(-1.2, abs=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("gain", "named"), [(0.90, True), (0.98, False)])
 def test_what_only_tables_at_their_limits_would_explain_keeps_its_name(gain: float, named: bool) -> None:
     """Tables that are off by what they may be at most explain nearly all of a gain of 0.9."""
@@ -111,6 +113,7 @@ def test_what_only_tables_at_their_limits_would_explain_keeps_its_name(gain: flo
     assert found.names() == (("signal_gain",) if named else ())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("hidden", "name", "kept"),
     [

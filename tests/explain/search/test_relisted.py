@@ -115,6 +115,7 @@ def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch:
     assert (found.distance - simulator.floor_distance < 0.5 * (curve.distance - simulator.floor_distance)) == nearer
 
 
+@pytest.mark.long
 def test_what_a_power_of_the_cosine_has_not_comes_out_as_factors() -> None:
     """A gloss at 30 degrees and a shade at 60 on top of the power."""
     bumps = np.array([0.6, 0.8, 1.2, 1.6, 1.6, 1.0, 0.6, 0.5, 0.8, 1.2])

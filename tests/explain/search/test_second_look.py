@@ -56,6 +56,7 @@ def ignored(_done: int, _of: int) -> None:
     return None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("hidden", "names"), [((GAIN, JITTER), ("signal_gain", "timing_jitter")), ((GAIN,), None)])
 def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
     hidden: tuple[Effect, ...], names: tuple[str, ...] | None
@@ -74,6 +75,7 @@ def test_a_second_look_finds_what_hides_beside_a_strong_effect_and_nothing_else(
         assert len(found.own.simulator.frames) == 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("holds", "names"), [(True, 2), (False, 3)])
 def test_looks_go_on_while_more_is_open_than_may_be_though_the_last_name_left_less_than_half(
     holds: bool, names: int, monkeypatch: pytest.MonkeyPatch
@@ -86,6 +88,7 @@ def test_looks_go_on_while_more_is_open_than_may_be_though_the_last_name_left_le
     assert after.fit.names() == ("signal_gain", "dark_counts", "timing_jitter")[:names]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("most_of_left", "found"), [(0.5, True), (1.0, False)])
 def test_what_is_small_beside_the_whole_gap_must_close_most_of_what_is_left(
     most_of_left: float, found: bool, monkeypatch: pytest.MonkeyPatch
@@ -121,6 +124,7 @@ def test_what_others_leave_as_it_was_is_no_rest_of_their_forms_however_small_bes
     assert looking.closes_what_others_left(whole, (before, noises), (after, noises)) == closes
 
 
+@pytest.mark.long
 def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -133,6 +137,7 @@ def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
     assert after.fit.names() == ("signal_gain", "timing_jitter")
 
 
+@pytest.mark.long
 def test_of_two_effects_that_do_much_the_same_both_are_found_though_the_first_took_what_both_do() -> None:
     """Crosstalk multiplies dark counts: these alone are twice too many, and leave nothing that crosstalk would fit."""
     dark, cross = make("dark_counts", {"rate_per_ns": 0.0007}), make("crosstalk", {"sides": 0.12, "corners": 0.05})
@@ -164,6 +169,7 @@ def offset() -> SearchData:
     return bench_of(make("range_offset", {"offset_m": 0.12}))
 
 
+@pytest.mark.long
 def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_much_is_open(
     offset: SearchData,
 ) -> None:
@@ -253,6 +259,7 @@ def test_where_nuisances_are_at_their_limits_an_effect_is_sought_without_them() 
     assert found.fit.effects()[1].settings()["gain"] == pytest.approx(1.13, abs=0.04)
 
 
+@pytest.mark.long
 def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_stays() -> None:
     bench = bench_of(GAIN, JITTER)
     seen, probes = seen_of(bench), [fixed_probes([name])[0] for name in ("signal_gain", "timing_jitter", "dark_counts")]
@@ -267,6 +274,7 @@ def test_a_name_that_closes_nothing_beam_by_beam_is_left_out_and_one_that_does_s
     assert without_needless(bench, seen, one, 7) is one
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("untouched", "names"), [(0.4, 2), (np.inf, 1)])
 def test_what_closes_all_of_a_part_is_not_needless_though_it_is_little_of_the_whole(
     untouched: float, names: int, monkeypatch: pytest.MonkeyPatch
@@ -282,6 +290,7 @@ def test_what_closes_all_of_a_part_is_not_needless_though_it_is_little_of_the_wh
     assert len(found.fit.names()) == names
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("share", "part", "names"),
     [(0.02, 0.08, 2), (0.02, 0.0, 3), (0.3, 0.08, 3)],
@@ -300,6 +309,7 @@ def test_a_third_name_must_close_a_part_of_the_gap(
     assert found.fit.names() == ("signal_gain", "range_offset", "dropout")[:names]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("random_deg", "of_all", "names"),
     [(0.045, 0.15, ("boresight",)), (0.045, 0.0, ("boresight", "vibration")), (0.1, 0.15, ("boresight", "vibration"))],

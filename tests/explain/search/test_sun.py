@@ -33,6 +33,7 @@ def starts(variant: str) -> list[Probe]:
     return [probe for probe in fixed_probes(["ambient_light"]) if probe.variant == variant]
 
 
+@pytest.mark.long
 def test_the_sun_is_found_where_it_stands(sunny: Simulator) -> None:
     now = started(sunny)
     even = min((fit_next(sunny, now, one, 1.0) for one in starts("")), key=lambda fit: fit.distance)

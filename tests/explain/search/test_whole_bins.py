@@ -24,6 +24,7 @@ def varying() -> Simulator:
     return Simulator(frames(model(make("dead_time", {"shift_ns": 2.0, "spread_ns": 3.0})), 2, **BRIGHT), model(), 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shift_ns", [0.3, 1.4, 2.6, 3.4])
 def test_the_dead_time_comes_as_near_as_the_truth_from_a_wrong_bin(varying: Simulator, shift_ns: float) -> None:
     """A bin more or less with another spread is nearly the same here."""
@@ -42,6 +43,7 @@ def test_the_threshold_is_found_from_one_that_is_off() -> None:
     assert found.effects()[0].settings()["shift"] == 3
 
 
+@pytest.mark.long
 def test_a_step_that_no_sensor_can_take_is_left_alone(varying: Simulator) -> None:
     """The dead time is never shorter than the ON time, 3 ns below."""
     now = fitted(varying, "dead_time", "varying", [-3.0, 4.0])
