@@ -2,10 +2,12 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import lidarcheck
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.axes import KINDS, VIEWS, subplots_of
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Grid, Page, Section, Table
@@ -234,3 +236,12 @@ def test_pictures_are_the_same_drawn_by_one_process_or_by_three(tmp_path, monkey
         drawn.append({path.name: path.read_bytes() for path in place.iterdir()})
     assert len(drawn[0]) == 40
     assert drawn[0] == drawn[1]
+
+
+@pytest.mark.parametrize(("library", "backend"), [("matplotlib", "png"), ("plotext", "terminal")])
+def test_a_drawing_library_is_known_to_its_backend_alone(library, backend):
+    figures = Path(lidarcheck.__file__).parent / "figures"
+    importing = re.compile(rf"^\s*(?:import|from) {library}\b", re.MULTILINE)
+    files = [path for path in figures.parent.rglob("*.py") if importing.search(path.read_text(encoding="utf-8"))]
+    assert files
+    assert {path.parent for path in files} == {figures / backend}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -38,6 +39,12 @@ def _smooth(figure: Distribution) -> list[FloatArray]:
     return [shapes.finite(log10(shapes.spread_out(sample))) for sample in figure.samples.values()]
 
 
+def _over_values(figure: Distribution, y_label: str) -> Subplot:
+    """Axes on which nothing is drawn yet, with the quantity across."""
+    label = _label(figure.quantity, figure.unit)
+    return Subplot(figure.title, label, y_label, tuple(figure.samples), log_x=figure.log_x)
+
+
 def _histogram(figure: Distribution) -> Subplot:
     samples = [shapes.finite(sample) for sample in figure.samples.values()]
     edges = (shapes.log_edges if figure.log_x else shapes.bin_edges)(samples, _BINS)
@@ -51,15 +58,7 @@ def _histogram(figure: Distribution) -> Subplot:
         x = np.repeat(log10(edges) if figure.log_x else edges, 2)
         y = np.concatenate([[floor], np.repeat(heights, 2), [floor]])
         lines += [Line(number, x, y, filled=number == 0)] if counted.any() else []
-    return Subplot(
-        figure.title,
-        _label(figure.quantity, figure.unit),
-        "count",
-        tuple(figure.samples),
-        lines=tuple(lines),
-        log_x=figure.log_x,
-        log_y=figure.log_count,
-    )
+    return dataclasses.replace(_over_values(figure, "count"), lines=tuple(lines), log_y=figure.log_count)
 
 
 def _qq(figure: Distribution) -> Subplot:
@@ -88,14 +87,7 @@ def _kde(figure: Distribution) -> Subplot:
     found = shapes.densities(_smooth(figure))
     unit = f"per decade of {figure.quantity}" if figure.log_x else f"per {figure.unit or 'unit'}"
     lines = [Line(n, one.x, one.density, filled=n == 0) for n, one in enumerate(found) if one.x.size]
-    return Subplot(
-        figure.title,
-        _label(figure.quantity, figure.unit),
-        f"density [{unit}]",
-        tuple(figure.samples),
-        lines=tuple(lines),
-        log_x=figure.log_x,
-    )
+    return dataclasses.replace(_over_values(figure, f"density [{unit}]"), lines=tuple(lines))
 
 
 def _cdf(figure: Distribution) -> Subplot:
@@ -108,14 +100,7 @@ def _cdf(figure: Distribution) -> Subplot:
             # From 0 at the least of all values to 100 % at the greatest.
             across = np.concatenate([[everything.min()], np.repeat(x, 2), [everything.max()]])
             lines.append(Line(number, across, 100.0 * np.concatenate([[0.0, 0.0], np.repeat(share, 2)])))
-    return Subplot(
-        figure.title,
-        _label(figure.quantity, figure.unit),
-        "share below [%]",
-        tuple(figure.samples),
-        lines=tuple(lines),
-        log_x=figure.log_x,
-    )
+    return dataclasses.replace(_over_values(figure, "share below [%]"), lines=tuple(lines))
 
 
 def _violin(figure: Distribution) -> Subplot:
@@ -132,17 +117,8 @@ def _violin(figure: Distribution) -> Subplot:
         low, middle, high = shapes.quartiles(sample)
         lines.append(Line(None, np.array([low, high]), np.array([at, at]), heavy=True))
         dots.append(Dots(None, np.array([middle]), np.array([at])))
-    return Subplot(
-        figure.title,
-        _label(figure.quantity, figure.unit),
-        "",
-        names,
-        bands=tuple(bands),
-        lines=tuple(lines),
-        dots=tuple(dots),
-        log_x=figure.log_x,
-        y_names=names[::-1],
-    )
+    axes = dataclasses.replace(_over_values(figure, ""), y_names=names[::-1])
+    return dataclasses.replace(axes, bands=tuple(bands), lines=tuple(lines), dots=tuple(dots))
 
 
 DISTRIBUTIONS: Mapping[str, Callable[[Distribution], Subplot]] = {

@@ -152,7 +152,7 @@ def _page(hall: Hall, model: Path | None, on_progress: ProgressCallback) -> Comp
 
 
 def _laid_out(page: Page, result: PanelsResult) -> NoisePage:
-    from lidarcheck.figures.pages.panels import overview
+    from lidarcheck.figures.pages.panel_tables import overview
 
     first, second = page.sections[:2]
     own = tuple(section.figures for section in page.sections[2 : 2 + len(result.panels)])
