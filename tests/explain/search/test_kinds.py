@@ -19,7 +19,7 @@ from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 FLOOR = 500.0
-PLACE: Any = SimpleNamespace(held=None, floor_distance=FLOOR, distance=lambda shown: 9000.0)
+PLACE: Any = SimpleNamespace(shared=None, floor_distance=FLOOR, distance=lambda shown: 9000.0)
 BENCH = SearchData(PLACE, PLACE, 1.0, 10_000.0, WorkerPool())
 
 

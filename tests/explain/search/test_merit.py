@@ -19,7 +19,7 @@ from lidarcheck.workers import WorkerPool
 
 NOTHING = Fit((), (), 10_000.0, np.zeros((1, 3)))
 BENCH: Any = SimpleNamespace(
-    simulator=SimpleNamespace(held="fit"), select=SimpleNamespace(held="select"), pool=WorkerPool(), level=1.0
+    simulator=SimpleNamespace(shared="fit"), select=SimpleNamespace(shared="select"), pool=WorkerPool(), level=1.0
 )
 
 
