@@ -12,12 +12,11 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 
 __all__ = ["SWEEP_S", "Caster", "Hits", "Rays", "sweep_time_s"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 Velocity = tuple[float, float, float]
 
 SWEEP_S = 0.030

@@ -13,14 +13,13 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
 __all__ = ["Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of", "light_of_beams"]
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 _Rows = TypeVar("_Rows", "IdealScan", "Scan")
 
 

@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 
 __all__ = [
@@ -42,9 +43,6 @@ LAYERS = 520
 POINTS = 960
 VARIANTS = ("SMART", "SLIM")
 RETRO_GAIN_MAX = 1e6
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 class Bounds(NamedTuple):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
@@ -19,8 +20,6 @@ from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["frame_fault", "swapped"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 NEAR_M, NEAR_SHARE = 2.0, 0.1
 """An echo nearer to a surface of its beam than either of these comes from it, whatever effect moved it."""

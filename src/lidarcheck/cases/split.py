@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import UsageError
 
@@ -23,7 +24,6 @@ _WORTH = 0.1
 _OF_VERIFY = 0.5
 """What only the frames to verify have in view counts so much: no name is chosen by it."""
 
-FloatArray = npt.NDArray[np.float64]
 Roles = npt.NDArray[np.str_]
 
 

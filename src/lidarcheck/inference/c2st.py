@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.model.chain import simulate
@@ -20,7 +21,6 @@ from lidarcheck.scan import Scan
 
 __all__ = ["COLUMNS", "classifier_auc"]
 
-FloatArray = npt.NDArray[np.float64]
 
 COLUMNS = (
     "range_m", "range_off_m", "area", "peak", "width_ns", "echo_number", "echoes", "layer", "point", "distance_m",

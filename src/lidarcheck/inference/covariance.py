@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, make, with_role
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import (
@@ -27,7 +27,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["Simulates", "metrics", "nuisances", "shuffled"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _MISFIT = 1.0
 """Variance that every compressed summary has besides noise: effects' forms are never exactly the sensor's."""

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect
 from lidarcheck.effects.search import Probe
 from lidarcheck.errors import UsageError
@@ -19,7 +19,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["Fit", "fit", "jacobian_of", "with_effects"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _LEAPS = (6.0, 3.0)
 """How many steps at once numbers are tried larger and smaller where slopes say nothing."""

@@ -6,12 +6,10 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray, IndexArray
 
 __all__ = ["Metric"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

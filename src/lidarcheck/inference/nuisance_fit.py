@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
@@ -16,8 +16,6 @@ from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["fit_nuisance"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _DAMPINGS, _DAMPING = (1.0, 3.0, 10.0), 0.05
 """What is added to the curvature, 1 as a usual error costs 1, and by what part it is enlarged."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import STAGES, Effect, make, with_role
 from lidarcheck.effects.search import search_spec
 from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR
@@ -27,7 +27,6 @@ __all__ = [
     "is_usual_error",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 HEIGHT_ERROR_M = 0.01
 """Usual error (standard deviation) of the sensor's height."""

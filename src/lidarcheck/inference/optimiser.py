@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.inference.metric import Metric
 from lidarcheck.workers.threads import mapped
 
@@ -35,7 +35,6 @@ __all__ = [
     "without_flips",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Shows = Callable[..., FloatArray | None]
 """What a model shows at a point with so many seeds, (seeds, n_summaries); None where no sensor has such numbers."""
 

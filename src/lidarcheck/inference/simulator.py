@@ -6,8 +6,8 @@ import functools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.covariance import metrics, nuisances, shuffled
 from lidarcheck.inference.metric import Metric
@@ -24,8 +24,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["Simulator"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 EXPECTATION_SEEDS = 8
 """Simulations of which each beam's expectation is the mean."""

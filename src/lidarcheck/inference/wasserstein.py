@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.intervals import ENDS, Gap, Interval
 from lidarcheck.inference.nuisances import Nuisance
@@ -31,9 +31,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["PARTS", "Scale", "excesses", "gap_of"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 PARTS = (*FEATURES, "detected", "other echoes")
 _EXPECTATION_SEEDS = 6

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitReference
 from lidarcheck.calibration.parameters.problem import Problem, point_at, residual
 from lidarcheck.calibration.parameters.slopes import Slopes, slopes_at
@@ -16,7 +16,6 @@ from lidarcheck.inference.optimiser import Point, identified_step
 
 __all__ = ["descend", "polished"]
 
-FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], object]
 
 _CHANCE = 1.5

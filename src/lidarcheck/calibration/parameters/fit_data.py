@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.calibration.parameters.statistics import Statistics
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import UsageError
@@ -24,8 +25,6 @@ from lidarcheck.workers import Shared, WorkerPool
 
 __all__ = ["FitData", "FitReference", "seed_of"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _BASE_SEEDS, _NOISE_SEEDS = 6, 5
 """Simulations of which each beam's expectation is the mean, and those by which columns of beams scatter."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray
 from lidarcheck.calibration.parameters.fit_data import FitData, seed_of
 from lidarcheck.cases.frame import Frame
 from lidarcheck.errors import InputError
@@ -17,7 +17,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["Holdout", "is_separable", "split_beams", "thinned"]
 
-BoolArray = npt.NDArray[np.bool_]
 
 _BLOCK = 8
 """Layers and points of a block, where blocks of one frame's beams are held out: wide beside what one pulse spreads to,

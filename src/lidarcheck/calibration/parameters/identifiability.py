@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.parameters import FitParameter, Fitted
 from lidarcheck.calibration.parameters.problem import Problem
 from lidarcheck.calibration.parameters.slopes import Slopes
@@ -14,7 +15,6 @@ from lidarcheck.inference.optimiser import INDISTINCT, spectrum
 
 __all__ = ["confounded", "open_parameters", "warnings_of"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _ALIKE = 0.05
 """Where so little of a parameter's own effect is left beside the others', they are hard to tell apart."""

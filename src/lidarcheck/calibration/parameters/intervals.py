@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.descent import polished
 from lidarcheck.calibration.parameters.fit_data import FitReference
 from lidarcheck.calibration.parameters.identifiability import open_parameters, warnings_of
@@ -19,7 +19,6 @@ from lidarcheck.inference.optimiser import identified_step
 
 __all__ = ["Estimate", "estimate"]
 
-FloatArray = npt.NDArray[np.float64]
 
 SEEDS = 8
 """Simulations whose mean stands for what a model shows in the last fit; their noise stands in the intervals."""

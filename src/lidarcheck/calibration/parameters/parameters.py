@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lidarcheck.effects.base import Effect, find, make
 from lidarcheck.errors import UsageError
@@ -28,7 +27,6 @@ __all__ = [
     "with_values",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 
 SENSOR_NAMES = (
     "signal_at_1m",

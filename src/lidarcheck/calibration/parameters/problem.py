@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitData, FitReference
 from lidarcheck.calibration.parameters.parameters import FitParameter, with_values
 from lidarcheck.errors import UsageError
@@ -16,7 +17,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["Problem", "first_step", "point_at", "residual"]
 
-FloatArray = npt.NDArray[np.float64]
 
 SEEDS = 3
 """Simulations whose mean stands for what a model shows, while a round is under way."""

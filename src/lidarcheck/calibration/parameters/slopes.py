@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitReference
 from lidarcheck.calibration.parameters.parameters import FitParameter
 from lidarcheck.calibration.parameters.problem import Problem, first_step
@@ -19,7 +19,6 @@ from lidarcheck.inference.optimiser import without_flips
 
 __all__ = ["Slopes", "slopes_at"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _CLEAR, _FAR = 15.0, 150.0
 """A difference is wide enough from so many standard deviations of all statistics on, and too wide beyond."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.expectation import Expected, expectation, pose_weights
 from lidarcheck.inference.observed.extra_echoes import sides_of_surface
@@ -23,9 +23,6 @@ from lidarcheck.inference.observed.summaries import compressed
 
 __all__ = ["Statistics"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 _LINEAR = 5.0
 """Up to about so many standard deviations a beam counts as it is, beyond by the logarithm: one stray moves no mean."""

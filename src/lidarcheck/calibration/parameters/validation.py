@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitData, seed_of
 from lidarcheck.inference.observed.observations import FEATURES, Observations
 from lidarcheck.inference.wasserstein import Scale
@@ -17,7 +17,6 @@ from lidarcheck.workers import Shared, WorkerPool
 
 __all__ = ["Distance", "Validation"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _SEEDS = 4
 """Simulations of which a distance on what is held out is the mean; on the fitted side one is enough to look at."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.descent import descend
 from lidarcheck.calibration.parameters.fit_data import FitData
 from lidarcheck.calibration.parameters.holdout import is_separable, split_beams, thinned
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Calibration", "Request", "Round", "calibrate", "prepared"]
 
-FloatArray = npt.NDArray[np.float64]
 
 MOST_ROUNDS = 8
 """Rounds unless another number is asked for."""

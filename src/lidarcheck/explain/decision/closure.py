@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import find
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.errors import UsageError
@@ -25,7 +25,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["Closure", "closure", "confidence", "intervals", "lead", "not_testable", "shows_in_select_alone"]
 
-FloatArray = npt.NDArray[np.float64]
 
 OPEN_PART, OPEN_PART_AIM, OPEN_PART_EDGES = 0.06, 0.10, 0.28
 """Up to this part of the excess may be left on the select frames: effects' forms are never quite the sensor's. More

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, Closure, confidence, intervals
@@ -21,7 +21,6 @@ from lidarcheck.inference.simulator import Simulator
 
 __all__ = ["candidates_table", "findings_of", "is_doubtful", "rounded_effects", "separating"]
 
-FloatArray = npt.NDArray[np.float64]
 
 WIDEN = 1.5
 """Intervals are this much wider than the curvature says: set by hand after a dozen cases, not yet by coverage."""

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.observations import Observations
@@ -19,7 +20,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["only_images_stay"]
 
-FloatArray = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 _CONFIRMED, _FEWEST = 0.7, 20

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.inference.intervals import Gap
@@ -21,7 +21,6 @@ from lidarcheck.workers import WorkerPool
 
 __all__ = ["Open", "calibrated", "carries_over", "widening"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _LEAST_CLOSED, _LEAST_CLOSED_EDGES, _LEAST_CLOSED_KIN, _SURE = 0.4, 0.25, 0.85, 3.0
 """Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard

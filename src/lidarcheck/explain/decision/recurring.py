@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.wasserstein import Scale
@@ -22,7 +23,6 @@ from lidarcheck.workers import WorkerPool
 
 __all__ = ["recurs"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _SEEDS = 4
 _MORE, _SURE = 0.3, 4.0

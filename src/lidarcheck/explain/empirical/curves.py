@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray
 
 __all__ = ["at", "curve", "levels", "repeating", "rhythms", "steps_of"]
 
-FloatArray = npt.NDArray[np.float64]
 
 FINE_FROM = 12
 """Curves of more knots than this have them at even distances, or a knot for each of so many whole numbers."""

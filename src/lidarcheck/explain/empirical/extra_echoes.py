@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
@@ -16,7 +16,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["extras"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _KNOTS = 12
 _CELLS = 32

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.explain.search.evidence import dimming_of
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model.spec import Model
 
 __all__ = ["PARTS", "Residual", "covariate", "residuals"]
 
-FloatArray = npt.NDArray[np.float64]
 
 PARTS = ("signal", "flicker", "range", "amplitude", "area", "peak", "width", "loss", "spread", "extra")
 """The parts of a model that terms change: the light, its scatter, the echoes' ranges and features, losses, extras."""

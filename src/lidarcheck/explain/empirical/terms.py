@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.explain.empirical.curves import at, curve, levels, repeating, rhythms, steps_of
 from lidarcheck.explain.empirical.extra_echoes import extras
@@ -17,7 +17,6 @@ from lidarcheck.model.spec import Model
 
 __all__ = ["Kind", "again", "described", "terms"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _KNOTS, _FINE_KNOTS = 12, 80
 _COVARIATES = ("range_m", "layer", "point", "incidence_deg", "material_id", "signal_log10")

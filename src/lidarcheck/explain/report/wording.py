@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.explain.report.explanation import Standout
 from lidarcheck.inference.observed.summary import Summary
 
 __all__ = ["depends_on", "place_words", "standouts"]
 
-FloatArray = npt.NDArray[np.float64]
 
 # fmt: off
 _MORE = {

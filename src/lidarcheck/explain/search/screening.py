@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import Probe
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.simulator import Simulator
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Screened", "chance_level", "screen", "weaker_starts"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _LARGEST_SCALE = 1.5
 _WEAK, _HARDLY, _PROMISING = 0.6, 0.02, 0.15

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import Probe
 from lidarcheck.explain.decision.closure import closure
 from lidarcheck.explain.progress import ignore_progress
@@ -39,7 +39,6 @@ __all__ = [
     "worth_by_beams",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Parts = tuple[FloatArray, FloatArray]
 
 _LEFT = 3.0 * CHANCE

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
@@ -33,7 +33,6 @@ __all__ = [
     "start_fit",
 ]
 
-FloatArray = npt.NDArray[np.float64]
 Told = Callable[[str, int, int], object]
 _Start = tuple[float, Screened]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import make
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.whole_bins import at_whole_steps
@@ -18,7 +18,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
 
-FloatArray = npt.NDArray[np.float64]
 Tried = tuple[Fit, float, float, tuple[float, float] | None, float | None]
 
 TO_THE_END = 6

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
 
 __all__ = ["SIDES", "BeamTable", "beams_of", "bright_offsets"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 SIDES = ("above", "below", "left", "right")
 """The neighbours of a beam, in the order of `BeamTable.neighbour_m`."""

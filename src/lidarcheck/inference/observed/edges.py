@@ -12,13 +12,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable, key_of
 from lidarcheck.inference.observed.observations import FEATURES, Observations
 
 __all__ = ["EXTRA", "at_borders", "runs_along", "runs_past", "with_beams_of"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 EXTRA = ("extra_beam", "extra_m", "extra_area", "extra_peak", "extra_width", "extra_side")

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.observations import Observations
 
 __all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_weights"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 Partners = tuple[tuple[IndexArray, IndexArray], tuple[IndexArray, IndexArray]]
 
 CLIP = 6.0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.observed.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
@@ -16,8 +17,6 @@ from lidarcheck.inference.observed.summary import Summary
 
 __all__ = ["FalseEchoes", "sides_of_surface"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _STRAY = 0.15
 """The part of the beams along an edge that a usual error of the pose leads to the other side."""

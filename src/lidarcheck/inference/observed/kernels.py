@@ -8,13 +8,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.model.jit import kernel
 
 __all__ = ["add_up", "areas_between", "write_nearest", "write_residuals", "write_scatter"]
-
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @kernel

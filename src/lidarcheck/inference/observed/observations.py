@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable, key_of
 from lidarcheck.inference.observed.kernels import write_nearest
 from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
@@ -15,8 +16,6 @@ from lidarcheck.scan import Scan
 
 __all__ = ["FEATURES", "Observations", "observations_of"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 FEATURES = ("range", "area", "peak", "width")
 """The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]."""

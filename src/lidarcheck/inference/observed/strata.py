@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
 
 __all__ = ["OFFSET_EDGES", "RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 RANGE_EDGES_M = (0.0, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 130.0, 170.0, 230.0)
 _INCIDENCE_EDGES_DEG = (0.0, 20.0, 40.0, 55.0, 65.0, 75.0, 80.0, 84.0, 86.0, 87.0, 88.0, 89.0)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
 from lidarcheck.inference.observed.extra_echoes import FalseEchoes, sides_of_surface
@@ -24,8 +25,6 @@ from lidarcheck.workers.threads import mapped
 
 __all__ = ["Expected", "Summaries", "Summary", "compressed", "expectation"]
 
-FloatArray = npt.NDArray[np.float64]
-IndexArray = npt.NDArray[np.int64]
 
 _LINEAR = 4.0
 """Up to about so many standard deviations a summary counts as it is, beyond by the logarithm of its size."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import numbers_of
@@ -18,7 +19,6 @@ from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, POINTS, Sensor
 
 __all__ = ["Block", "Source", "fill_block"]
 
-FloatArray = npt.NDArray[np.float64]
 
 _SEED = 0
 """The library is the same for every user: what differs from run to run is which sample a beam draws."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
 from lidarcheck.model.exact.report import report_of, room_for
@@ -27,10 +28,8 @@ from lidarcheck.sensor import LAYERS, POINTS, Sensor
 
 __all__ = ["fast_echoes", "fast_frame"]
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 ColumnArray = npt.NDArray[np.int32]
-WordArray = npt.NDArray[np.uint64]
 
 _MOST_LIBRARIES = 8
 """Backgrounds of a frame that get a library each; a frame of more goes through the exact chain."""
