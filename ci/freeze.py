@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import shutil
 import sys
 import time
@@ -28,6 +29,9 @@ from freeze_tool import Tool
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = 12
+ENDED = (130, 143)
+"""Exit codes of a command that was interrupted: no result of it is kept."""
+DAY_S = 86400.0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -36,8 +40,8 @@ def main(argv: list[str] | None = None) -> int:
     program: Path = args.lidarcheck.absolute()
     if not program.is_file():
         sys.exit(f"{program}: there is no such program; name one with --lidarcheck")
-    inputs, source = args.directory / "inputs", source_of(program)
-    tool = Tool(program, _cache(args.directory / "cache" / args.action, source))
+    inputs, source = args.directory / "inputs", source_of(program, args.sources)
+    tool = Tool(program, _cache(args.directory / "cache", source))
     items = [item for item in ITEMS if item in args.only]
     if args.action == "record":
         _prepare(args, items, tool, inputs)
@@ -53,6 +57,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("directory", type=Path, help="where the record lies")
     parser.add_argument("--only", type=_items, default=ITEMS, help=f"items, with commas between: {','.join(ITEMS)}")
     parser.add_argument("--lidarcheck", type=Path, default=ROOT / ".venv/bin/lidarcheck", help="the program to run")
+    parser.add_argument("--sources", type=Path, help="where its code lies, if neither beside it nor installed with it")
     parser.add_argument("--jobs", type=int, default=1, help="commands side by side, one thread each")
     parser.add_argument("--repo", type=Path, default=ROOT, help="of record: whose scenarios and tests/hidden")
     parser.add_argument("--cases", type=int, default=24, help="of explain: how many cases")
@@ -69,28 +74,31 @@ def _items(text: str) -> tuple[str, ...]:
     return names
 
 
-def source_of(program: Path) -> str:
+def source_of(program: Path, named: Path | None = None) -> str:
     """A hash of the code behind a program: results of two versions are never mixed."""
-    base = program.parents[2] / "src"
-    if not base.is_dir():
-        base = program.parents[1] / "lib"
-        files = sorted(base.glob("python*/site-packages/lidarcheck/**/*.py"))
-    else:
-        files = sorted(file for file in base.rglob("*") if file.suffix in (".py", ".toml") and file.is_file())
-    digest = hashlib.sha256()
-    for file in files:
-        digest.update(f"{file.relative_to(base)}\0".encode() + file.read_bytes() + b"\0")
+    places = (
+        [named] if named else [program.parents[1].parent / "src", *program.parents[1].glob("lib/python*/site-packages")]
+    )
+    digest, found = hashlib.sha256(), False
+    for base in places:
+        for file in sorted(base.glob("lidarcheck/**/*")):
+            if file.suffix in (".py", ".toml") and file.is_file():
+                digest.update(f"{file.relative_to(base)}\0".encode() + file.read_bytes() + b"\0")
+                found = True
+    if not found:
+        sys.exit(f"{program}: its code is not beside it; name the directory that holds lidarcheck/ with --sources")
     return digest.hexdigest()
 
 
 def _cache(place: Path, source: str) -> Path:
-    """An empty cache, or the one that this very code has left."""
-    stamp = place / "of"
-    if not stamp.is_file() or stamp.read_text(encoding="utf-8") != source:
-        shutil.rmtree(place, ignore_errors=True)
-        place.mkdir(parents=True)
-        stamp.write_text(source, encoding="utf-8")
-    return place
+    """The cache of this very code; those that other code has left a day ago are removed."""
+    own = place / source[:16]
+    own.mkdir(parents=True, exist_ok=True)
+    os.utime(own)
+    for other in place.iterdir():
+        if other.stat().st_mtime < time.time() - DAY_S:
+            shutil.rmtree(other, ignore_errors=True)
+    return own
 
 
 def _prepare(args: argparse.Namespace, items: list[str], tool: Tool, inputs: Path) -> None:
@@ -156,6 +164,8 @@ def _run(
     inputs = args.directory / "inputs"
     start = time.perf_counter()
     for number, (piece, seconds, result) in enumerate(_results(rest, inputs, tool, item, args.jobs), start=1):
+        if any(code < 0 or code in ENDED for code in result["codes"]):
+            sys.exit(f"{item}/{piece.name}: was ended from outside; the same command goes on from here")
         kept["pieces"][piece.name] = {"seconds": round(seconds, 1), "result": result}
         if not result["codes"] or (any(result["codes"]) and not piece.name.startswith("error of ")):
             print(f"  {piece.name}: ended with {result['codes']}: {' '.join(result['err'][-1])[:300]}", flush=True)

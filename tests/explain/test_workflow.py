@@ -42,13 +42,13 @@ def offset_case() -> Case:
 
 
 @pytest.fixture(scope="module")
-def told() -> list[tuple[str, int, int]]:
+def on_progress() -> list[tuple[str, int, int]]:
     return []
 
 
 @pytest.fixture(scope="module")
-def named(offset_case: Case, told) -> Explanation:
-    return explain(offset_case, seed=1, exclude=AT_REST, on_progress=lambda *what: told.append(what))
+def named(offset_case: Case, on_progress) -> Explanation:
+    return explain(offset_case, seed=1, exclude=AT_REST, on_progress=lambda *what: on_progress.append(what))
 
 
 def test_nothing_is_named_where_nothing_is_missing() -> None:
@@ -83,16 +83,16 @@ def test_a_strong_offset_gets_its_name(named: Explanation) -> None:
     json.loads(text(named), parse_constant=pytest.fail)
 
 
-def test_the_report_says_what_was_done(named: Explanation, told) -> None:
+def test_the_report_says_what_was_done(named: Explanation, on_progress) -> None:
     assert sorted(sum(named.split.values(), ())) == [0, 1, 2, 3]
     assert len(set(named.seeds.values()) - {1}) == 3
     names = [step.name for step in named.steps]
     assert names[0] == "split"
     assert names[-1] == "verification"
     assert "range_offset accepted" in next(step.words for step in named.steps if step.name == "fit")
-    assert {step for step, _, _ in told} <= set(PROGRESS.shares)
-    assert {"residuals and floor", "candidates", "fit", "verification"} <= {step for step, _, _ in told}
-    assert all(0 < done <= of for _, done, of in told)
+    assert {step for step, _, _ in on_progress} <= set(PROGRESS.shares)
+    assert {"residuals and floor", "candidates", "fit", "verification"} <= {step for step, _, _ in on_progress}
+    assert all(0 < done <= of for _, done, of in on_progress)
     assert math.fsum(PROGRESS.shares.values()) == pytest.approx(1.0)
     assert set(named.not_testable) <= set(catalogue())
     assert "retro-reflector" in named.not_testable["retro_ghost"]
@@ -168,9 +168,9 @@ def bench() -> SearchData:
 
 
 def test_a_description_brings_model_and_measurement_together_on_other_frames(bench: SearchData, tmp_path) -> None:
-    told: list[tuple[str, int, int]] = []
+    on_progress: list[tuple[str, int, int]] = []
     seen = Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 8)
-    found = describe(bench, seen, 9, lambda *what: told.append(what))
+    found = describe(bench, seen, 9, lambda *what: on_progress.append(what))
     before = bench.select.distance(np.zeros((1, len(bench.select.measured))))
     assert found.effects
     described = model()
@@ -180,7 +180,7 @@ def test_a_description_brings_model_and_measurement_together_on_other_frames(ben
     assert "range" in found.words
     after = bench.select.distance(bench.select.shows(described))
     assert after < before - 0.3 * (before - bench.select.floor_distance)
-    assert all(0 < done <= of for _, done, of in told)
+    assert all(0 < done <= of for _, done, of in on_progress)
     assert round_trip(described, tmp_path).effects == described.effects
 
 

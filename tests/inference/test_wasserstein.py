@@ -100,8 +100,8 @@ def test_a_scan_is_nowhere_from_itself() -> None:
 def test_the_waterfall_goes_from_the_case_s_model_to_the_last_in_the_order_of_the_stages() -> None:
     scale = Scale.of(frames(model(OFFSET, DIM), 2), model(), 4)
     stages = [("", model()), ("signal_gain", model(DIM)), ("range_offset", model(DIM, OFFSET))]
-    told: list[tuple[int, int]] = []
-    gap = gap_of(scale, stages, lambda i, n, _gap: told.append((i, n)))
+    on_progress: list[tuple[int, int]] = []
+    gap = gap_of(scale, stages, lambda i, n, _gap: on_progress.append((i, n)))
     assert [name for name, _ in gap.waterfall] == ["signal_gain", "range_offset"]
     one, two = (interval for _, interval in gap.waterfall)
     assert two == gap.after
@@ -112,7 +112,7 @@ def test_the_waterfall_goes_from_the_case_s_model_to_the_last_in_the_order_of_th
     assert gap.after.value == pytest.approx(np.mean([v[1] for v in gap.by_feature.values()]))
     assert gap.floor.value == pytest.approx(np.mean([v[2] for v in gap.by_feature.values()]))
     assert gap.by_feature["range"][0] > 2.0 * gap.by_feature["range"][1]
-    assert told[-1][0] <= told[-1][1]
+    assert on_progress[-1][0] <= on_progress[-1][1]
     for interval in (gap.before, gap.after, gap.floor):
         assert 0.0 <= interval.low <= interval.value <= interval.high
     assert gap_of(scale, stages) == gap

@@ -32,7 +32,7 @@ from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
 from lidarcheck.explain.report.explanation import ProgressCallback, SearchStep, Standout, StepCallback
 from lidarcheck.explain.report.wording import standouts
-from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
+from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.search import backward, find_effects, without
 from lidarcheck.explain.search.second_look import second_look
@@ -118,16 +118,16 @@ class Workflow:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = self.searched()
         probes = fixed_probes(names) + located_probes(bench.simulator, names)
-        told = functools.partial(self.on_progress, "candidates")
-        screened = screen(bench.simulator, probes, told, self.pool, self.checkpoint)
+        on_progress = functools.partial(self.on_progress, "candidates")
+        screened = screen(bench.simulator, probes, on_progress, self.pool, self.checkpoint)
         weaker = weaker_starts(bench.simulator, screened)
         screened += screen(bench.simulator, weaker, None, self.pool, self.checkpoint, "weaker")
         return screened, dataclasses.replace(bench, level=chance_level(bench.simulator, screened))
 
     def fit_and_select(self, bench: SearchData, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
-        told = functools.partial(report_fit, self.on_progress)
-        found = detours(bench, find_effects(bench, screened, told), screened, told)
+        on_progress = functools.partial(report_fit, self.on_progress)
+        found = detours(bench, find_effects(bench, screened, on_progress), screened, on_progress)
         self.on_progress("fit", 1, 1)
         now, level = found.fit, bench.level
         self.did("candidates", f"{len(found.trials)} fitted; chance gains up to {level:.1f} times its mean")
@@ -138,8 +138,8 @@ class Workflow:
 
     def look_again(self, bench: SearchData, seen: Scale, search: Search, screened: Sequence[Screened]) -> Search:
         """For effects that hide beside those that were accepted."""
-        told = functools.partial(self.on_progress, "second look")
-        found = second_look(bench, seen, search, screened, 2 * self.seed + 4, told)
+        on_progress = functools.partial(self.on_progress, "second look")
+        found = second_look(bench, seen, search, screened, 2 * self.seed + 4, on_progress)
         self.on_progress("second look", 1, 1)
         if found.fit is not search.fit:
             self.did("second look", f"{', '.join(found.fit.names())}; distance {found.fit.distance:.0f}")
@@ -230,8 +230,8 @@ class Workflow:
         """Other names in the place of such as do not close the gap beam by beam, if there are any that do."""
         if closes(answer):
             return search, answer
-        told = functools.partial(report_fit, self.on_progress)
-        for way in itertools.chain(with_fewer_kin(bench, search), other_ways(bench, search, screened, told)):
+        on_progress = functools.partial(report_fit, self.on_progress)
+        for way in itertools.chain(with_fewer_related(bench, search), other_ways(bench, search, screened, on_progress)):
             named, instead = (", ".join(one.fit.names()) for one in (search, way))
             self.did("another way", f"{instead}, since with {named}, {objection(answer)}")
             found, other = self.judge(bench, seen, way)
@@ -289,10 +289,10 @@ class Workflow:
         scale = Scale.of(split.verify, self.model, 2 * self.seed + 3)
         names = ("before", *(name for name, _ in answer.stages[1:]))
 
-        def told(i: int, n: int, gap: float) -> None:
+        def on_progress(i: int, n: int, gap: float) -> None:
             self.on_progress("verification", i, n)
             self.on_step(SearchStep("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
 
-        gap = gap_of(scale, answer.stages, told, self.pool)
+        gap = gap_of(scale, answer.stages, on_progress, self.pool)
         self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
         return gap

@@ -197,7 +197,7 @@ def _apart_in(
     return found
 
 
-Told = Callable[[int, int, float], object]
+GapProgress = Callable[[int, int, float], object]
 """Told (stages done, of how many with the floor, the last one's gap above its own model's noise)."""
 
 
@@ -207,7 +207,10 @@ def excesses(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = No
 
 
 def gap_of(
-    scale: Scale, stages: Sequence[tuple[str, Model]], told: Told | None = None, pool: WorkerPool | None = None
+    scale: Scale,
+    stages: Sequence[tuple[str, Model]],
+    on_progress: GapProgress | None = None,
+    pool: WorkerPool | None = None,
 ) -> Gap:
     """The gap before, with each effect in turn, and after; `stages` begins with the case's model, ("", model).
 
@@ -221,8 +224,8 @@ def gap_of(
     for apart, own in (pool or WorkerPool()).map(_apart, ((scale.shared, model) for _, model in stages)):
         found.append(apart)
         chance.append(own)
-        if told is not None:
-            told(len(found), len(stages) + 1, float(np.abs(apart[0] - own.mean(axis=0)).mean()))
+        if on_progress is not None:
+            on_progress(len(found), len(stages) + 1, float(np.abs(apart[0] - own.mean(axis=0)).mean()))
     noise = chance[-1].mean(axis=0)
     # A measurement that is nearer than a model's own simulations are to each other differs from it too.
     parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]

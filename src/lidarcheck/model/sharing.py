@@ -23,10 +23,10 @@ def serially(run: Callable[[int], None], starts: range) -> None:
 
 
 def share(
-    run: Callable[[int], None], starts: range, threads: int | None, told: Callable[[int], object] | None = None
+    run: Callable[[int], None], starts: range, threads: int | None, on_done: Callable[[int], object] | None = None
 ) -> None:
-    """Run the chunks, on several threads where that helps; `told` hears how many are done."""
-    on_progress = told or (lambda done: None)
+    """Run the chunks, on several threads where that helps; `on_done` hears how many are done."""
+    on_progress = on_done or (lambda done: None)
     workers = min(threads or usable_cores(), len(starts))
     if workers <= 1:
         for done, start in enumerate(starts, start=1):

@@ -13,10 +13,10 @@ from lidarcheck.calibration.blooming.response import response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light
 from lidarcheck.calibration.blooming.workflow import (
     BloomingMeasurement,
-    bench_of,
     calibrate,
     fitted_model,
     gather,
+    model_side_of,
     rms_of,
 )
 from lidarcheck.effects.base import Curve, make
@@ -47,7 +47,7 @@ def fits():
     made = {}
     for variant, seed in (("SMART", 3001), ("SLIM", 4001)):
         cells = [cells_at(d, variant, seed + i) for i, d in enumerate(DISTANCES)]
-        made[variant] = calibrate(cells, bench_of(sign_model(variant), "vertical"), LUT)
+        made[variant] = calibrate(cells, model_side_of(sign_model(variant), "vertical"), LUT)
     return made
 
 
@@ -57,7 +57,7 @@ def sideways():
     made = {}
     for variant, seed in (("SMART", 3501), ("SLIM", 4501)):
         cells = [cells_at(d, variant, seed + i, "horizontal") for i, d in enumerate(DISTANCES)]
-        made[variant] = calibrate(cells, bench_of(sign_model(variant), "horizontal"), SIDEWAYS)
+        made[variant] = calibrate(cells, model_side_of(sign_model(variant), "horizontal"), SIDEWAYS)
     return made
 
 
@@ -157,7 +157,7 @@ def test_a_short_pulse_gives_narrow_echoes():
 def test_the_measured_sign():
     profile = shared_path("data/sign_blooming/vertical_157m.csv")
     lut = load_lut(shared_path("samples/vertical_lut.ini"))
-    bench = bench_of(sign_model("SLIM"), "vertical")
+    bench = model_side_of(sign_model("SLIM"), "vertical")
     cells = gather([BloomingMeasurement(profile)], bench)
     result = calibrate(cells, bench, lut, free=FreeLight(pulse=True))
     off = rms_of(result.measured[0], result.expected[0])
@@ -176,7 +176,7 @@ def test_the_fitted_model_can_be_saved_and_run(tmp_path, fits):
     model, result = sign_model("SLIM"), fits["SLIM"]
     lut_file = tmp_path / "lut.ini"
     lut_file.write_bytes(result.lut.content)
-    bench = bench_of(model, "vertical")
+    bench = model_side_of(model, "vertical")
     save_model(fitted_model(model, bench, result, lut_file, FreeLight()), tmp_path / "model.toml")
     loaded = load_model(tmp_path / "model.toml")
     measured, ideal = sign_frame(156.6, "SLIM", 203)
@@ -192,7 +192,7 @@ def test_the_fitted_model_keeps_all_of_the_pulse(tmp_path, fits):
     lut_file = tmp_path / "lut.ini"
     lut_file.write_bytes(result.lut.content)
     model = sign_model("SLIM")
-    written = fitted_model(model, bench_of(model, "vertical"), twice, lut_file, FreeLight(pulse=True))
+    written = fitted_model(model, model_side_of(model, "vertical"), twice, lut_file, FreeLight(pulse=True))
     own = next(effect.settings() for effect in written.effects if effect.name == "pulse_shape")
     stretch = 4.0 / model.sensor.pulse_fwhm_ns
     assert own == {"stretch": stretch, "tail_share": 0.1, "tail_ns": 2.0, "tail_delay_ns": 9.5}
@@ -208,7 +208,7 @@ def saved(tmp_path, scan, name="scan.txt"):
 
 def one_sign(variant="SLIM"):
     """The bench of a model whose one retro-reflector is the sign."""
-    return bench_of(sign_model(variant), "vertical")
+    return model_side_of(sign_model(variant), "vertical")
 
 
 @pytest.mark.parametrize("distance_m", [69.0, 156.6])

@@ -146,7 +146,7 @@ def test_a_rival_may_make_another_name_needless(
     monkeypatch.setattr(Workflow, "find_rivals", lambda self, bench, search, closed: [])
     monkeypatch.setattr(Workflow, "polish", polished)
     monkeypatch.setattr(Workflow, "decide", said)
-    monkeypatch.setattr(workflow_steps, "backward", lambda bench, fit, told: fit_of(*needed))
+    monkeypatch.setattr(workflow_steps, "backward", lambda bench, fit, on_progress: fit_of(*needed))
     run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("crosstalk", "fog")
     search, answer = run.judge(None, None, Search(first, first))  # type: ignore[arg-type]
     assert [one.name for one in answer.findings] == left == list(search.fit.names())

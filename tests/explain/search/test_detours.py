@@ -8,7 +8,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.search import detours as detouring
-from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_kin
+from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_related
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.screening import Screened, screen
 from lidarcheck.explain.search.search import backward
@@ -66,16 +66,16 @@ def misled(bench: SearchData) -> Search:
 def test_where_much_stays_open_the_search_begins_with_another_effect(
     both: SearchData, screened: list[Screened]
 ) -> None:
-    told: list[tuple[str, int, int]] = []
+    on_progress: list[tuple[str, int, int]] = []
     before = misled(both)
-    found = detours(both, before, screened, lambda *step: told.append(step))
+    found = detours(both, before, screened, lambda *step: on_progress.append(step))
     assert found.fit.names() == ("signal_gain", "timing_jitter")
     assert found.fit.distance - both.simulator.floor_distance < 0.1 * (
         before.fit.distance - both.simulator.floor_distance
     )
     assert found.fit.effects()[0].settings()["gain"] == pytest.approx(0.4, abs=0.05)
     assert before.fit.names() == ("incidence_falloff",)
-    assert told == [("detour", 0, 1)]
+    assert on_progress == [("detour", 0, 1)]
     assert {t.round for t in found.trials} == {1, 2}
 
 
@@ -140,9 +140,9 @@ def test_of_kin_the_later_one_is_left_out() -> None:
     bench = bench_of(GAIN)
     probes = [fixed_probes([name])[0] for name in ("signal_gain", "dark_counts", "incidence_falloff")]
     three = fit(bench.simulator, probes, [probe.start() for probe in probes], rounds=1)
-    [fewer] = with_fewer_kin(bench, Search(three, three))
+    [fewer] = with_fewer_related(bench, Search(three, three))
     assert fewer.fit.names() == ("signal_gain", "dark_counts")
-    assert not [*with_fewer_kin(bench, fewer)]
+    assert not [*with_fewer_related(bench, fewer)]
 
 
 def test_each_other_way_is_told_with_its_own_trials_alone(

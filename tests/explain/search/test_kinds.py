@@ -33,7 +33,7 @@ STARTS = [start("fog", "far"), start("signal_gain"), start("fog", "near"), start
 def fitted(monkeypatch: pytest.MonkeyPatch, left: dict[str, float]) -> tuple[list[tuple[str, str]], list[str]]:
     """What is fitted, (name, variant), in a round where a name leaves so much; and what is told."""
     asked: list[tuple[str, str]] = []
-    told: list[str] = []
+    on_progress: list[str] = []
 
     def tried(simulator: None, select: None, now: Fit, before: object, least: float, probe: Probe) -> Any:
         asked.append((probe.name, probe.variant))
@@ -42,18 +42,18 @@ def fitted(monkeypatch: pytest.MonkeyPatch, left: dict[str, float]) -> tuple[lis
     monkeypatch.setattr(forward, "tried", tried)
     monkeypatch.setattr(forward, "_promising", lambda *_: STARTS)
     monkeypatch.setattr(forward, "select_shown", lambda *_: np.zeros((1, 3)))
-    trials = run_round(BENCH, Search(NOTHING, NOTHING), [], 1, lambda step, i, n: told.append(f"{step} {i}/{n}"))
+    trials = run_round(BENCH, Search(NOTHING, NOTHING), [], 1, lambda step, i, n: on_progress.append(f"{step} {i}/{n}"))
     assert [(one.name, one.probe.variant) for one in trials] == asked
-    return asked, told
+    return asked, on_progress
 
 
 FIRST = [("fog", "far"), ("signal_gain", ""), ("crosstalk", "weak")]
 
 
 def test_other_kinds_of_what_is_far_behind_a_name_that_explains_all_are_spared(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, told = fitted(monkeypatch, {"fog": 4800.0, "signal_gain": FLOOR - 1.0, "crosstalk": 9000.0})
+    asked, on_progress = fitted(monkeypatch, {"fog": 4800.0, "signal_gain": FLOOR - 1.0, "crosstalk": 9000.0})
     assert asked == FIRST
-    assert told == ["round 1 1/5", "round 1 2/5", "round 1 3/5"]
+    assert on_progress == ["round 1 1/5", "round 1 2/5", "round 1 3/5"]
 
 
 @pytest.mark.parametrize(
@@ -67,6 +67,6 @@ def test_other_kinds_of_what_is_far_behind_a_name_that_explains_all_are_spared(m
 def test_where_they_may_be_the_nearest_they_are_fitted(
     monkeypatch: pytest.MonkeyPatch, fog: float, signal_gain: float
 ) -> None:
-    asked, told = fitted(monkeypatch, {"fog": fog, "signal_gain": signal_gain, "crosstalk": 9000.0})
+    asked, on_progress = fitted(monkeypatch, {"fog": fog, "signal_gain": signal_gain, "crosstalk": 9000.0})
     assert asked == [*FIRST, ("fog", "near"), ("fog", "")]
-    assert told[-1] == "round 1 5/5"
+    assert on_progress[-1] == "round 1 5/5"

@@ -91,12 +91,12 @@ def test_the_chance_level_is_passed_once_in_a_hundred_draws() -> None:
 
 def test_screening_leaves_out_what_the_model_cannot_carry_and_ranks_the_true_effect_first() -> None:
     bench = Simulator(frames(model(make("range_offset", {"offset_m": 0.05})), 2), model(), 5)
-    told: list[tuple[int, int]] = []
+    on_progress: list[tuple[int, int]] = []
     impossible = Probe("dropout", {"share": 7.0}, search_spec("dropout").free)
     probes = [*fixed_probes(["signal_gain", "range_offset", "dropout", "fog"]), impossible]
-    screened = screen(bench, probes, lambda i, n: told.append((i, n)))
+    screened = screen(bench, probes, lambda i, n: on_progress.append((i, n)))
     assert len(screened) == len(probes) - 1
-    assert told[0] == (1, len(probes))
+    assert on_progress[0] == (1, len(probes))
     best = max(screened, key=lambda one: one.gain(bench, bench.measured)[0])
     assert best.probe.name == "range_offset"
     assert best.probe.settings["offset_m"] > 0.0

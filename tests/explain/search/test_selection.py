@@ -13,7 +13,7 @@ from lidarcheck.explain.search import second_look
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
 from lidarcheck.explain.search.related import are_related
-from lidarcheck.explain.search.selection import KIN_PART, RANDOM_KIN_PART, Search, beside_related
+from lidarcheck.explain.search.selection import RELATED_PART, RANDOM_RELATED_PART, Search, beside_related
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.inference.effect_fit import Fit
@@ -34,8 +34,8 @@ def probe_of(name: str, variant: str = "") -> Probe:
 def test_what_turns_at_random_needs_more_beside_its_kin() -> None:
     first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert beside_related(probe_of("vibration"), found) == pytest.approx(KIN_PART * 5000.0)
-    assert beside_related(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_KIN_PART * 5000.0)
+    assert beside_related(probe_of("vibration"), found) == pytest.approx(RELATED_PART * 5000.0)
+    assert beside_related(probe_of("vibration", "wander"), found) == pytest.approx(RANDOM_RELATED_PART * 5000.0)
 
 
 def test_a_second_look_asks_the_same_of_what_turns_at_random(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +49,7 @@ def test_a_second_look_asks_the_same_of_what_turns_at_random(monkeypatch: pytest
     own = Judged(None, dataclasses.replace(first.fit, distance=3000.0), 0.1, 0.001)  # type: ignore[arg-type]
     look = second_look.Look(None, [])  # type: ignore[arg-type]
     found = second_look._trials(own, look, 2, Search(first.fit, first.fit, [first]))
-    assert [one.needed for one in found] == [pytest.approx(RANDOM_KIN_PART * 5000.0), 1.0]
+    assert [one.needed for one in found] == [pytest.approx(RANDOM_RELATED_PART * 5000.0), 1.0]
     assert [one.passes for one in found] == [False, True]
 
 
@@ -104,7 +104,7 @@ def test_what_explains_much_holds_where_the_select_frames_are_near_their_floor_w
 def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
-    assert beside_related(probe_of("range_scale"), found) == pytest.approx(KIN_PART * 5000.0)
+    assert beside_related(probe_of("range_scale"), found) == pytest.approx(RELATED_PART * 5000.0)
     assert beside_related(probe_of("fog"), found) == 0.0
     assert (
         beside_related(

@@ -138,13 +138,13 @@ def test_edges_are_told_by_what_stands_beside(beams) -> None:
     lone = IdealScan([9, 20], [1, 40], np.zeros(2), np.ones(2), np.zeros(2))
     few = beams_of([IdealScan(layer, point, distance, np.ones(10), np.zeros(10)), lone], model())
     edge = next(d for d in divisions(few, np.full(12, np.nan), {}) if d.covariate == "edge")
-    told = [edge.names[i] for i in edge.bin[:10]]
-    assert told[0] == "the sky's edge"
-    assert told[1] == "a farther edge"
-    assert told[2] == "a nearer edge"
-    assert told[3] == "the sky's edge"
-    assert told[4] == "beside a surface"
-    assert told[5] == "beside a surface"
+    on_progress = [edge.names[i] for i in edge.bin[:10]]
+    assert on_progress[0] == "the sky's edge"
+    assert on_progress[1] == "a farther edge"
+    assert on_progress[2] == "a nearer edge"
+    assert on_progress[3] == "the sky's edge"
+    assert on_progress[4] == "beside a surface"
+    assert on_progress[5] == "beside a surface"
     assert {edge.names[i] for i in edge.bin[10:]} == {"sky"}
 
 

@@ -30,10 +30,10 @@ __all__ = [
     "BloomingMeasurement",
     "ModelSide",
     "TableRow",
-    "bench_of",
     "calibrate",
     "fitted_model",
     "gather",
+    "model_side_of",
     "rms_of",
 ]
 
@@ -105,7 +105,7 @@ class BloomingCalibration:
     expected: tuple[Profile, ...]
 
 
-def bench_of(
+def model_side_of(
     model: Model, axis: Axis, *, settings: Settings | None = None, material: int | None = None,
     signal_at_1m: float | None = None,
 ) -> ModelSide:  # fmt: skip

@@ -90,14 +90,14 @@ def bench_from(
     model: Path, axis: Axis, settings: Path | None, target: int | None, signal: float | None
 ) -> ModelSide:  # fmt: skip
     """The bench that the options describe."""
-    from lidarcheck.calibration.blooming.workflow import bench_of
+    from lidarcheck.calibration.blooming.workflow import model_side_of
     from lidarcheck.model import load_model
 
     if signal is not None and not 0.0 < signal < float("inf"):
         raise UsageError(f"--signal {signal:g} is out of range", fix="use a number above 0")
     loaded = load_model(model)
     chosen = None if settings is None else _settings(settings, axis, loaded.sensor.variant)
-    return bench_of(loaded, axis, settings=chosen, material=target, signal_at_1m=signal)
+    return model_side_of(loaded, axis, settings=chosen, material=target, signal_at_1m=signal)
 
 
 def _settings(path: Path, axis: Axis, variant: Literal["SMART", "SLIM"]) -> Settings:

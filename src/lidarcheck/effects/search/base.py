@@ -216,7 +216,7 @@ class SearchSpec:
     may_stay: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Of an effect of one form only: what may stay open of the parts of the gap that it is of, a share and a least."""
     chance_errors: Callable[[Evidence, Probe, Effect], Mapping[str, float]] | None = None
-    """Parts of its parameters by which these are off by chance, since few things were struck."""
+    """Parts of its parameters by which these are off by chance, since few things were hit."""
     as_struck: Callable[[Evidence, Probe, Effect], Mapping[str, float]] | None = None
     """Settings with which it strikes as often as it did in some other frames, where chance may make the difference."""
 

@@ -196,8 +196,10 @@ def intervals(simulator: Simulator, now: Fit, widen: float) -> list[Mapping[str,
     variance = np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
     own = np.concatenate([_form_error(probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
     own *= 1.0 + _OTHERS_FORMS * (len(now.probes) > 1)
-    struck = np.concatenate([_struck(simulator, probe, x) for probe, x in zip(now.probes, now.x, strict=True)])
-    half = 1.645 * np.sqrt(widen**2 * variance + own**2 + struck**2)
+    by_chance = np.concatenate(
+        [_off_by_chance(simulator, probe, x) for probe, x in zip(now.probes, now.x, strict=True)]
+    )
+    half = 1.645 * np.sqrt(widen**2 * variance + own**2 + by_chance**2)
     found, start = [], 0
     for probe, x in zip(now.probes, now.x, strict=True):
         found.append(_interval(probe, x, half[start : start + len(x)]))
@@ -215,8 +217,8 @@ def _form_error(probe: Probe, x: FloatArray) -> FloatArray:
     return np.array(found)
 
 
-def _struck(simulator: Simulator, probe: Probe, x: FloatArray) -> FloatArray:
-    """By how much, in steps, each parameter is off since few things were struck, shape (n_free,)."""
+def _off_by_chance(simulator: Simulator, probe: Probe, x: FloatArray) -> FloatArray:
+    """By how much, in steps, each parameter is off since few things were hit, shape (n_free,)."""
     chance = search_spec(probe.name).chance_errors
     parts = {} if chance is None else chance(SimulatorEvidence(simulator), probe, probe.effect(x))
     return np.array([parts.get(one.name, 0.0) / one.step for one in probe.free])

@@ -75,7 +75,7 @@ class Polished:
     behind: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], told: Told) -> list[Rival]:
+def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], on_progress: Told) -> list[Rival]:
     """The effects that explained nearly as much as an accepted one, in its place; the nearest first.
 
     Where more than chance is left, also those that explained more in an earlier round than it did in its own: beside
@@ -94,7 +94,7 @@ def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], told:
         near = farther < max(_NEAR, _NEAR_PART * trial.merit)
         usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
         found.append(Rival(trial.name, place, swapped, farther, near and not usual))
-        told("equivalence", len(found), len(asked))
+        on_progress("equivalence", len(found), len(asked))
     return sorted(found, key=lambda one: one.farther)
 
 

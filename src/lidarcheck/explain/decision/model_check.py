@@ -22,7 +22,7 @@ from lidarcheck.workers import WorkerPool
 __all__ = ["Open", "calibrated", "carries_over", "widening"]
 
 
-_LEAST_CLOSED, _LEAST_CLOSED_EDGES, _LEAST_CLOSED_KIN, _SURE = 0.4, 0.25, 0.85, 3.0
+_LEAST_CLOSED, _LEAST_CLOSED_EDGES, _LEAST_CLOSED_RELATED, _SURE = 0.4, 0.25, 0.85, 3.0
 """Effects that close less of the gap are not what it is made of, if it is more than chance by so many of its standard
 deviations; less of it closes where all that shows is at edges, each of which is where the scan does not say. Effects
 that change the same features in the same way must close more: together they come near to many a third one."""
@@ -134,7 +134,7 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     if whole <= _SURE * chance:
         return True
     related = any(are_related(one, other) for one, other in itertools.combinations(names, 2))
-    least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_KIN if related else _LEAST_CLOSED
+    least = _LEAST_CLOSED_EDGES if at_edges else _LEAST_CLOSED_RELATED if related else _LEAST_CLOSED
     # Chance takes from what closes as often as it adds to it: one standard deviation is forgiven.
     return left <= (1.0 - least) * whole + chance and all(_may_stay(part, open_, names) for part in parts)
 

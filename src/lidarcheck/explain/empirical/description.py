@@ -40,13 +40,13 @@ class Description:
     words: str
 
 
-def describe(bench: SearchData, seen: Scale, seed: int, told: ProgressCallback) -> Description:
+def describe(bench: SearchData, seen: Scale, seed: int, on_progress: ProgressCallback) -> Description:
     """Add the term that helps most while one helps on the select frames, at most five of different kinds.
 
     The chosen kinds are then fitted again on the fit and select frames together, which cover more, and kept as long as
     they bring these, `seen`, nearer beam by beam too.
     """
-    kinds = _chosen(bench, told)
+    kinds = _chosen(bench, on_progress)
     if not kinds:
         return Description((), "")
     simulator = Simulator((*bench.simulator.frames, *bench.select.frames), bench.simulator.model, seed)
@@ -66,7 +66,7 @@ def describe(bench: SearchData, seen: Scale, seed: int, told: ProgressCallback) 
     return Description(tuple(new), "; ".join(words))
 
 
-def _chosen(bench: SearchData, told: ProgressCallback) -> list[Kind]:
+def _chosen(bench: SearchData, on_progress: ProgressCallback) -> list[Kind]:
     """The kinds of terms that bring the select frames nearer, fitted on the fit frames."""
     simulator, select = bench.simulator, bench.select
     model, other = simulator.model, select.model
@@ -79,7 +79,7 @@ def _chosen(bench: SearchData, told: ProgressCallback) -> list[Kind]:
         for i, (kind, effect) in enumerate(tried):
             with contextlib.suppress(UsageError):  # a term out of its range cannot be carried
                 found.append((select.distance(select.shows(_with(other, effect))), kind, effect))
-            told("unknown", number * len(tried) + i + 1, _MOST_TERMS * len(tried))
+            on_progress("unknown", number * len(tried) + i + 1, _MOST_TERMS * len(tried))
         least = min((there for there, _, _ in found), default=np.inf)
         if least > best - max(3.0 * bench.level, _LEAST_PART * best):
             break

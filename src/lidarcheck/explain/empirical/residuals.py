@@ -85,7 +85,7 @@ def residuals(simulator: Simulator, model: Model) -> Iterator[Residual]:
     scatter = np.clip(off[:, 0] ** 2 - noise, -1.0, 1.0)
     strength = np.minimum(weight[:, 0], 1e4) ** 2
     yield Residual("spread", scatter, strength, rows, 1.0, is_mean=False, is_variance=True)
-    told = np.flatnonzero(both & (dimming.weight > 0.0))
-    heft = dimming.weight[told]
-    flicker = np.clip(dimming.log_gain[told] ** 2 - (1.0 + 1.0 / len(shown)) / heft, -1.0, 2.0)
-    yield Residual("flicker", flicker, np.minimum(heft, 100.0) ** 2, told, 2.0, is_mean=False, is_variance=True)
+    known = np.flatnonzero(both & (dimming.weight > 0.0))
+    heft = dimming.weight[known]
+    flicker = np.clip(dimming.log_gain[known] ** 2 - (1.0 + 1.0 / len(shown)) / heft, -1.0, 2.0)
+    yield Residual("flicker", flicker, np.minimum(heft, 100.0) ** 2, known, 2.0, is_mean=False, is_variance=True)

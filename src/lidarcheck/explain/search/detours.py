@@ -15,11 +15,11 @@ from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_eac
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.search import backward, without
-from lidarcheck.explain.search.selection import Search, SearchData, Told, accept, onward
+from lidarcheck.explain.search.selection import FitProgress, Search, SearchData, accept, onward
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.effect_fit import Fit
 
-__all__ = ["detours", "other_ways", "with_fewer_kin"]
+__all__ = ["detours", "other_ways", "with_fewer_related"]
 
 _OPEN, _OPEN_CLOSED = 0.06, 0.15
 """Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried; nor where
@@ -31,7 +31,7 @@ _NEARER, _SIMPLER = 0.6, 0.9
 effects, that part."""
 
 
-def detours(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+def detours(bench: SearchData, found: Search, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
     """The search that begins with another effect than the best of the first round, where that leads much nearer."""
     left = _left(bench, found.fit)
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
@@ -41,14 +41,16 @@ def detours(bench: SearchData, found: Search, screened: Sequence[Screened], told
     if open_ < _OPEN_CLOSED and closure(bench, found.fit, found.trials).holds:
         return found
     nearest = found
-    for way in other_ways(bench, found, screened, told):
+    for way in other_ways(bench, found, screened, on_progress):
         there, more = _left(bench, way.fit), len(way.fit.probes) - len(nearest.fit.probes)
         if there < (_SIMPLER if more < 0 else _NEARER ** max(more, 1)) * left:
             nearest, left = way, there
     return nearest
 
 
-def other_ways(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Iterator[Search]:
+def other_ways(
+    bench: SearchData, found: Search, screened: Sequence[Screened], on_progress: FitProgress
+) -> Iterator[Search]:
     """The searches that begin with another effect than the best of the first round, and go on without that one."""
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)
     if first is None:
@@ -57,7 +59,7 @@ def other_ways(bench: SearchData, found: Search, screened: Sequence[Screened], t
     began = [t for t in found.trials if t.round == 1]
     ways = _others(found, first)
     for i, trial in enumerate(ways):
-        told("detour", i, len(ways))
+        on_progress("detour", i, len(ways))
         way = next((known for begun, known in bench.ways if begun is trial), None)
         if way is None:
             way = onward(bench, accept(bench, Search(found.first, found.first, [*began]), trial), rest, ignore_progress)
@@ -79,7 +81,7 @@ def _left(bench: SearchData, now: Fit) -> float:
     return now.distance - bench.simulator.floor_distance + there
 
 
-def with_fewer_kin(bench: SearchData, found: Search) -> Iterator[Search]:
+def with_fewer_related(bench: SearchData, found: Search) -> Iterator[Search]:
     """The search without the later one of two effects that change the same features in the same way."""
     names = found.fit.names()
     for later, name in enumerate(names):

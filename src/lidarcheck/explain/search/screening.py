@@ -48,7 +48,7 @@ class Screened:
 def screen(
     simulator: Simulator,
     probes: Sequence[Probe],
-    told: Callable[[int, int], object] | None = None,
+    on_progress: Callable[[int, int], object] | None = None,
     pool: WorkerPool | None = None,
     checkpoint: Checkpoint | None = None,
     pages: str = "change",
@@ -65,8 +65,8 @@ def screen(
         changes[i] = change
         if checkpoint is not None:
             checkpoint.put(f"{pages} {i}", [] if change is None else change)
-        if told is not None:
-            told(i + 1, len(probes))
+        if on_progress is not None:
+            on_progress(i + 1, len(probes))
     return [
         Screened(probe, change, _chance(simulator, change))
         for probe, change in zip(probes, changes, strict=True)

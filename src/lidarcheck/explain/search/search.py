@@ -12,7 +12,7 @@ from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.explain.search.merit import CHANCE, PRICE, FittedCandidate
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
-from lidarcheck.explain.search.selection import KIN_PART, SMALL, Search, SearchData, Told, forward, start_fit
+from lidarcheck.explain.search.selection import RELATED_PART, SMALL, FitProgress, Search, SearchData, forward, start_fit
 from lidarcheck.explain.search.taking_over import others_of
 from lidarcheck.explain.search.trial import TO_THE_END, finished, select_distance
 from lidarcheck.inference.effect_fit import Fit, fit
@@ -32,7 +32,7 @@ _BESIDE_USUAL = 0.4
 beside such, the least explained 0.9 of it; one column of a scan without any effect, as a blockage, 0.2."""
 
 
-def find_effects(bench: SearchData, screened: Sequence[Screened], told: Told) -> Search:
+def find_effects(bench: SearchData, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
     """The whole search: none where nuisances explain all; else forward and backward, and where nothing stays once more
     with the nuisances first: a name that these explain as well may have hidden another."""
     if bench.start < DOUBTFUL * bench.simulator.floor_distance:
@@ -40,10 +40,10 @@ def find_effects(bench: SearchData, screened: Sequence[Screened], told: Told) ->
         if _all_nuisance(bench, off, screened):
             return Search(off, off)
     first = start_fit(bench.simulator)
-    found = _search_from(_beside_usual(bench, first), first, screened, told)
+    found = _search_from(_beside_usual(bench, first), first, screened, on_progress)
     if not found.fit.probes and found.first.nuisance.penalty == 0.0:
         trials, off = found.trials, start_fit(bench.simulator, nuisances=True)
-        found = _search_from(_beyond(bench, off), off, screened, told)
+        found = _search_from(_beyond(bench, off), off, screened, on_progress)
         found.trials = trials + found.trials
     return found
 
@@ -64,10 +64,10 @@ def _beyond(bench: SearchData, off: Fit) -> SearchData:
     return replace(bench, start=off.distance, least_part=max(bench.least_part, 0.5 * CHANCE / left))
 
 
-def _search_from(bench: SearchData, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
+def _search_from(bench: SearchData, first: Fit, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
     """Forward from there, and backward."""
-    found = forward(bench, first, screened, told)
-    found.fit = _or_imitation(bench, backward(bench, found.fit, told), found.trials)
+    found = forward(bench, first, screened, on_progress)
+    found.fit = _or_imitation(bench, backward(bench, found.fit, on_progress), found.trials)
     return found
 
 
@@ -110,7 +110,7 @@ def _all_nuisance(bench: SearchData, off: Fit, screened: Sequence[Screened]) -> 
     return left < CHANCE and there < 1.4 * CHANCE and off.nuisance.usual and most < _STANDS_OUT * bench.level
 
 
-def backward(bench: SearchData, now: Fit, told: Told) -> Fit:
+def backward(bench: SearchData, now: Fit, on_progress: FitProgress) -> Fit:
     """Leave out again what the others and the nuisances explain as well; fit the rest together. Nuisances that are no
     usual errors any more explain nothing."""
     simulator = bench.simulator
@@ -121,7 +121,7 @@ def backward(bench: SearchData, now: Fit, told: Told) -> Fit:
         fewer: list[Fit] = []
         for one in done_by(bench.pool, without, [(simulator.shared, now, j) for j in range(len(now.probes))]):
             fewer.append(one)
-            told("leave out again", len(fewer), len(now.probes))
+            on_progress("leave out again", len(fewer), len(now.probes))
         losses = [one.distance - now.distance for one in fewer]
         unusual = [now.nuisance.usual and not one.nuisance.usual for one in fewer]
         least = int(np.argmin(np.where(unusual, np.inf, losses)))
@@ -132,7 +132,7 @@ def backward(bench: SearchData, now: Fit, told: Told) -> Fit:
             if are_related(probe.name, now.probes[least].name)
         ]
         worth = bench.worth_beside(fewer[least].distance) if len(fewer) > 1 else bench.worth
-        enough = max(1.3 * bench.level, worth, KIN_PART * max(related, default=0.0)) + price
+        enough = max(1.3 * bench.level, worth, RELATED_PART * max(related, default=0.0)) + price
         if unusual[least] or losses[least] > enough:
             break
         now = fewer[least]

@@ -73,7 +73,7 @@ def second_look(
     search: Search,
     screened: Sequence[Screened],
     seed: int,
-    told: Callable[[int, int], object],
+    on_progress: Callable[[int, int], object],
 ) -> Search:
     """The search with the effects that show beside the accepted ones, one after another, or as it is where none does;
     it then knows how its own fit was judged.
@@ -86,7 +86,7 @@ def second_look(
         search, before, left = replace(search, own=own), left, own.last.distance - own.simulator.floor_distance
         if left < _LEFT or (left < _STILL * before and closure(bench, search.fit, search.trials).holds):
             return search
-        look = look_around(own, _starts(bench, own.simulator, search, screened), bench.pool, told)
+        look = look_around(own, _starts(bench, own.simulator, search, screened), bench.pool, on_progress)
         number = 1 + max(trial.round for trial in search.trials)
         trials = _trials(own, look, number, search) + joint_trials(own, search, number, bench.pool)
         if not own.last.nuisance.usual:
@@ -106,11 +106,13 @@ class Look:
     screened: Sequence[Screened]
 
 
-def look_around(own: Judged, starts: Sequence[Probe], pool: WorkerPool, told: Callable[[int, int], object]) -> Look:
+def look_around(
+    own: Judged, starts: Sequence[Probe], pool: WorkerPool, on_progress: Callable[[int, int], object]
+) -> Look:
     """What each start would change around what was found, on all frames seen: of these all must agree on what is left,
     and it is the gap beam by beam that decides."""
     simulator = own.simulator
-    screened = screen(simulator, starts, told, pool)
+    screened = screen(simulator, starts, on_progress, pool)
     bench = SearchData(simulator, simulator, chance_level(simulator, screened), own.last.distance, pool, _LEAST_PART)
     return Look(bench, screened)
 
@@ -254,8 +256,8 @@ def _beams_cannot_tell(own: Judged) -> bool:
 
 
 def _explains_most(own: Judged, one: FittedCandidate) -> bool:
-    """Whether an effect explains most of what the summaries have left, and no other is its kin, whose form might leave
-    as much."""
+    """Whether an effect explains most of what the summaries have left, and no other is its relative, whose form
+    might leave as much."""
     left = own.last.distance - own.simulator.floor_distance
     return one.gain > _MOST_EXPLAINED * left and not any(are_related(one.name, name) for name in own.last.names())
 

@@ -22,9 +22,9 @@ from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers import WorkerPool
 
 __all__ = [
+    "FitProgress",
     "Search",
     "SearchData",
-    "Told",
     "accept",
     "beside_related",
     "best_of",
@@ -33,7 +33,7 @@ __all__ = [
     "start_fit",
 ]
 
-Told = Callable[[str, int, int], object]
+FitProgress = Callable[[str, int, int], object]
 _Start = tuple[float, Screened]
 
 MOST_EFFECTS = 4
@@ -44,17 +44,17 @@ NEARLY = 0.35
 LEAST_PART, MOST_OF_LEFT = 0.05, 0.6
 """An effect that explains less of the distance than this is not worth a name, unless it explains most of what others
 leave: squares make a second effect a small part of what a strong one does."""
-KIN_PART = 0.12
-"""An effect's form is never quite the sensor's, and what that leaves is best explained by its kin: beside one of them
-an effect must explain this part of what that one does."""
-RANDOM_KIN_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
-"""What strikes at random explains a little of whatever is not quite right at edges: it needs this part beside its kin,
-and so many times the usual least part, though no more than half of all."""
+RELATED_PART = 0.12
+"""An effect's form is never quite the sensor's, and what that leaves is best explained by its relatives: together with
+one of them an effect must explain this part of what that one does."""
+RANDOM_RELATED_PART, _RANDOM_WORTH, _RANDOM_ENOUGH = 0.3, 2.0, 0.5
+"""What strikes at random explains a little of whatever is not quite right at edges: it needs this part beside its
+relatives, and so many times the usual least part, though no more than half of all."""
 _NEAR_THE_BEST, _CLOSE = 0.93, 3
 """So many names at most, whose merit is this part of the best one's or more, are compared to the end of their fits."""
 _PLAIN_NEAR, _STEADY_NEAR, _PLAIN = 0.75, 0.65, 2
-"""So are as many names of the best one's kin that have fewer numbers, or do not strike at random as it does, from these
-parts on."""
+"""So are as many names of the best one's relatives that have fewer numbers, or do not strike at random as it does,
+from these parts on."""
 _OVERTAKES = 1.02
 """There another one must be ahead by so much: forms that are not quite the sensor's make such differences, too."""
 _FAR_BEHIND = 4.0
@@ -122,18 +122,18 @@ def start_fit(simulator: Simulator, *, nuisances: bool | None = None) -> Fit:
     return fit_nuisance(simulator, plain, rounds=4) if (small if nuisances is None else nuisances) else plain
 
 
-def forward(bench: SearchData, first: Fit, screened: Sequence[Screened], told: Told) -> Search:
+def forward(bench: SearchData, first: Fit, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
     """Accept one effect after another while it explains more than chance and more than 5 %, at most four."""
-    return onward(bench, Search(first, first), screened, told)
+    return onward(bench, Search(first, first), screened, on_progress)
 
 
-def onward(bench: SearchData, found: Search, screened: Sequence[Screened], told: Told) -> Search:
+def onward(bench: SearchData, found: Search, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
     """The same from what is accepted already."""
     little = max(0.5 * CHANCE, 0.5 * bench.worth)
     while len(found.fit.probes) < MOST_EFFECTS:
         if found.fit.probes and found.fit.distance - bench.simulator.floor_distance < little:
             break
-        trials = run_round(bench, found, screened, len(found.fit.probes) + 1, told)
+        trials = run_round(bench, found, screened, len(found.fit.probes) + 1, on_progress)
         trials = neck_and_neck(bench, found, trials)
         found.trials += trials
         passing = [trial for trial in trials if trial.passes]
@@ -174,7 +174,7 @@ def neck_and_neck(bench: SearchData, found: Search, trials: Sequence[FittedCandi
 
 
 def _close(passing: Sequence[FittedCandidate]) -> list[FittedCandidate]:
-    """The best trial of each name that comes near the best of all, and of a plainer one of its kin, the best first.
+    """The best trial of each name that comes near the best of all, and of a plainer one of its relatives, in order.
 
     Numbers that turn a view or bend a walk make up at once for what the pose's error has made; an offset cannot.
     """
@@ -188,7 +188,7 @@ def _close(passing: Sequence[FittedCandidate]) -> list[FittedCandidate]:
 
 
 def _plainer(one: FittedCandidate, other: FittedCandidate) -> bool:
-    """Whether a trial is of an effect of the same kin with fewer free numbers."""
+    """Whether a trial is of an effect of the same group with fewer free numbers."""
     return are_related(one.name, other.name) and len(one.probe.free) < len(other.probe.free)
 
 
@@ -212,7 +212,7 @@ def accept(bench: SearchData, found: Search, trial: FittedCandidate) -> Search:
 
 
 def run_round(
-    bench: SearchData, found: Search, screened: Sequence[Screened], number: int, told: Told
+    bench: SearchData, found: Search, screened: Sequence[Screened], number: int, on_progress: FitProgress
 ) -> list[FittedCandidate]:
     """Fit the most promising candidates on top of what was accepted: one kind of each name, then the other kinds of
     those that may still be the nearest."""
@@ -223,7 +223,9 @@ def run_round(
         first.setdefault(start[1].probe.name, start)
 
     def fitted(some: Sequence[_Start], done: int) -> list[FittedCandidate]:
-        return _fitted(bench, found, shown, some, number, lambda i: told(f"round {number}", done + i, len(order)))
+        return _fitted(
+            bench, found, shown, some, number, lambda i: on_progress(f"round {number}", done + i, len(order))
+        )
 
     trials = fitted([*first.values()], 0)
     others = [start for start in order if start is not first[start[1].probe.name]]
@@ -246,7 +248,7 @@ def _fitted(
     shown: FloatArray,
     starts: Sequence[_Start],
     number: int,
-    told: Callable[[int], object],
+    on_progress: Callable[[int], object],
 ) -> list[FittedCandidate]:
     """The trials of starts, `shown` what the accepted show of the select frames; not those that no sensor can have."""
     simulator, now, floor = bench.simulator, found.fit, bench.select.floor_distance
@@ -264,7 +266,7 @@ def _fitted(
         trials.append(
             FittedCandidate(one.probe.name, number, alone, gain, needed, before, after, change, edges, own, floor)
         )
-        told(i)
+        on_progress(i)
     return trials
 
 
@@ -283,11 +285,11 @@ def _needed(bench: SearchData, found: Search, one: Screened) -> float:
 
 
 def beside_related(probe: Probe, found: Search) -> float:
-    """What an effect must explain beside its kin among those that were accepted."""
+    """What an effect must explain beside its relatives among those that were accepted."""
     gains = [
         t.gain for t in found.trials if t.passes and t.name in found.fit.names() and are_related(probe.name, t.name)
     ]
-    return (RANDOM_KIN_PART if probe.strikes_anew else KIN_PART) * max(gains, default=0.0)
+    return (RANDOM_RELATED_PART if probe.strikes_anew else RELATED_PART) * max(gains, default=0.0)
 
 
 def _promising(bench: SearchData, now: Fit, screened: Sequence[Screened]) -> list[_Start]:

@@ -1,4 +1,4 @@
-"""One more effect on top of what was accepted: its fit, and what it does to the select frames. Tasks of a crew."""
+"""One more effect on top of what was accepted: its fit, and what it does to the select frames. Done by workers."""
 
 from __future__ import annotations
 

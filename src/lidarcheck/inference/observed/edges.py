@@ -115,7 +115,7 @@ def _inside(beams: BeamTable, side: int, surface: IndexArray) -> IndexArray:
 
 
 def with_beams_of(observations: Observations, other: Observations, rows: IndexArray) -> Observations:
-    """The sights, of these beams as the other ones have them."""
+    """The observations, of these beams as the other ones have them."""
     chosen = np.zeros(len(observations.detected), dtype=bool)
     chosen[rows] = True
     kept, taken = ~chosen[observations.extra_beam], chosen[other.extra_beam]

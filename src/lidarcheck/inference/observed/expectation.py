@@ -17,7 +17,7 @@ __all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_w
 Partners = tuple[tuple[IndexArray, IndexArray], tuple[IndexArray, IndexArray]]
 
 CLIP = 6.0
-"""A residual counts at most so many standard deviations: single strays do not move a mean."""
+"""A residual counts at most so many standard deviations: single false echoes do not move a mean."""
 SPREAD_CLIP = 16.0
 """The same of a squared difference of neighbours."""
 SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))

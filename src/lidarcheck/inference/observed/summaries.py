@@ -42,7 +42,7 @@ _COLUMN = "from column to column"
 _SCATTER_OVER = ("all", "range", "amplitude", "material", "point", "frame", "edge")
 """Covariates over which scatter is looked at; the means go over all."""
 _MOST_SQUARE = 25.0
-"""A column counts at most five standard deviations: one that is struck is no spread."""
+"""A column counts at most five standard deviations: one that is hit by chance is no spread."""
 _EXTRAS = ("echoes in front", "echoes behind", "echoes without a surface")
 
 

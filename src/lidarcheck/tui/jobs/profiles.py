@@ -162,7 +162,7 @@ class Profiles:
         return self._responses[of]
 
     def _bench(self, choice: Choice) -> ModelSide:
-        from lidarcheck.calibration.blooming.workflow import bench_of
+        from lidarcheck.calibration.blooming.workflow import model_side_of
         from lidarcheck.model import load_model
 
         key = choice.key[2:]
@@ -176,7 +176,7 @@ class Profiles:
             if material is None and len(retros) > 1:
                 material = retros[0]
             settings = choice.settings if choice.dataset.by_settings else None
-            _keep(self._benches, key, bench_of(model, choice.axis, settings=settings, material=material))
+            _keep(self._benches, key, model_side_of(model, choice.axis, settings=settings, material=material))
         return self._benches[key]
 
 
