@@ -21,7 +21,7 @@ from lidarcheck.explain.decision.answer import (
     closes,
     objection,
 )
-from lidarcheck.explain.decision.appeal import appeal
+from lidarcheck.explain.decision.beam_closure import closure_by_beam
 from lidarcheck.explain.decision.closure import Closure, closure, not_testable, shows_in_select_alone
 from lidarcheck.explain.decision.equivalence import Polished, Rival, contest, rivals
 from lidarcheck.explain.decision.findings import is_doubtful
@@ -32,7 +32,7 @@ from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
 from lidarcheck.explain.report.explanation import ProgressCallback, SearchStep, Standout, StepCallback
 from lidarcheck.explain.report.wording import standouts
-from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_related
+from lidarcheck.explain.search.alternatives import other_ways, try_alternatives, with_fewer_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.search import backward, find_effects, without
 from lidarcheck.explain.search.second_look import second_look
@@ -127,7 +127,7 @@ class Workflow:
     def fit_and_select(self, bench: SearchData, screened: Sequence[Screened]) -> Search:
         """Nuisances first, then one effect after another; at last those are left out again that are not needed."""
         on_progress = functools.partial(report_fit, self.on_progress)
-        found = detours(bench, find_effects(bench, screened, on_progress), screened, on_progress)
+        found = try_alternatives(bench, find_effects(bench, screened, on_progress), screened, on_progress)
         self.on_progress("fit", 1, 1)
         now, level = found.fit, bench.level
         self.did("candidates", f"{len(found.trials)} fitted; chance gains up to {level:.1f} times its mean")
@@ -198,7 +198,7 @@ class Workflow:
         closed = closure(bench, search.fit, search.trials)
         if closed.holds:
             return search, closed
-        found, closed = appeal(bench, seen, search, closed, 2 * self.seed + 4)
+        found, closed = closure_by_beam(bench, seen, search, closed, 2 * self.seed + 4)
         if closed.holds:
             part = f"{100.0 * closed.share:.0f} % of the gap"
             self.did("appeal", f"{', '.join(found.fit.names())}: beam by beam, {part} closes on the frames seen")

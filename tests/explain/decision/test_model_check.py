@@ -106,7 +106,7 @@ def test_what_lies_past_edges_is_not_asked_of_effects_that_turn_beams(names: tup
     ("names", "carries"),
     [(("motion",), True), (("walk_error", "motion"), False), (("walk_error", "fog"), True)],
 )
-def test_kin_must_close_more_together(names: tuple[str, ...], carries: bool) -> None:
+def test_relatives_must_close_more_together(names: tuple[str, ...], carries: bool) -> None:
     scale = Scale.of(frames(model(), 2, **FINE), model(), 5)
     assert carries_over(scale, model(), model(), gap(0.9, 0.22, 0.0), names) == carries
     assert carries_over(scale, model(), model(), gap(0.9, 0.09, 0.0), names)

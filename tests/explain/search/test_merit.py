@@ -73,7 +73,7 @@ def test_of_each_name_the_best_kind_is_fitted_on(ended: list[tuple[str, str]]) -
     assert sorted(ended) == [("motion", ""), ("range_scale", "")]
 
 
-def test_a_plainer_name_of_the_kin_is_fitted_on_from_farther_and_need_only_be_as_near(
+def test_a_plainer_name_of_the_relatives_is_fitted_on_from_farther_and_need_only_be_as_near(
     ended: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(forward, "_OVERTAKES", 1.2)

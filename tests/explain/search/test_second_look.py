@@ -9,7 +9,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.decision import needless
-from lidarcheck.explain.decision.appeal import appeal
+from lidarcheck.explain.decision.beam_closure import closure_by_beam
 from lidarcheck.explain.decision.closure import Closure, closure
 from lidarcheck.explain.decision.needless import without_needless
 from lidarcheck.explain.search import second_look as looking
@@ -177,13 +177,13 @@ def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_
     nothing = Fit((), (), offset.start, np.zeros((1, len(offset.simulator.measured))))
     right, wrong = (trial(fitted(offset, name), 500.0, 110.0) for name in ("range_offset", "dark_counts"))
     assert not right.passes
-    search, closed = appeal(offset, seen_of(offset), Search(nothing, nothing, [wrong, right]), much, 7)
+    search, closed = closure_by_beam(offset, seen_of(offset), Search(nothing, nothing, [wrong, right]), much, 7)
     assert closed.holds
     assert closed.share > 0.8
     assert search.fit.names() == ("range_offset",)
     assert search.own is not None
     before = Search(nothing, nothing, [wrong])
-    search, closed = appeal(offset, seen_of(offset), before, much, 7)
+    search, closed = closure_by_beam(offset, seen_of(offset), before, much, 7)
     assert search is before
     assert closed is much
 
@@ -191,7 +191,7 @@ def test_what_closes_the_gap_beam_by_beam_is_accepted_though_summaries_say_that_
 def test_the_accepted_effects_appeal_before_all_others(offset: SearchData) -> None:
     much, scale = Closure(1000.0, 900.0, 350.0), seen_of(offset)
     right, wrong = (fitted(offset, name) for name in ("range_offset", "dark_counts"))
-    search, closed = appeal(offset, scale, Search(wrong, wrong, [trial(right, 500.0, 110.0)]), much, 7)
+    search, closed = closure_by_beam(offset, scale, Search(wrong, wrong, [trial(right, 500.0, 110.0)]), much, 7)
     assert search.fit is wrong
     assert not closed.holds
 
@@ -201,7 +201,7 @@ def test_usual_errors_that_close_the_gap_leave_nothing_to_name() -> None:
     much = Closure(1000.0, 900.0, 350.0)
     nothing = Fit((), (), bench.start, np.zeros((1, len(bench.simulator.measured))))
     search = Search(nothing, nothing, [trial(fitted(bench, "signal_gain"), 500.0, 110.0)])
-    found, closed = appeal(bench, seen_of(bench), search, much, 7)
+    found, closed = closure_by_beam(bench, seen_of(bench), search, much, 7)
     assert closed.holds
     assert found.fit.names() == ()
 
@@ -242,7 +242,7 @@ def test_a_gap_that_is_hardly_more_than_chance_cannot_be_judged_beam_by_beam() -
     bench = bench_of()
     much, right = Closure(1000.0, 900.0, 350.0), fitted(bench, "range_offset")
     search = Search(right, right, [trial(right, 500.0, 110.0)])
-    assert appeal(bench, seen_of(bench), search, much, 7) == (search, much)
+    assert closure_by_beam(bench, seen_of(bench), search, much, 7) == (search, much)
 
 
 def test_where_nuisances_are_at_their_limits_an_effect_is_sought_without_them() -> None:

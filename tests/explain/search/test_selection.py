@@ -13,7 +13,7 @@ from lidarcheck.explain.search import second_look
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.refine import Judged
 from lidarcheck.explain.search.related import are_related
-from lidarcheck.explain.search.selection import RELATED_PART, RANDOM_RELATED_PART, Search, beside_related
+from lidarcheck.explain.search.selection import RANDOM_RELATED_PART, RELATED_PART, Search, beside_related
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.inference.effect_fit import Fit
@@ -31,7 +31,7 @@ def probe_of(name: str, variant: str = "") -> Probe:
     return next(probe for probe in fixed_probes([name]) if probe.variant == variant)
 
 
-def test_what_turns_at_random_needs_more_beside_its_kin() -> None:
+def test_what_turns_at_random_needs_more_beside_its_relatives() -> None:
     first = trial("boresight", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
     assert beside_related(probe_of("vibration"), found) == pytest.approx(RELATED_PART * 5000.0)
@@ -101,7 +101,7 @@ def test_what_explains_much_holds_where_the_select_frames_are_near_their_floor_w
     assert not dataclasses.replace(turned, needed=50.0, select_floor=556.0).passes, "edges may do that"
 
 
-def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
+def test_beside_its_relatives_an_effect_must_explain_a_part_of_what_that_one_does() -> None:
     first = trial("walk_error", 5000.0, 4000.0, 100.0, 5000.0)
     found = Search(first.fit, first.fit, [first])
     assert beside_related(probe_of("range_scale"), found) == pytest.approx(RELATED_PART * 5000.0)
@@ -114,7 +114,7 @@ def test_beside_its_kin_an_effect_must_explain_a_part_of_what_that_one_does() ->
     )
 
 
-def test_kin_are_effects_and_none_is_its_own() -> None:
+def test_relatives_are_effects_and_none_is_its_own() -> None:
     for name in search_specs():
         find(name)
         assert not are_related(name, name)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.decision.findings import candidates_table, findings_of
-from lidarcheck.explain.decision.images import only_images_stay
-from lidarcheck.explain.decision.inside import shows_inside
+from lidarcheck.explain.decision.inner_echoes import shows_inside
 from lidarcheck.explain.decision.late_forms import with_finer_forms, with_forms_of_beams
-from lidarcheck.explain.decision.leftovers import ranges_follow
+from lidarcheck.explain.decision.mirror_images import only_images_stay
 from lidarcheck.explain.decision.model_check import Open, calibrated, carries_over
+from lidarcheck.explain.decision.range_trends import ranges_follow
 from lidarcheck.explain.decision.recurring import recurs
-from lidarcheck.explain.decision.splits import only_edges_stay
+from lidarcheck.explain.decision.split_echoes import only_edges_stay
 from lidarcheck.explain.empirical.description import Description
 from lidarcheck.explain.report.explanation import Explanation, Finding, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on

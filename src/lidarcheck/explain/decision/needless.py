@@ -19,7 +19,7 @@ from lidarcheck.explain.search.related import are_related, is_special_case
 from lidarcheck.explain.search.search import DOUBTFUL, without
 from lidarcheck.explain.search.second_look import closes_what_others_left, worth_by_beams
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
-from lidarcheck.explain.search.taking_over import is_within_another
+from lidarcheck.explain.search.substitution import is_within_another
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale, excesses

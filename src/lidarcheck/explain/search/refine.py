@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.explain.search.relisted import read_again
+from lidarcheck.explain.search.fitted_tables import read_again
 from lidarcheck.explain.search.whole_bins import at_whole_steps
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.nuisance_fit import fit_nuisance

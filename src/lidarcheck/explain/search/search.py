@@ -13,7 +13,7 @@ from lidarcheck.explain.search.merit import CHANCE, PRICE, FittedCandidate
 from lidarcheck.explain.search.related import are_related
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.selection import RELATED_PART, SMALL, FitProgress, Search, SearchData, forward, start_fit
-from lidarcheck.explain.search.taking_over import others_of
+from lidarcheck.explain.search.substitution import others_of
 from lidarcheck.explain.search.trial import TO_THE_END, finished, select_distance
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.nuisance_fit import fit_nuisance

@@ -10,10 +10,10 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.evidence import SimulatorEvidence
+from lidarcheck.explain.search.fitted_tables import read_again
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, best_of_each_name
 from lidarcheck.explain.search.refine import Judged
 from lidarcheck.explain.search.related import are_related, enough_for, is_special_case
-from lidarcheck.explain.search.relisted import read_again
 from lidarcheck.explain.search.screening import Screened
 from lidarcheck.explain.search.trial import finished, select_shown, to_the_end, tried
 from lidarcheck.inference.effect_fit import Fit

@@ -5,8 +5,8 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
-from lidarcheck.explain.decision.leftovers import ranges_follow, ranges_off
 from lidarcheck.explain.decision.model_check import Open, carries_over
+from lidarcheck.explain.decision.range_trends import ranges_follow, ranges_off
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import fit

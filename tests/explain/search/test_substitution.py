@@ -10,7 +10,7 @@ from lidarcheck.effects.search import FreeParameter, Probe, search_spec
 from lidarcheck.effects.walk_error import WalkError
 from lidarcheck.explain.search.search import without
 from lidarcheck.explain.search.starts import fixed_probes
-from lidarcheck.explain.search.taking_over import is_within_another, others_of
+from lidarcheck.explain.search.substitution import is_within_another, others_of
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
 

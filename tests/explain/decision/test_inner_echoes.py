@@ -8,7 +8,7 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.explain.decision.answer import Answer, closes, objection
-from lidarcheck.explain.decision.inside import shows_inside
+from lidarcheck.explain.decision.inner_echoes import shows_inside
 from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.inference.wasserstein import PARTS, Scale
 

@@ -19,7 +19,7 @@ from lidarcheck.explain.search.selection import FitProgress, Search, SearchData,
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.effect_fit import Fit
 
-__all__ = ["detours", "other_ways", "with_fewer_related"]
+__all__ = ["other_ways", "try_alternatives", "with_fewer_related"]
 
 _OPEN, _OPEN_CLOSED = 0.06, 0.15
 """Where less than this part is left open, on the frames of the fit and the selection, nothing else is tried; nor where
@@ -31,7 +31,9 @@ _NEARER, _SIMPLER = 0.6, 0.9
 effects, that part."""
 
 
-def detours(bench: SearchData, found: Search, screened: Sequence[Screened], on_progress: FitProgress) -> Search:
+def try_alternatives(
+    bench: SearchData, found: Search, screened: Sequence[Screened], on_progress: FitProgress
+) -> Search:
     """The search that begins with another effect than the best of the first round, where that leads much nearer."""
     left = _left(bench, found.fit)
     first = max((t for t in found.trials if t.round == 1 and t.passes), key=lambda t: t.merit, default=None)

@@ -7,8 +7,8 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
-from lidarcheck.explain.search import detours as detouring
-from lidarcheck.explain.search.detours import detours, other_ways, with_fewer_related
+from lidarcheck.explain.search import try_alternatives as detouring
+from lidarcheck.explain.search.alternatives import other_ways, try_alternatives, with_fewer_related
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.screening import Screened, screen
 from lidarcheck.explain.search.search import backward
@@ -68,7 +68,7 @@ def test_where_much_stays_open_the_search_begins_with_another_effect(
 ) -> None:
     on_progress: list[tuple[str, int, int]] = []
     before = misled(both)
-    found = detours(both, before, screened, lambda *step: on_progress.append(step))
+    found = try_alternatives(both, before, screened, lambda *step: on_progress.append(step))
     assert found.fit.names() == ("signal_gain", "timing_jitter")
     assert found.fit.distance - both.simulator.floor_distance < 0.1 * (
         before.fit.distance - both.simulator.floor_distance
@@ -85,7 +85,7 @@ def test_no_other_way_is_taken_that_leads_no_nearer(both: SearchData, screened: 
     right, dark = fitted(both, "signal_gain"), fitted(both, "dark_counts")
     before.fit, before.trials = right, [trial(both, right, both.start), trial(both, dark, both.start)]
     others = [one for one in screened if one.probe.name != "timing_jitter"]
-    assert detours(both, before, others, lambda *_: None) is before
+    assert try_alternatives(both, before, others, lambda *_: None) is before
 
 
 def test_where_little_stays_open_no_other_way_is_tried(screened: list[Screened]) -> None:
@@ -93,9 +93,9 @@ def test_where_little_stays_open_no_other_way_is_tried(screened: list[Screened])
     right, wrong = fitted(bench, "signal_gain"), fitted(bench, "incidence_falloff")
     found = Search(right, right, [trial(bench, right, 2.0 * bench.start), trial(bench, wrong, bench.start)])
     found.first = start_fit(bench.simulator, nuisances=False)
-    assert detours(bench, found, screened, unasked) is found
+    assert try_alternatives(bench, found, screened, unasked) is found
     nothing = Search(found.first, found.first, [])
-    assert detours(bench, nothing, screened, unasked) is nothing
+    assert try_alternatives(bench, nothing, screened, unasked) is nothing
 
 
 @pytest.mark.long
@@ -136,7 +136,7 @@ def test_the_other_ways_are_all_told_whatever_they_lead_to(both: SearchData, scr
     assert not [*other_ways(both, Search(nothing, nothing), screened, unasked)]
 
 
-def test_of_kin_the_later_one_is_left_out() -> None:
+def test_of_relatives_the_later_one_is_left_out() -> None:
     bench = bench_of(GAIN)
     probes = [fixed_probes([name])[0] for name in ("signal_gain", "dark_counts", "incidence_falloff")]
     three = fit(bench.simulator, probes, [probe.start() for probe in probes], rounds=1)

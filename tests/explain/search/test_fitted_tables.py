@@ -10,8 +10,7 @@ from lidarcheck.effects import make
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.effects.search.residuals import at_knots
 from lidarcheck.effects.walk_error import WalkError
-from lidarcheck.explain.search import relisted
-from lidarcheck.explain.search.relisted import read_again
+from lidarcheck.explain.search.fitted_tables import read_again
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
@@ -97,7 +96,7 @@ def test_the_other_numbers_follow_a_table(steps: int, nearer: bool, monkeypatch:
     spec = search_spec("walk_error")
     assert spec.list_reader is not None
     other = dataclasses.replace(spec, list_reader=dataclasses.replace(spec.list_reader, rounds=steps))
-    monkeypatch.setattr(relisted, "search_spec", lambda name: other if name == "walk_error" else search_spec(name))
+    monkeypatch.setattr(fitted_tables, "search_spec", lambda name: other if name == "walk_error" else search_spec(name))
     brighter = model(make("material_reflectance", {"factor": 1.45, "material_id": 2}))
     fine = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 

@@ -5,7 +5,7 @@ import pytest
 
 from explain_core_kit import PANEL, ROAD, WALL, frames, model, street, together
 from lidarcheck.effects import make
-from lidarcheck.explain.decision.images import only_images_stay
+from lidarcheck.explain.decision.mirror_images import only_images_stay
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import PARTS, Scale

@@ -9,7 +9,7 @@ import pytest
 from explain_core_kit import PANEL, at_ranges, frames, model, together
 from lidarcheck.effects import make
 from lidarcheck.explain.decision.model_check import Open, carries_over
-from lidarcheck.explain.decision.splits import only_edges_stay
+from lidarcheck.explain.decision.split_echoes import only_edges_stay
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import Fit

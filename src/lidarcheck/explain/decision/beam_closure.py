@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, OPEN_BY_BEAMS_EDGES, Closure
-from lidarcheck.explain.decision.images import only_images_stay
+from lidarcheck.explain.decision.mirror_images import only_images_stay
 from lidarcheck.explain.search.merit import best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.selection import Search, SearchData
@@ -19,7 +19,7 @@ from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.wasserstein import PARTS, Scale, excesses
 from lidarcheck.model.spec import Model
 
-__all__ = ["appeal"]
+__all__ = ["closure_by_beam"]
 
 _SURE = 10.0
 """A gap of fewer standard deviations of chance is too small to tell."""
@@ -27,7 +27,9 @@ _LESS = 0.5
 _MOST = 2
 
 
-def appeal(bench: SearchData, seen: Scale, search: Search, closed: Closure, seed: int) -> tuple[Search, Closure]:
+def closure_by_beam(
+    bench: SearchData, seen: Scale, search: Search, closed: Closure, seed: int
+) -> tuple[Search, Closure]:
     """The search and how it closes the gap beam by beam, where it does; else both as they are.
 
     Where no effect was accepted, usual errors alone are asked first, and a candidate must leave less than half of what
