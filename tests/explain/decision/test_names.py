@@ -196,7 +196,7 @@ def test_where_much_stays_open_other_names_are_asked(
         return search, Answer(verdict, (_named(name),), (), "", opened(its))
 
     monkeypatch.setattr(Workflow, "judge", judged)
-    monkeypatch.setattr(workflow_steps, "with_fewer_kin", lambda *_: iter(()))
+    monkeypatch.setattr(workflow_steps, "with_fewer_related", lambda *_: iter(()))
     ways = [Search(fit_of(name), fit_of(name)) for name in others]
     monkeypatch.setattr(workflow_steps, "other_ways", lambda *_: iter(ways))
     run, first = Workflow(model(), 0, (), WorkerPool(), ignore_progress), fit_of("fog")

@@ -10,6 +10,7 @@ from lidarcheck.effects import make
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.effects.search.residuals import at_knots
 from lidarcheck.effects.walk_error import WalkError
+from lidarcheck.explain.search import fitted_tables
 from lidarcheck.explain.search.fitted_tables import read_again
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import Fit, fit
