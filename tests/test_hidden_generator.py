@@ -155,6 +155,7 @@ def assert_shows(effect: Effect, scene: str) -> None:
     assert z > VISIBLE_Z
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_every_form_of_every_effect_shows(name):
     scene = SCENES_FOR.get(name, ("mixed",))[0]

@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.long
 def test_the_case_to_try_is_answered_as_the_documentation_says(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "explain.md").read_text()
     found = re.search(r"\*\*A case to try\*\*.*?```sh\n(.*?)```", text, re.DOTALL)

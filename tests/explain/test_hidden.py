@@ -39,6 +39,7 @@ def answered(order: hidden.CaseOrder, directory: Path) -> tuple[Explanation, hid
     return found, sealed.open(found.to_dict())
 
 
+@pytest.mark.long
 def test_nothing_is_named_where_only_table_and_pose_are_a_little_off(tmp_path: Path) -> None:
     found, _ = answered(order_of("null_nuisance"), tmp_path / "case")
     assert found.verdict == "no_gap"
@@ -46,6 +47,7 @@ def test_nothing_is_named_where_only_table_and_pose_are_a_little_off(tmp_path: P
     assert found.model == load_case(tmp_path / "case").model
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["range_scale", "threshold", "fog"])
 def test_a_hidden_effect_is_named_and_the_gap_shrinks(name: str, tmp_path: Path) -> None:
     found, truth = answered(order_of("single", (name,)), tmp_path / "case")
@@ -60,6 +62,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks(name: str, tmp_path: Path)
     json.dumps(found.to_dict(), allow_nan=True)
 
 
+@pytest.mark.long
 def test_what_no_catalogue_has_is_called_unknown_and_described(tmp_path: Path) -> None:
     found, _ = answered(order_of("alien", ("range_ripple",)), tmp_path / "case")
     assert found.verdict == "unknown"

@@ -138,6 +138,7 @@ def test_too_few_frames_are_refused() -> None:
         explain(case(model(), model(), 2), seed=1)
 
 
+@pytest.mark.long
 def test_a_name_that_does_not_carry_over_to_unseen_frames_is_withdrawn() -> None:
     """The last two frames, which verify, lack what the others have: a name for these closes nothing there."""
     off, right = (case(m, model(), 6) for m in (model(make("range_offset", {"offset_m": OFFSET_M})), model()))

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from binary_kinds import EXACT, KIND, KINDS, make_table, message_of, written
+from budget import examples
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_scan, save_scan
 from lidarcheck.formats.las import read_las, write_las
@@ -61,7 +62,7 @@ def _columns(draw: st.DrawFn) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", EXACT)
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(columns=_columns())
 def test_any_columns_come_back_bit_for_bit(kind: str, columns: dict[str, Any], tmp_path: Path) -> None:
     back = KINDS[kind][2](written(kind, Table(columns), tmp_path))
@@ -78,7 +79,7 @@ def test_any_columns_come_back_bit_for_bit(kind: str, columns: dict[str, Any], t
 
 
 @pytest.mark.parametrize("kind", ["las", "laz"])
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(columns=_columns(), span=st.sampled_from([1.0, 300.0, 2147.0, 5e3, 1e6]), offset=st.sampled_from([0.0, 4.5e6]))
 def test_las_keeps_extra_dimensions_exactly(
     kind: str, columns: dict[str, Any], span: float, offset: float, tmp_path: Path

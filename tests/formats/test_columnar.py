@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.formats.convert import convert, describe
@@ -16,7 +17,7 @@ from lidarcheck.formats.table import Table, check_names, quoted
 from lidarcheck.scan import IdealScan, Scan
 from places import shared_path
 
-STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=60)
+STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=examples(60))
 SUFFIXES = [".txt", ".csv", ".parquet", ".pcd", ".las", ".laz", ".ply"]
 FIELDS = ("layer", "point", "echo_number", "width_ns", "area", "peak")
 DTYPES = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8", "?"]

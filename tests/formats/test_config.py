@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
+from budget import examples
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, PathText, load_toml, parse_toml
 from lidarcheck.formats.config_words import dotted
@@ -245,7 +246,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(document=st.dictionaries(KEYS, VALUES, max_size=5), multiline=st.booleans())
 def test_every_key_of_any_document_has_a_line_and_no_other(document: dict[str, Any], multiline: bool) -> None:
     text = tomli_w.dumps(document, multiline_strings=multiline)
@@ -299,7 +300,7 @@ def documents_with_lines(draw: st.DrawFn) -> tuple[str, dict[tuple[str | int, ..
     return newline.join(lines), expected
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(documents_with_lines())
 def test_lines_are_those_of_the_writer(case: tuple[str, dict[tuple[str | int, ...], int]]) -> None:
     text, expected = case
@@ -326,7 +327,7 @@ radius_m = 1e0
 """
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 @given(
     edits=st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), max_size=3),
     cut=st.one_of(st.none(), st.integers(0, len(GOOD))),

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError, UsageError
 from lidarcheck.formats.lut import load_lut, parse_lut, save_lut, scaled_of_y, y_of_scaled
 from places import shared_path
@@ -194,7 +195,7 @@ def lut_texts(draw: st.DrawFn) -> tuple[bytes, list[float], list[str]]:
     return bom + (text + draw(st.sampled_from(["", newline]))).encode("latin-1"), x, y
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(case=lut_texts(), data=st.data())
 def test_any_table_reads_and_an_edit_touches_one_cell(
     case: tuple[bytes, list[float], list[str]], data: st.DataObject
@@ -220,7 +221,7 @@ def test_any_table_reads_and_an_edit_touches_one_cell(
     assert after.y[index] == float(new)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(
     edits=st.lists(st.tuples(st.integers(0, len(SMALL) - 1), st.integers(0, 255)), max_size=4),
     cut=st.none() | st.integers(0, len(SMALL)),

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats.json_lines import locate_json
 from lidarcheck.formats.settings import (
@@ -224,7 +225,7 @@ VERTICAL_ENTRIES = st.lists(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(entries=VERTICAL_ENTRIES)
 def test_what_is_saved_loads_as_the_same_settings(
     tmp_path_factory: pytest.TempPathFactory, entries: list[Setting]
@@ -246,7 +247,7 @@ def all_paths(value: Any, path: tuple[str | int, ...] = ()) -> list[tuple[str | 
     return [found for key, entry in entries for found in [(*path, key), *all_paths(entry, (*path, key))]]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(
     document=st.recursive(
         st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
@@ -272,7 +273,7 @@ def test_repeated_json_keys_are_found() -> None:
     assert repeated == [(("a",), 2), (("a", "b"), 3)]
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 @given(
     edits=st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), max_size=3),
     cut=st.none() | st.integers(0, len(GOOD)),

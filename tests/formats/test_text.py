@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.formats.convert import convert, describe
@@ -18,7 +19,7 @@ from lidarcheck.scan import IdealScan, Scan, beams_of
 from lidarcheck.sensor import beam_directions
 from places import shared_path
 
-STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=150)
+STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=examples(150))
 SAMPLES = ("samples/1_25m.txt", "samples/2_45m.txt")
 PLAIN = b"//X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n2\n1 2 3 331 295 1 39 6007 236\n4 5 6.5 332 295 2 11 841 96\n"
 

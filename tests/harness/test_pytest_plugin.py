@@ -254,6 +254,7 @@ def test_a_run_that_compares_nothing_fails(repo):
     result.stdout.fnmatch_lines(["*a run that compares nothing proves nothing"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", ["load", "loadgroup"])
 def test_the_verdicts_are_the_same_under_xdist(repo, mode):
     (repo.path / "scenarios" / "models" / "gain.ini").write_text("gain = 1.1\n")

@@ -72,6 +72,7 @@ def holds(result, least):
     assert [row.x for row in result.rows] == list(X)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("variant", ["SMART", "SLIM"])
 def test_a_known_table_is_found_again(fits, variant):
     holds(fits[variant], least=12)

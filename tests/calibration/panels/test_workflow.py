@@ -103,6 +103,7 @@ def pair(gap_m, materials, behind_m=0.0):
     return ph.Hall(spots, stands=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("gap_m", "materials", "behind_m"),
     [(0.15, (PANEL_50, PANEL_50), 0.0), (0.0, (PANEL_10, PANEL_80), 0.0), (0.0, (PANEL_50, PANEL_50), 0.5)],

@@ -216,13 +216,14 @@ def test_effects_lists_and_explains(capsys):
 
 
 def test_every_explained_effect_is_one_a_model_can_name(bench_dir, capsys):
+    from lidarcheck.cli.simulation.effects_text import example
     from lidarcheck.effects import catalogue
     from lidarcheck.model import load_model
 
-    for name in catalogue():
-        assert main(["effects", name]) == 0
-        example = capsys.readouterr().out.split("In a model file:\n")[1]
-        Path("model.toml").write_text(MODEL + example)
+    assert main(["effects", "layer_gain"]) == 0
+    assert example(catalogue()["layer_gain"], "  ") in capsys.readouterr().out
+    for name, effect in catalogue().items():
+        Path("model.toml").write_text(MODEL + example(effect))
         assert [effect.name for effect in load_model("model.toml").effects] == [name]
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from effect_kit import MATERIALS, Around, echoes, empty, lit, plain, rows, wall
 from lidarcheck import effects
 from lidarcheck.cli import main
@@ -449,7 +450,7 @@ def terms(draw: st.DrawFn) -> effects.Effect:
     return effects.make(name, (values | ANYWHERE | STRENGTH) if name == "empirical_extra" else values)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(chosen=terms())
 def test_what_is_saved_loads_as_the_same_term(tmp_path_factory: pytest.TempPathFactory, chosen: effects.Effect) -> None:
     path = tmp_path_factory.getbasetemp() / "terms.toml"

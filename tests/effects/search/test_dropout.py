@@ -51,6 +51,7 @@ def fit_of(share: float, points: int, layers: int) -> Fit:
     return Fit((probe,), (probe.start(),), 0.0, np.zeros((1, 1)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("points", "layers"), [(4, 2), (8, 8), (1, 6), (1, 12), (3, 5), (16, 1)])
 def test_the_size_of_lost_blocks_is_read_off_the_data(points: int, layers: int) -> None:
     [found] = starts_of(lab_of(0.08, points, layers))

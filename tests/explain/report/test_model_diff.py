@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.effects import Effect, catalogue, empirical_terms, make
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.explain.report.model_diff import model_diff, write_model
@@ -224,7 +225,7 @@ def chosen(draw: st.DrawFn) -> tuple[Effect, ...]:
     return found.effects
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(first=chosen(), second=chosen(), ending=st.sampled_from(["\n", "\r\n"]))
 def test_any_effects_become_any_others_and_the_comments_stay(
     first: tuple[Effect, ...], second: tuple[Effect, ...], ending: str, tmp_path: Path

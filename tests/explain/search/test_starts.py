@@ -125,6 +125,7 @@ def test_an_effect_is_judged_with_the_nuisance_that_it_adds_to() -> None:
     assert not is_usual_error(turned, Nuisance(yaw=0.6 * LIMIT))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "settings", "within"),
     [

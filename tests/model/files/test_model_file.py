@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from budget import examples
 from lidarcheck.effects import Effect, catalogue, make
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError, UsageError
 from lidarcheck.model.files.model_file import load_model, save_model
@@ -251,7 +252,7 @@ def effects_of_the_catalogue(draw: st.DrawFn) -> tuple[Effect, ...]:
     return tuple(made)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(
     variant=st.sampled_from(["SMART", "SLIM"]),
     overrides=_sensor_values(),
@@ -275,7 +276,7 @@ def test_what_is_saved_loads_as_the_same_model(
     assert load_model(path) == model
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 @given(
     edits=st.lists(st.tuples(st.integers(0, len(FULL) - 1), st.integers(0, 255)), max_size=4),
     cut=st.none() | st.integers(0, len(FULL)),

@@ -474,6 +474,7 @@ def hold_when_noted(process, out):
     os.kill(process, signal.SIGSTOP)
 
 
+@pytest.mark.long
 def test_a_real_run_is_cancelled_and_goes_on_to_name_what_is_missing(offset):
     project, others = offset
 
