@@ -9,6 +9,8 @@ from typing import Any
 
 CLOSE = 0.1
 """Of a number's interval: what a number may move and still say the same."""
+ROUNDING = 1e-9
+"""Of a number without an interval: what another order of the same sums may do to a fit."""
 CANDIDATES = 4
 
 
@@ -33,8 +35,8 @@ def judge(item: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[st
     if heart is None or old["codes"] != new["codes"]:
         return "different", [str(one) for one in every]
     core = list(differences(heart(old), heart(new)))
-    if not core:  # the same numbers, so there is no reason for anything else to differ
-        return "different", [str(one) for one in every]
+    if not core:  # the same numbers, so there is no reason for anything else to differ by more than rounding
+        return "near" if all(one.near for one in every) else "different", [str(one) for one in every]
     level = "near" if all(one.near for one in core) else "different"
     lines = [str(one) for one in core]
     if item == "explain" and level == "different":
@@ -54,7 +56,8 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[Difference]:
             yield from differences(one, other, f"{path}/{k}")
     elif _number(old) and _number(new):
         if not (old == new or (math.isnan(old) and math.isnan(new))):
-            yield Difference(path, f"{old!r}, now {new!r}{_relative(old, new)}")
+            near = abs(new - old) <= ROUNDING * max(abs(old), abs(new))
+            yield Difference(path, f"{old!r}, now {new!r}{_relative(old, new)}", near)
     elif type(old) is not type(new) or old != new:
         yield Difference(path, f"{_short(old)}, now {_short(new)}")
 
