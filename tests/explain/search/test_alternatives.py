@@ -7,7 +7,7 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
-from lidarcheck.explain.search import try_alternatives as detouring
+from lidarcheck.explain.search import alternatives as detouring
 from lidarcheck.explain.search.alternatives import other_ways, try_alternatives, with_fewer_related
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.screening import Screened, screen
