@@ -113,7 +113,7 @@ def run_tests(mutant: dict[str, Any], place: Scratch, *, compiled: bool) -> bool
     cache = place.cache()
     if not compiled and place.kernels.is_dir():
         shutil.copytree(place.kernels, cache, dirs_exist_ok=True)
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *mutant["tests"]]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *mutant["tests"]]
     try:
         run = subprocess.run(
             command, cwd=place.root, env=place.environment(), capture_output=True, timeout=LIMIT_S, check=False
