@@ -11,6 +11,8 @@ CLOSE = 0.1
 """Of a number's interval: what a number may move and still say the same."""
 ROUNDING = 1e-9
 """Of a number without an interval: what another order of the same sums may do to a fit."""
+SOURCE = "frames.json/source"
+"""A hash of lidarcheck's own source, which is another after every change."""
 CANDIDATES = 4
 
 
@@ -28,7 +30,7 @@ class Difference:
 
 def judge(item: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, list[str]]:
     """The level and what there is to say. Only the fits may be near: their numbers have intervals."""
-    every = list(differences(old, new))
+    every = [one for one in differences(old, new) if not one.path.endswith(SOURCE)]
     if not every:
         return "same", []
     heart = {"explain": _answer, "calibrate": _fitted, "bloom": _fitted, "ghosts": _fitted}.get(item)
