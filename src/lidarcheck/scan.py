@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,10 @@ from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
-__all__ = ["Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of", "light_of_beams"]
+__all__ = ["ECHO_COLUMNS", "Fired", "Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of", "light_of_beams"]
+
+ECHO_COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
+"""The fields of a `Scan` that hold a value an echo; `extra` holds further ones."""
 
 _Rows = TypeVar("_Rows", "IdealScan", "Scan")
 
@@ -229,12 +232,49 @@ class Light:
 
 
 @dataclass(frozen=True)
+class Fired:
+    """Beams that were fired, with an echo or without, each once a frame; columns of shape (n,), in any order.
+
+    `frame`: of each, None where all are of one frame. `source`: who says that they were fired.
+    """
+
+    layer: IntArray
+    point: IntArray
+    frame: IntArray | None = None
+    source: Literal["scan", "ideal", "sensor"] = "scan"
+
+    def __post_init__(self) -> None:
+        _freeze(self, dict.fromkeys(("layer", "point"), np.int32), len(self.layer))
+        _freeze(self, {"frame": np.int64}, len(self.layer))
+
+    def __len__(self) -> int:
+        return len(self.layer)
+
+    def of_frame(self, frame: int) -> Fired:
+        """The beams that were fired in one frame."""
+        if self.frame is None:
+            return self
+        own = self.frame == frame
+        return Fired(self.layer[own], self.point[own], None, self.source)
+
+    def has(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Which of these beams were fired, in any frame; shapes (m,)."""
+        keys, asked = (
+            np.asarray(a, dtype=np.int64) * 2**32 + np.asarray(b) for a, b in ((self.layer, self.point), (layer, point))
+        )
+        return np.isin(asked, keys)
+
+
+@dataclass(frozen=True)
 class Scan:
     """Echoes, a row each. Columns of shape (n,).
 
     `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are the echo's
     features; `extra` holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the
-    standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults.
+    standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the
+    beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
+    seen nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking
+    echoes leaves it as it is.
     """
 
     x_m: FloatArray
@@ -248,6 +288,7 @@ class Scan:
     peak: FloatArray
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
+    fired: Fired | None = None
 
     def __post_init__(self) -> None:
         n = len(self.x_m)
@@ -306,7 +347,7 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
         value = getattr(table, f.name)
         if f.name == "extra":
             parts[f.name] = {name: column[rows] for name, column in value.items()}
-        elif value is None or isinstance(value, str | tuple):
+        elif value is None or isinstance(value, str | tuple | Fired):
             parts[f.name] = value
         elif isinstance(value, Rays):
             parts[f.name] = value.take(rows)

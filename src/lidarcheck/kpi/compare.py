@@ -13,7 +13,7 @@ from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile, target_offset
 from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, SurfaceGap, TargetGap
-from lidarcheck.kpi.detection import detection_probability, false_alarms
+from lidarcheck.kpi.detection import detection_probability, false_alarms, range_edges
 from lidarcheck.kpi.distances import energy, js, ks, ordered, wasserstein
 from lidarcheck.kpi.ghost import Ghost, ghost, ghost_partners
 from lidarcheck.kpi.overlap import RADIUS_M, overlap
@@ -142,9 +142,10 @@ def _surfaces(measured: Scan, simulated: Scan, m: Pairing, s: Pairing) -> Surfac
         walk = walk_offset(
             m.residual_m[m.of_surface], m_area[m.of_surface], s.residual_m[s.of_surface], s_area[s.of_surface]
         )
+    edges_m = range_edges(m.distance_m)  # of all beams: each side may have fired others, the bins are the same
     return SurfaceGap(
-        detection_measured=detection_probability(m.distance_m, m.detected),
-        detection_simulated=detection_probability(s.distance_m, s.detected),
+        detection_measured=detection_probability(m.distance_m[m.judged], m.detected[m.judged], edges_m=edges_m),
+        detection_simulated=detection_probability(s.distance_m[s.judged], s.detected[s.judged], edges_m=edges_m),
         false_alarms_measured=false_alarms(m),
         false_alarms_simulated=false_alarms(s),
         walk=walk,

@@ -86,9 +86,10 @@ def detection_probability(
 ) -> Detection:
     """Beams with an echo on their surface over beams that meet one, per range bin.
 
-    `distance_m`, `detected`: a beam each, shapes (n_beams,), from `pair_with_ideal`, so from geometry and not from
-    what was detected; a beam with several surfaces counts once, in the bin of the nearest. Distance 0: meets nothing,
-    not counted. `edges_m`: ascending, shape (k + 1,); default every 10 m. Beams outside of them are not counted.
+    `distance_m`, `detected`: a beam each, of those that were fired, shapes (n_beams,), from `pair_with_ideal`, so from
+    geometry and not from what was detected; a beam with several surfaces counts once, in the bin of the nearest.
+    Distance 0: meets nothing, NaN: nobody knows; neither is counted. `edges_m`: ascending, shape (k + 1,); default
+    every 10 m. Beams outside of them are not counted.
     """
     distance = np.asarray(distance_m, dtype=np.float64)
     seen = np.asarray(detected, dtype=np.bool_)
@@ -109,8 +110,9 @@ def detection_probability(
 def false_alarms(pairing: Pairing) -> FalseAlarms:
     """Echoes farther than the tolerance (0.5 m) from every surface of their beam, per fired beam.
 
-    Counts every echo of a beam that meets nothing. NaN per beam where no beam was fired.
+    Counts every echo of a beam that meets nothing, and none where nobody knows what it meets. NaN per beam where no
+    beam was fired.
     """
-    away = int(np.count_nonzero(~pairing.on_surface))
-    beams = pairing.distance_m.size
+    away = int(np.count_nonzero(~pairing.on_surface & pairing.judged[pairing.echo_beam]))
+    beams = int(np.count_nonzero(pairing.judged))
     return FalseAlarms(away, beams, away / beams if beams else float("nan"))

@@ -38,7 +38,9 @@ class Pairing:
     """A scan's echoes beside the surfaces of their beams.
 
     Per beam, shape (n_beams,), in ascending (layer, point): `layer`, `point`, `distance_m` (its nearest surface, 0
-    where it meets nothing), `detected` (an echo lies on one of its surfaces).
+    where it meets nothing, NaN where nobody knows all that it meets), `detected` (an echo lies on one of its
+    surfaces), `judged`: it was fired, and what it meets is known, so that an echo that is missing or too many means
+    something.
 
     Per echo, shape (n_echoes,), in the scan's order: `echo_beam` (index of its beam), `residual_m` (range minus the
     distance of the surface of its beam that lies closest to it; NaN where the beam meets nothing), `on_surface`
@@ -50,6 +52,7 @@ class Pairing:
     point: npt.NDArray[np.int32]
     distance_m: FloatArray
     detected: BoolArray
+    judged: BoolArray
     echo_beam: IndexArray
     residual_m: FloatArray
     on_surface: BoolArray
@@ -109,13 +112,19 @@ def pair_with_ideal(ideal: IdealScan, scan: Scan) -> Pairing:
     distance = np.zeros(beams.size)
     # Descending distance within a beam: the last written, and so kept, is the nearest.
     distance[beam_of_row[order[::-1]]] = ideal.distance_m[order[::-1]]
+    distance[beam_of_row[np.isnan(ideal.distance_m)]] = np.nan
     detected = np.zeros(beams.size, dtype=np.bool_)
     detected[echo_beam[on_surface]] = True
+    layer, point = ideal.layer[first_row], ideal.point[first_row]
+    judged = ~np.isnan(distance)
+    if scan.fired is not None:
+        judged &= scan.fired.has(layer, point)
     return Pairing(
-        layer=ideal.layer[first_row],
-        point=ideal.point[first_row],
+        layer=layer,
+        point=point,
         distance_m=distance,
         detected=detected,
+        judged=judged,
         echo_beam=echo_beam,
         residual_m=residual,
         on_surface=on_surface,

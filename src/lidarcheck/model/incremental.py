@@ -5,7 +5,7 @@ Random numbers are keyed by the beam, so that beams whose light is the same give
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lidarcheck.model.chain import echoes_of
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, rounded_ranges, run_and_light
-from lidarcheck.scan import IdealScan, Light, Scan, light_of_beams
+from lidarcheck.scan import ECHO_COLUMNS, IdealScan, Light, Scan, light_of_beams
 
 __all__ = ["DetectedFrame", "simulate_detected"]
 
@@ -88,7 +88,6 @@ def _merged(old: Scan, new: Scan, light: Light, differs: npt.NDArray[np.bool_]) 
     keys = light.layer.astype(np.int64) << 32 | light.point
     changed = keys[differs]
     kept = old.take(~np.isin(old.layer.astype(np.int64) << 32 | old.point, changed))
-    names = [f.name for f in fields(Scan) if f.name not in ("extra", "defaulted")]
-    columns: dict[str, Any] = {name: np.concatenate([getattr(kept, name), getattr(new, name)]) for name in names}
+    columns: dict[str, Any] = {name: np.concatenate([getattr(kept, name), getattr(new, name)]) for name in ECHO_COLUMNS}
     order = np.lexsort((columns["echo_number"], columns["point"], columns["layer"]))
     return Scan(**{name: column[order] for name, column in columns.items()})

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.find import Panel
 from lidarcheck.calibration.panels.image import strongest
-from lidarcheck.scan import Scan
+from lidarcheck.scan import ECHO_COLUMNS, Scan
 
 __all__ = ["MOST_ECHOES", "PanelSamples", "Sampler", "joined"]
 
@@ -116,11 +117,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
         nothing = np.zeros(0, dtype=np.int32)
         return Scan.from_beams(nothing, nothing, np.zeros(0))
     shared = [name for name in scans[0].extra if all(name in scan.extra for scan in scans)]
-    columns = {
-        f.name: np.concatenate([getattr(scan, f.name) for scan in scans])
-        for f in fields(Scan)
-        if f.name not in ("extra", "defaulted")
-    }
+    columns: dict[str, Any] = {name: np.concatenate([getattr(scan, name) for scan in scans]) for name in ECHO_COLUMNS}
     defaulted = tuple(dict.fromkeys(name for scan in scans for name in scan.defaulted))
     extra = {name: np.concatenate([scan.extra[name] for scan in scans]) for name in shared}
     return Scan(**columns, extra=extra, defaulted=defaulted)
