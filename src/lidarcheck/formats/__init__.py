@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from os import PathLike
 
+from lidarcheck.formats.frames import one_frame
 from lidarcheck.formats.ideals import ideal_from_table, table_from_ideal
 from lidarcheck.formats.recognise import read_table, write_table
 from lidarcheck.formats.scans import scan_from_table, table_from_scan
@@ -14,12 +15,12 @@ __all__ = ["load_ideal", "load_scan", "save_ideal", "save_scan"]
 
 
 def load_scan(path: str | PathLike[str]) -> Scan:
-    """The echoes of a file in any known format.
+    """The echoes of a file in any known format, which holds one frame.
 
     Missing columns are logged and defaulted as `lidarcheck.formats.scans` says. `InputError` names file and line (or
-    row) of whatever is wrong.
+    row) of whatever is wrong, and of a file of several frames the command that splits it.
     """
-    return scan_from_table(read_table(path))
+    return scan_from_table(one_frame(read_table(path)))
 
 
 def save_scan(scan: Scan, path: str | PathLike[str]) -> None:
@@ -31,11 +32,12 @@ def save_scan(scan: Scan, path: str | PathLike[str]) -> None:
 
 
 def load_ideal(path: str | PathLike[str]) -> IdealScan:
-    """The ideal scan of a file in any known format, or made of a driving simulator's semantic LiDAR.
+    """The ideal scan of a file in any known format, or made of a driving simulator's semantic LiDAR, of one frame.
 
-    `InputError` names file and line (or row) of whatever is wrong.
+    `InputError` names file and line (or row) of whatever is wrong, and of a file of several frames the command that
+    splits it.
     """
-    table = read_table(path)
+    table = one_frame(read_table(path))
     return ideal_from_table(ideal_table(table) if is_semantic(table) else table)
 
 

@@ -44,13 +44,16 @@ class Table:
 
     `columns`: one-dimensional arrays of booleans, integers or floats, all of shape (n,); no two names differ only in
     case. `path`: the file they come from, for messages. `layout`: only of text files. `edited`: names of columns whose
-    values are no longer those of `path`. `UsageError` when the columns do not fit together.
+    values are no longer those of `path`. `origin` (n,): of some of a file's rows, where each stands in it, from 0;
+    `first_line`: the line of that file's first row. `UsageError` when the columns do not fit together.
     """
 
     columns: Mapping[str, Column]
     path: Path | None = None
     layout: TextLayout | None = None
     edited: frozenset[str] = field(default=frozenset())
+    origin: npt.NDArray[np.intp] | None = None
+    first_line: int | None = None
 
     def __post_init__(self) -> None:
         repeated = _repeated(self.columns)
@@ -88,15 +91,27 @@ class Table:
         same = np.array_equal(self.columns[own], values)
         return replace(self, columns=columns, edited=self.edited if same else self.edited | {own})
 
+    def take(self, rows: npt.NDArray[np.intp]) -> Table:
+        """Some of the rows, by ascending indices of shape (m,); errors name them by their place in the file."""
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        origin = rows if self.origin is None else self.origin[rows]
+        first = self.first_line if self.layout is None else self.layout.first_line
+        return Table(columns, self.path, origin=origin, first_line=first)
+
+    def row_in_file(self, row: int) -> int:
+        """Where a row (from 0) stands among the rows of the file, from 0."""
+        return row if self.origin is None else int(self.origin[row])
+
     def line_of(self, row: int) -> int | None:
         """The line of the file that a row (from 0) stands in; None where the file has no lines."""
-        return None if self.layout is None else self.layout.first_line + row
+        first = self.first_line if self.layout is None else self.layout.first_line
+        return None if first is None else first + self.row_in_file(row)
 
     def fault(self, what: str, *, row: int | None = None, fix: str = "") -> InputError:
         """The error to raise for a fault of this table, saying where: by line in a text file, else by row from 1."""
         line = None if row is None else self.line_of(row)
         if row is not None and line is None:
-            what = f"row {row + 1}: {what}"
+            what = f"row {self.row_in_file(row) + 1}: {what}"
         return InputError(what, file=self.path, line=line, fix=fix)
 
 
