@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,18 @@ from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
-__all__ = ["ECHO_COLUMNS", "Fired", "Haze", "IdealScan", "Light", "PulseShape", "Scan", "beams_of", "light_of_beams"]
+__all__ = [
+    "ECHO_COLUMNS",
+    "Fired",
+    "Geometry",
+    "Haze",
+    "IdealScan",
+    "Light",
+    "PulseShape",
+    "Scan",
+    "beams_of",
+    "light_of_beams",
+]
 
 ECHO_COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
 """The fields of a `Scan` that hold a value an echo; `extra` holds further ones."""
@@ -231,6 +242,25 @@ class Light:
         return replace(self, first_pulse=first, pulse_range_m=ranges, pulse_signal=signals, pulse_row=rows)
 
 
+class Geometry(NamedTuple):
+    """How a file's X, Y, Z agree with its beams. `verdict`: `ok`, `warning` or `not checked`; `note`: of what, or why.
+
+    Of its `rows` so many could be `judged`, so many of these `passed`, and so many of all lie `outside` their bound.
+    `unit_checked`: whether a RANGE beside X, Y, Z says that they are in metres.
+    """
+
+    verdict: str = "not checked"
+    rows: int = 0
+    judged: int = 0
+    passed: int = 0
+    outside: int = 0
+    note: str = "the echoes were not read from a file"
+    unit_checked: bool = False
+
+
+_NOT_READ = Geometry()
+
+
 @dataclass(frozen=True)
 class Fired:
     """Beams that were fired, with an echo or without, each once a frame; columns of shape (n,), in any order.
@@ -274,7 +304,7 @@ class Scan:
     standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the
     beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
     seen nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking
-    echoes leaves it as it is.
+    echoes leaves it as it is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
     """
 
     x_m: FloatArray
@@ -289,6 +319,7 @@ class Scan:
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
     fired: Fired | None = None
+    geometry: Geometry = _NOT_READ
 
     def __post_init__(self) -> None:
         n = len(self.x_m)

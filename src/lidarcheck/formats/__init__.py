@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 
 from lidarcheck.formats.frames import one_frame
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.ideals import ideal_from_table, table_from_ideal
 from lidarcheck.formats.recognise import read_table, write_table
 from lidarcheck.formats.scans import scan_from_table, table_from_scan
@@ -14,13 +15,14 @@ from lidarcheck.scan import IdealScan, Scan
 __all__ = ["load_ideal", "load_scan", "save_ideal", "save_scan"]
 
 
-def load_scan(path: str | PathLike[str]) -> Scan:
-    """The echoes of a file in any known format, which holds one frame.
+def load_scan(path: str | PathLike[str], placement: Placement = AS_IT_IS) -> Scan:
+    """The echoes of a file in any known format, which holds one frame, placed as declared.
 
     Missing columns are logged and defaulted as `lidarcheck.formats.scans` says. `InputError` names file and line (or
-    row) of whatever is wrong, and of a file of several frames the command that splits it.
+    row) of whatever is wrong, the change that would help where X, Y, Z do not lie where the beams point, and of a file
+    of several frames the command that splits it.
     """
-    return scan_from_table(one_frame(read_table(path)))
+    return scan_from_table(one_frame(read_table(path)), placement)
 
 
 def save_scan(scan: Scan, path: str | PathLike[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from lidarcheck.formats.columns import (
     whole_column,
     with_extra,
 )
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
+from lidarcheck.formats.geometry.reader import checked_geometry
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import Scan, beams_of
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
@@ -42,8 +45,8 @@ _FEATURES = ("WIDTH", "AREA", "PEAK")
 _log = logging.getLogger(__name__)
 
 
-def scan_from_table(table: Table) -> Scan:
-    """The echoes that a table's columns describe.
+def scan_from_table(table: Table, placement: Placement = AS_IT_IS) -> Scan:
+    """The echoes that a table's columns describe, once X, Y, Z are placed as declared and agree with their beams.
 
     Needed are X, Y, Z, or Layer, Point, RANGE of the reference grid. Other missing columns are logged and defaulted:
     Layer and Point to the nearest beam (-1 outside the field of view), EchoNumber to 1, the features to 0. Numbers of
@@ -51,12 +54,12 @@ def scan_from_table(table: Table) -> Scan:
     the columns do not suffice or hold what they must not.
     """
     _check_position(table)
-    table = normalised_scan(table)
+    table, as_read = placement.applied(normalised_scan(table)), table
     x_m, y_m, z_m = _positions(table)
     layer, point = _beams(table, x_m, y_m, z_m)
     width_ns, area, peak = (_column_or(table, name, 0.0) for name in _FEATURES)
     known = [*SCAN_COLUMNS, "RANGE"] if missing(table, ["X", "Y", "Z"]) else SCAN_COLUMNS
-    return Scan(
+    scan = Scan(
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
@@ -69,6 +72,7 @@ def scan_from_table(table: Table) -> Scan:
         extra=extra_columns(table, known),
         defaulted=_log_defaults(table, int(np.count_nonzero((layer < 0) | (point < 0)))),
     )
+    return replace(scan, geometry=checked_geometry(scan, as_read, placement))
 
 
 def normalised_scan(table: Table) -> Table:

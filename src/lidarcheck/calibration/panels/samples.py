@@ -11,6 +11,7 @@ import numpy as np
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.find import Panel
 from lidarcheck.calibration.panels.image import strongest
+from lidarcheck.formats.geometry import pooled
 from lidarcheck.scan import ECHO_COLUMNS, Scan
 
 __all__ = ["MOST_ECHOES", "PanelSamples", "Sampler", "joined"]
@@ -120,4 +121,5 @@ def joined(scans: Sequence[Scan]) -> Scan:
     columns: dict[str, Any] = {name: np.concatenate([getattr(scan, name) for scan in scans]) for name in ECHO_COLUMNS}
     defaulted = tuple(dict.fromkeys(name for scan in scans for name in scan.defaulted))
     extra = {name: np.concatenate([scan.extra[name] for scan in scans]) for name in shared}
-    return Scan(**columns, extra=extra, defaulted=defaulted)
+    geometry = pooled(scan.geometry for scan in scans)
+    return Scan(**columns, extra=extra, defaulted=defaulted, geometry=geometry)

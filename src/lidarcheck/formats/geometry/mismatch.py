@@ -1,0 +1,105 @@
+"""What would make points and beams agree: the smallest set of changes that brings 99 % of them together.
+
+Tried in order: axes mirrored or exchanged, beams numbered otherwise, angles in the wrong unit; a turn, a shift or a
+scale; two of the first kind; constants of each layer; last a rigid pose.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarcheck.arrays import BoolArray
+from lidarcheck.formats.geometry.changes import (
+    Change,
+    Echoes,
+    angle_units,
+    axis_orders,
+    one_number,
+    per_layer,
+    poses,
+    renumbered,
+)
+from lidarcheck.formats.geometry.check import FEWEST_JUDGED, PASSED, angle_errors, outside
+
+__all__ = ["MOST_ROWS", "Mismatch", "search"]
+
+MOST_ROWS = 10_000
+"""Rows that the search looks at."""
+_SCREENED, _SCREEN_PASS = 500, 0.95
+"""Rows that a pair of changes is tried on before all are, and the share of them that must pass."""
+_WORTH = 0.2
+"""A change that does not make all fit is still named where it makes so many more fit."""
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """What the search found: the sets of changes that fit, equally small, the best-known first.
+
+    `share_before`, `share`: of the judged rows within tolerance, as they are and with the first set. `before`, `after`:
+    median and 99 % of the angle [deg] between points and beams. Without a set `share` is the best of all changes,
+    `nearest`.
+    """
+
+    sets: tuple[tuple[Change, ...], ...]
+    share_before: float
+    share: float
+    before: tuple[float, float]
+    after: tuple[float, float]
+    nearest: str = ""
+
+
+def search(echoes: Echoes) -> Mismatch:
+    """The smallest sets of changes with which the echoes lie where their beams point."""
+    echoes = echoes.thinned(MOST_ROWS)
+    share_before, before = _share(echoes), _residuals(echoes)
+    best, nearest = share_before + _WORTH, ""
+    for stage in _stages(echoes):
+        shares = [(_share(_changed(echoes, changes)), changes) for changes in stage]
+        fitting = [(share, changes) for share, changes in shares if share >= PASSED]
+        if fitting:
+            after = _residuals(_changed(echoes, fitting[0][1]))
+            sets = tuple(changes for _, changes in fitting)
+            return Mismatch(sets, share_before, fitting[0][0], before, after)
+        for share, changes in shares:
+            if share > best:
+                best, nearest = share, " and ".join(change.said for change in changes)
+    return Mismatch((), share_before, best if nearest else share_before, before, before, nearest)
+
+
+def _stages(echoes: Echoes) -> Iterator[Iterator[tuple[Change, ...]]]:
+    axes, numbers = axis_orders(), renumbered(echoes.lattice)
+    yield ((change,) for change in [*axes, *numbers, *angle_units()])
+    yield ((change,) for change in one_number(echoes))
+    yield _pairs(echoes, axes, numbers)
+    yield ((change,) for change in per_layer(echoes))
+    yield ((change,) for change in poses(echoes))
+
+
+def _pairs(echoes: Echoes, axes: list[Change], numbers: list[Change]) -> Iterator[tuple[Change, ...]]:
+    some = echoes.thinned(_SCREENED)
+    for pair in [*itertools.product(axes, numbers), *itertools.combinations(numbers, 2)]:
+        if _share(_changed(some, pair)) >= _SCREEN_PASS:
+            yield pair
+
+
+def _changed(echoes: Echoes, changes: tuple[Change, ...]) -> Echoes:
+    for change in changes:
+        echoes = change.apply(echoes)
+    return echoes
+
+
+def _share(echoes: Echoes) -> float:
+    """How many of the rows that can be judged pass; of all rows, where hardly any can be judged."""
+    wide, clear = outside(echoes.position, echoes.beams, echoes.error_m)
+    enough = np.count_nonzero(clear) >= min(FEWEST_JUDGED, max(len(wide) // 2, 1))
+    use: BoolArray = clear if enough else np.ones_like(clear)
+    return float(np.mean(~wide[use])) if use.any() else 0.0
+
+
+def _residuals(echoes: Echoes) -> tuple[float, float]:
+    off = np.hypot(*angle_errors(echoes.position, echoes.beams.direction))
+    return float(np.median(off)), float(np.quantile(off, PASSED))

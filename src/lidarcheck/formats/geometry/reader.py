@@ -1,0 +1,51 @@
+"""The check where a file is read: every scan with X, Y, Z and beams passes here, whoever asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lidarcheck.arrays import FloatArray
+from lidarcheck.errors import InputError
+from lidarcheck.formats.columns import missing
+from lidarcheck.formats.geometry.placement import AXES, Placement
+from lidarcheck.formats.geometry.steps import coordinate_steps, direction_error_m
+from lidarcheck.formats.geometry.unit import METRES, unit_of
+from lidarcheck.formats.geometry.verdict import Refusal, geometry_of, unit_fault
+from lidarcheck.formats.table import Table
+from lidarcheck.scan import Geometry, Scan
+
+__all__ = ["checked_geometry"]
+
+
+def checked_geometry(scan: Scan, table: Table, placement: Placement) -> Geometry:
+    """How the scan's X, Y, Z agree with its beams; `InputError` where they do not, with what would make them agree.
+
+    `table`: the columns as the file has them; `placement`: what was declared of them, which is in the scan already.
+    """
+    if missing(table, AXES):
+        return Geometry(rows=len(scan), note="X, Y, Z were made from Layer, Point, RANGE")
+    ranges = table.get("RANGE")
+    # RANGE is what it is in the file: where a unit is declared, it has done its part.
+    told = None if ranges is None or placement.unit != "m" or len(ranges) != len(scan) else ranges.astype(np.float64)
+    error_m = direction_error_m(coordinate_steps([_values(table, name) for name in AXES])) * METRES[placement.unit]
+    unit = unit_of(scan.range_m, told, error_m)
+    derived = missing(table, ("Layer", "Point"))
+    if derived:
+        if unit.units:
+            raise _error(unit_fault(unit), table)
+        return Geometry(rows=len(scan), note=f"{', '.join(derived)} made from X, Y, Z", unit_checked=unit.checked)
+    position = np.stack([scan.x_m, scan.y_m, scan.z_m])
+    found = geometry_of(position.T, scan.layer, scan.point, error_m, unit)
+    if isinstance(found, Refusal):
+        raise _error(found, table)
+    return found
+
+
+def _values(table: Table, name: str) -> FloatArray:
+    column = table.get(name)
+    assert column is not None, "asked for above"
+    return column
+
+
+def _error(refusal: Refusal, table: Table) -> InputError:
+    return InputError(refusal.what, file=table.path, fix=refusal.fix)
