@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from lidarcheck.calibration.parameters.workflow import Calibration
     from lidarcheck.cases.case import Case
+    from lidarcheck.formats.geometry import Pose
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
 
@@ -20,14 +21,17 @@ __all__ = ["calibrate", "read_case", "read_ideal", "read_model", "read_scan", "w
 Path = str | PathLike[str]
 
 
-def read_scan(path: Path) -> Scan:
+def read_scan(path: Path, *, unit: str = "m", mirror: str = "", pose: Pose | None = None) -> Scan:
     """The echoes of a file in any known format, recognised by its content.
 
-    Columns that the file lacks are logged and get defaults. `LidarcheckError` names file and line of what is wrong.
+    `unit`, `mirror` (an axis), `pose` (x, y, z [m], roll, pitch, yaw [deg]): what is declared of its X, Y, Z. Columns
+    that the file lacks are logged and get defaults. `LidarcheckError` names file and line of what is wrong, and the
+    change that would help where X, Y, Z do not lie where the beams point.
     """
     from lidarcheck.formats import load_scan
+    from lidarcheck.formats.geometry import Placement
 
-    return load_scan(path)
+    return load_scan(path, Placement(unit, mirror, pose))
 
 
 def read_ideal(path: Path) -> IdealScan:

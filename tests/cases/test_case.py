@@ -308,3 +308,46 @@ def test_sub_beams_objects_and_times(case):
     more = type(ideal)(**twice, object_id=np.ones(1200, np.int32), time_s=np.zeros(1200))
     save_ideal(more, case / "i2.txt")
     assert len(load_case(case).frames[2].ideal) == 1200
+
+
+def mirrored(case, factor=1.0):
+    """All measured files of the case with Y negated, times a factor."""
+    for k in range(6):
+        file = case / f"m{k}.txt"
+        lines = file.read_text().splitlines()
+        names = lines[0].lstrip("/").split()
+        signs = {"X": factor, "Y": -factor, "Z": factor}
+        rows = [
+            " ".join(
+                f"{signs[name] * float(cell):.5f}" if name in signs else cell
+                for name, cell in zip(names, line.split(), strict=True)
+            )
+            for line in lines[2:]
+        ]
+        file.write_text("\n".join([*lines[:2], *rows]) + "\n")
+
+
+def test_mirrored_files_are_refused_with_the_key_that_declares_it(case):
+    mirrored(case)
+    line = refusal(case)
+    assert "m0.txt: Y is mirrored: 100.0 % fit with Y negated" in line
+    assert '(in a case, the frame\'s mirror = "y")' in line
+    edit(case / "case.toml", "time", 'mirror = "y"\ntime', count=6)
+    loaded = load_case(case)
+    assert len(loaded.frames) == 6
+    assert loaded.geometry.verdict == "ok"
+    assert loaded.geometry.judged > 200
+
+
+def test_a_unit_and_a_pose_of_a_frame(case):
+    mirrored(case, 1000.0)
+    edit(case / "case.toml", "time", 'unit = "mm"\nmirror = "y"\npose = {x_m = 0.0, yaw_deg = 0.0}\ntime', count=6)
+    assert load_case(case).geometry.verdict == "ok"
+    edit(case / "case.toml", 'unit = "mm"', 'unit = "furlong"')
+    assert "unit" in refusal(case)
+
+
+def test_few_rows_a_frame_are_judged_together(case):
+    loaded = load_case(case)
+    assert {frame.measured.geometry.verdict for frame in loaded.frames} <= {"ok", "not checked"}
+    assert loaded.geometry.judged == sum(len(frame.measured) for frame in loaded.frames)

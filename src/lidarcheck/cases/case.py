@@ -17,6 +17,8 @@ from lidarcheck.cases.checks import frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
+from lidarcheck.formats.geometry import pooled
+from lidarcheck.formats.geometry.keys import PlacementKeys
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import read_table
 from lidarcheck.formats.scans import scan_from_table
@@ -27,7 +29,7 @@ from lidarcheck.kpi.variant import other_variant
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import Geometry, IdealScan, Scan
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
@@ -40,7 +42,7 @@ UNKNOWN_BEAMS = 0.05
 _log = logging.getLogger(__name__)
 
 
-class _FrameTable(Config):
+class _FrameTable(PlacementKeys):
     ideal: PathText
     measured: PathText
     time: float = Field(json_schema_extra={"unit": "s"})
@@ -65,6 +67,11 @@ class Case:
     frames: tuple[Frame, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     hashes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def geometry(self) -> Geometry:
+        """How X, Y, Z agree with the beams, in all frames together."""
+        return pooled(frame.measured.geometry for frame in self.frames)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -223,7 +230,7 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex) ->
             raise lines.fault(("frames", number, "ideal"), what, fix="exchange `ideal` and `measured`")
         ideal = ideal_from_table(ideal_table(tables[0]) if is_semantic(tables[0]) else tables[0])
         file = directory / entry.measured
-        return ideal, _with_features(_known_beams(scan_from_table(tables[1]), ideal, file), file)
+        return ideal, _with_features(_known_beams(scan_from_table(tables[1], entry.placement), ideal, file), file)
     except InputError as error:
         if error.file == str(lines.file):
             raise

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.geometry import AS_IT_IS, Placement, words
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise
 from lidarcheck.formats.scans import scan_from_table
@@ -100,16 +101,20 @@ def _words(value: Any) -> str:
 
 
 def describe(
-    path: str | os.PathLike[str], *, load_model: Callable[[str | os.PathLike[str]], Any] | None = None
+    path: str | os.PathLike[str],
+    *,
+    load_model: Callable[[str | os.PathLike[str]], Any] | None = None,
+    placement: Placement = AS_IT_IS,
 ) -> FileDescription:
     """What a file is and what is in it: scans and ideal scans in any format, LUTs, settings, models.
 
-    `load_model`: what reads a model (`lidarcheck.model.load_model`); a TOML file is refused without it. `InputError` or
+    `load_model`: what reads a model (`lidarcheck.model.load_model`); a TOML file is refused without it. `placement`:
+    what is declared of a scan. `InputError` or
     `ConfigError` when the file is none of these or has faults.
     """
     name = recognise(path)
     if name in FORMATS:
-        return _describe_table(read_table(path), FORMATS[name].title)
+        return _describe_table(read_table(path), FORMATS[name].title, placement)
     if name == "lut":
         return _describe_lut(path)
     if name == "settings":
@@ -119,12 +124,12 @@ def describe(
     return _describe_model(path, load_model(path))
 
 
-def _describe_table(table: Table, form: str) -> FileDescription:
+def _describe_table(table: Table, form: str, placement: Placement) -> FileDescription:
     rows: Scan | IdealScan
     if is_semantic(table):
         rows = ideal_from_table(ideal_table(table))
     else:
-        rows = ideal_from_table(table) if is_ideal(table) else scan_from_table(table)
+        rows = ideal_from_table(table) if is_ideal(table) else scan_from_table(table, placement)
     if isinstance(rows, Scan):
         kind, range_m = "scan", rows.range_m
     else:
@@ -140,8 +145,12 @@ def _describe_table(table: Table, form: str) -> FileDescription:
         range_m=_span(range_m),
         echoes_per_beam={str(number): int(np.count_nonzero(counts == number)) for number in np.unique(counts)},
         defaulted=rows.defaulted,
-        facts={} if isinstance(rows, Scan) else _ideal_facts(rows),
+        facts=_scan_facts(rows) if isinstance(rows, Scan) else _ideal_facts(rows),
     )
+
+
+def _scan_facts(scan: Scan) -> dict[str, Any]:
+    return {"geometry": words(scan.geometry).removeprefix("geometry ")}
 
 
 def _ideal_facts(ideal: IdealScan) -> dict[str, Any]:

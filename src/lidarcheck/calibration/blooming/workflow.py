@@ -18,6 +18,7 @@ from lidarcheck.calibration.blooming.target import bright_beams, own_light, targ
 from lidarcheck.effects.base import Curve, Effect, make, with_role
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.lut import Axis, LutFile, LutTable
 from lidarcheck.formats.settings import Settings, default_settings
 from lidarcheck.kpi.variant import check_variant
@@ -50,11 +51,12 @@ standard deviation up to which data that several rows share tell of each."""
 
 @dataclass(frozen=True)
 class BloomingMeasurement:
-    """A measured scan or profile, where its target stands, and its ideal scan; None where not known."""
+    """A measured scan or profile, where its target stands, its ideal scan (None where not known), what is declared."""
 
     path: Path
     distance_m: float | None = None
     ideal: Path | None = None
+    placement: Placement = AS_IT_IS
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             raise InputError(f"is a {profile_axis(measured.path)} profile", file=name, fix=f"{axis} ones are asked for")
         signal = _needed_signal(bench, name)
         return read_profile(measured.path, bench.sensor, signal_at_1m=signal, distance_m=measured.distance_m)
-    scan = load_scan(measured.path)
+    scan = load_scan(measured.path, measured.placement)
     check_variant(scan, bench.sensor, name)
     missing = [column for column in ("PEAK", "AREA", "WIDTH") if column in scan.defaulted]
     if missing:

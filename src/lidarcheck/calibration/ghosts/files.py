@@ -10,6 +10,7 @@ from lidarcheck.calibration.ghosts.data import check_expected
 from lidarcheck.calibration.ghosts.workflow import GhostScan, find_ghosts
 from lidarcheck.errors import InputError
 from lidarcheck.formats import load_scan, save_scan
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import above_saturation, other_variant
 from lidarcheck.model import load_model, simulate
 from lidarcheck.model.spec import Model
@@ -57,9 +58,10 @@ def find_in(
     model: Model | None = None,
     expected_m: Sequence[float] = (),
     bright: float | None = None,
+    placement: Placement = AS_IT_IS,
 ) -> GhostScan:
-    """What a scan shows. `InputError` with the file where it is not what the ideal scan and the model say."""
-    scan = load_scan(path)
+    """What a scan, placed as declared, shows. `InputError` where it is not what the ideal scan and the model say."""
+    scan = load_scan(path, placement)
     sensor = None if model is None else model.sensor
     _check_variant(path, scan, sensor)
     view = None if ideal is None else _view(ideal)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame, same_scene
 from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan
 
@@ -18,10 +19,18 @@ _SEEDS = 2**64
 
 
 def arrangements_of(
-    measured: Sequence[Path], ideals: list[Path], simulated: list[Path], model: Model | None, seed: int
+    measured: Sequence[Path],
+    ideals: list[Path],
+    simulated: list[Path],
+    model: Model | None,
+    seed: int,
+    placement: Placement = AS_IT_IS,
 ) -> Iterator[Arrangement]:
-    """The frames by the scene that they show: those of ideal scans that say the same belong together."""
-    real = [_frame(path) for path in measured]
+    """The frames by the scene that they show: those of ideal scans that say the same belong together.
+
+    `placement`: what is declared of the measured files.
+    """
+    real = [_frame(path, placement) for path in measured]
     if len(ideals) < 2:
         scene = load_ideal(ideals[0]) if ideals else None
         made = (
@@ -50,8 +59,8 @@ def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
     return scenes
 
 
-def _frame(path: Path) -> PanelFrame:
-    return PanelFrame(str(path), partial(load_scan, path))
+def _frame(path: Path, placement: Placement = AS_IT_IS) -> PanelFrame:
+    return PanelFrame(str(path), partial(load_scan, path, placement))
 
 
 def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[PanelFrame]) -> list[PanelFrame]:

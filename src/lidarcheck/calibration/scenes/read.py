@@ -8,6 +8,7 @@ from pathlib import Path
 from lidarcheck.calibration.scenes.checks import check_scene
 from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
 from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
 from lidarcheck.rays import Caster
@@ -25,12 +26,15 @@ def read_frame(
     scene_name: str = "",
     seed: int = 0,
     number: int = 0,
+    placement: Placement = AS_IT_IS,
 ) -> SceneFrame:
     """A frame to compare: simulated with `model`, as frame `number`, or else read from `simulated`.
 
+    `placement`: what is declared of the measured file.
+
     `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
     """
-    scan, meets = load_scan(measured), load_ideal(ideal)
+    scan, meets = load_scan(measured, placement), load_ideal(ideal)
     if scene is not None:
         check_scene(meets, scene, scene_name, str(ideal))
     if model is not None:

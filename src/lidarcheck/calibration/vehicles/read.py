@@ -9,6 +9,7 @@ from lidarcheck.calibration.vehicles.compare import Pair
 from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
 from lidarcheck.errors import UsageError
 from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model, simulate
 from lidarcheck.sensor import Sensor
@@ -35,13 +36,15 @@ def read_pair(
     box: CutBox | None = None,
     seed: int = 0,
     number: int = 0,
+    placement: Placement = AS_IT_IS,
 ) -> Pair:
     """A pair to compare: `simulated` is read, or `ideal` simulated with `model`, as frame `number`.
 
     `variant`: what both must have been measured with. `distance_m`, `object_id`, `box`: what the vehicle is cut out by.
+    `placement`: what is declared of the real frame's file.
     `InputError` names the file that another variant has measured.
     """
-    scan = load_scan(real)
+    scan = load_scan(real, placement)
     meets = load_ideal(ideal) if ideal is not None else None
     other = str(simulated) if simulated is not None else str(model.file if model is not None else "")
     if simulated is not None:

@@ -20,7 +20,7 @@ from lidarcheck.cli.calibration.bloom_inputs import (
     reach_of,
     table_of,
 )
-from lidarcheck.cli.core.options import Files, Flag, JsonFile, Quiet, Several, Whole
+from lidarcheck.cli.core.options import Files, Flag, JsonFile, Placed, Quiet, Several, Whole
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -86,6 +86,7 @@ def show(
     signal: Signal = None,
     reach: Reach = None,
     out: Out = None,
+    placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
@@ -100,7 +101,7 @@ def show(
 
     if lut is not None and simulated:
         raise UsageError("--lut and --simulated both say what is simulated", fix="give one of them")
-    measured = measured_of(scans, ideal)
+    measured = measured_of(scans, ideal, placed)
     others = measured_of(simulated, ideal) if simulated else []
     if others and len(others) != len(measured):
         raise UsageError(f"{len(measured)} scans and {len(others)} simulated ones", fix="give one --simulated for each")
@@ -163,6 +164,7 @@ def fit(
     smoothness: Annotated[
         float | None, Parameter(help="Weight of smoothness, above 0; by default chosen by leaving out distances.")
     ] = None,
+    placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
@@ -182,7 +184,7 @@ def fit(
     from lidarcheck.model.files.write import write_model
 
     choice = FreeLight(**dict.fromkeys(free_of(free), True))
-    measured = measured_of(scans, ideal)
+    measured = measured_of(scans, ideal, placed)
     check_twice([one.path for one in measured])
     given = load_lut(lut)
     with stage("reading"):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from lidarcheck.cli.core.options import Placed, placement_of
 from lidarcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -30,8 +31,11 @@ _SAME_M = 3.0
 FREE = ("pulse", "tail", "brightness")
 
 
-def measured_of(scans: Sequence[str], ideals: Sequence[Path] | None) -> list[BloomingMeasurement]:
-    """The measurements that the arguments name, each with its ideal scan."""
+def measured_of(
+    scans: Sequence[str], ideals: Sequence[Path] | None, placed: Placed | None = None
+) -> list[BloomingMeasurement]:
+    """The measurements that the arguments name, each with its ideal scan and what is declared of its file."""
+    placement = placement_of(placed)
     from lidarcheck.calibration.blooming.workflow import BloomingMeasurement
 
     if ideals and len(ideals) not in (1, len(scans)):
@@ -42,7 +46,7 @@ def measured_of(scans: Sequence[str], ideals: Sequence[Path] | None) -> list[Blo
     for number, text in enumerate(scans):
         path, distance_m = _at_distance(text)
         ideal = None if not ideals else ideals[number if len(ideals) > 1 else 0]
-        found.append(BloomingMeasurement(path, distance_m, ideal))
+        found.append(BloomingMeasurement(path, distance_m, ideal, placement))
     return found
 
 

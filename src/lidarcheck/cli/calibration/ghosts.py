@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Flag, JsonFile, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -18,6 +18,7 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
+    from lidarcheck.formats.geometry import Placement
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan
 
@@ -50,12 +51,14 @@ def find(
     ] = None,
     steps: Annotated[bool, Flag, Parameter(help="Also show what each step of the extraction holds.")] = False,
     seed: Seed = 0,
+    placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Find signs and their ghosts, and leave nothing else."""
     hush(quiet)
+    placement = placement_of(placed)
     _check_numbers(scans, ideal=ideal, simulated=simulated)
     _check_options(scans, range_m, bright, ideal, model, simulated)
     from lidarcheck.calibration.ghosts.files import dataset_names, stripped_files, stripped_name
@@ -64,7 +67,7 @@ def find(
     check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
-    found = _found(scans, scenes, sensor_model, range_m, bright)
+    found = _found(scans, scenes, sensor_model, range_m, bright, placement)
     others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
     page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed), steps=steps)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
@@ -86,12 +89,14 @@ def fit(
         float | None, Parameter(help="The least AREA of a sign's echo; by the sensor if not given.")
     ] = None,
     seed: Seed = 0,
+    placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)
+    placement = placement_of(placed)
     _check_numbers(scans, ideal=ideal)
     check_twice(scans)
     _check_options(scans, (), bright, ideal, model, ())
@@ -102,7 +107,7 @@ def fit(
 
     sensor_model, scenes = _model_of(model), _ideals_of(ideal)
     assert sensor_model is not None
-    found = _found(scans, scenes, sensor_model, (), bright)
+    found = _found(scans, scenes, sensor_model, (), bright, placement)
     with stage("fitting"):
         fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
     others = _simulated(found, (), scenes, fitted.model, bright, seed)
@@ -166,6 +171,7 @@ def _found(
     model: Model | None,
     range_m: Sequence[float],
     bright: float | None,
+    placement: Placement,
 ) -> list[GhostScan]:
     """What each scan shows, and refused where it is not what the ideal scans and the model say."""
     from lidarcheck.calibration.ghosts.files import dataset_names, find_in
@@ -176,7 +182,9 @@ def _found(
             show(i, len(scans), path.name)
             expected = range_m if len(range_m) == 1 else range_m[i : i + 1]
             ideal = ideals[i] if ideals else None
-            found.append(find_in(path, name, ideal=ideal, model=model, expected_m=expected, bright=bright))
+            found.append(
+                find_in(path, name, ideal=ideal, model=model, expected_m=expected, bright=bright, placement=placement)
+            )
     return found
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed, Whole
+from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, Whole, placement_of
 from lidarcheck.cli.core.outputs import check_twice, check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
@@ -71,12 +71,14 @@ def panels(
     clearance_m: Annotated[float, Parameter(help="What is this close to floor or roof is trimmed with it [m].")] = 0.15,
     max_incidence: Annotated[float, Parameter(help="How far a panel may be turned away from the sensor [deg].")] = 60.0,
     window_m: Annotated[float, Parameter(help="An echo this close to the panel's plane is on the panel [m].")] = 1.0,
+    placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Say how the sensor sees panels: detection, range noise, walk, amplitude; and the model beside it."""
     hush(quiet)
+    placement = placement_of(placed)
     from lidarcheck.calibration.panels.settings import PanelSettings
     from lidarcheck.formats.recognise import target_format
 
@@ -98,7 +100,7 @@ def panels(
         sensor_model = None if model is None else load_model(model)
         names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
         with progress("panels:") as show:
-            arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed)
+            arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed, placement)
             result = characterise(arrangements, settings, materials=names, progress=show)
         origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
         made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice, check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
@@ -16,6 +16,7 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.scenes.frame import SceneFrame
+    from lidarcheck.formats.geometry import Placement
     from lidarcheck.model import Model
     from lidarcheck.scenes.files.file import SceneFile
 
@@ -71,12 +72,14 @@ def compare(
     radius: Annotated[float, Parameter(converter=_radius, help="Of the overlap [m], up to 10.")] = 0.1,
     out: Annotated[Path | None, Parameter(help="Directory for report.html, result.json and pictures.")] = None,
     seed: Seed = 0,
+    placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Compare measured frames of a scene with the model's."""
     hush(quiet)
+    placement = placement_of(placed)
     grid = _sectors(sectors)
     _check_arguments(measured, ideal, model, simulated, effects, without, scene)
     inputs = (*measured, *ideal, *(simulated or ()), model)
@@ -95,7 +98,7 @@ def compare(
         scene_file = _scene(scene)
         names = {} if scene_file is None else dict(scene_file.scene.names)
         materials = {} if sensor_model is None else {n: m.name for n, m in sensor_model.materials.items()}
-    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed)
+    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed, placement)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
     files = provenance_of(list(zip(measured, ideal, strict=True)), sensor_model, simulated or (), seed=seed)
@@ -164,6 +167,7 @@ def _frames(
     scene: SceneFile | None,
     scene_name: str,
     seed: int,
+    placement: Placement,
 ) -> list[SceneFrame]:
     """The frames, read and simulated."""
     from lidarcheck.calibration.scenes.read import read_frame
@@ -181,6 +185,7 @@ def _frames(
                 scene_name=scene_name,
                 seed=seed,
                 number=number,
+                placement=placement,
             )
             frames.append(frame)
     return frames

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, named
-from lidarcheck.cli.core.options import Files, JsonFile, Quiet, Seed, Several, Whole
+from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, Several, Whole, placement_of
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -17,6 +17,7 @@ from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import Pair
     from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
+    from lidarcheck.formats.geometry import Placement
     from lidarcheck.scan import IdealScan
 
 __all__ = ["compare", "merge"]
@@ -50,12 +51,14 @@ def compare(
     box: Boxes | None = None,
     out: Annotated[Path | None, Parameter(help="Directory for the page, the numbers and the pictures.")] = None,
     seed: Seed = 0,
+    placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Compare a vehicle at several distances, real against simulated."""
     hush(quiet)
+    placement = placement_of(placed)
     reals, shown = [named(text) for text in real], [named(text) for text in simulated or ()]
     ideals, cuts = ideal or [], boxes(box or [])
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
@@ -69,7 +72,7 @@ def compare(
     from lidarcheck.figures.pages.vehicles import page
 
     kind = vehicle_named(vehicle)
-    pairs = _read_pairs(reals, shown, model, ideals, variant, object_, cuts, seed)
+    pairs = _read_pairs(reals, shown, model, ideals, variant, object_, cuts, seed, placement)
     with stage("comparing"):
         result = compare_vehicles(kind, pairs)
     files = provenance_of([r.path for r in reals], [s.path for s in shown], ideals, model, seed=seed)
@@ -89,6 +92,7 @@ def _read_pairs(
     object_: int | None,
     box: Sequence[CutBox],
     seed: int,
+    placement: Placement,
 ) -> list[Pair]:
     from lidarcheck.calibration.vehicles.read import check_model, read_pair
     from lidarcheck.model import load_model
@@ -113,6 +117,7 @@ def _read_pairs(
                 box=box[i if len(box) > 1 else 0] if box else None,
                 seed=seed,
                 number=i,
+                placement=placement,
             )
             pairs.append(pair)
     return pairs
@@ -138,12 +143,14 @@ def merge(
     ] = None,
     object_: Object | None = None,
     box: Boxes | None = None,
+    placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Put a real and a simulated vehicle beside each other in one file."""
     hush(quiet)
+    placement = placement_of(placed)
     files, places = [named(real), named(simulated)], boxes(box or [])
     check_merge(files, out, vehicle, ideal, object_, places, x, y)
     inputs = [*(file.path for file in files), ideal]
@@ -160,7 +167,7 @@ def merge(
     kind = None if vehicle is None else vehicle_named(vehicle)
     with stage("reading"):
         meets = None if ideal is None else load_ideal(ideal)
-        scans = [load_scan(file.path) for file in files]
+        scans = [load_scan(files[0].path, placement), load_scan(files[1].path)]
     sources = _merge_sources(files, meets, kind, object_, places)
     with stage("cutting out"):
         cuts = [cut_vehicle(scan, kind, source) for scan, source in zip(scans, sources, strict=True)]

@@ -4,14 +4,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
 
-__all__ = ["MAX_SEED", "Files", "Flag", "Jobs", "JsonFile", "JsonFlag", "Quiet", "Seed", "Several", "Whole", "up_to"]
+if TYPE_CHECKING:
+    from lidarcheck.formats.geometry import Placement
+
+__all__ = [
+    "MAX_SEED",
+    "Files",
+    "Flag",
+    "Jobs",
+    "JsonFile",
+    "JsonFlag",
+    "Placed",
+    "Quiet",
+    "Seed",
+    "Several",
+    "Whole",
+    "placement_of",
+    "up_to",
+]
 
 MAX_SEED = 2**64 - 1
 MAX_JOBS = 1024
@@ -67,3 +85,33 @@ Quiet = Annotated[
 ]
 JsonFile = Annotated[str, Parameter(help="Also write the result as JSON to this file; `-` is standard output.")]
 JsonFlag = Annotated[bool, Flag, Parameter(help="Print JSON instead of text.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Placed:
+    """What a command declares of the measured scans that it reads."""
+
+    mirror: Annotated[
+        Literal["x", "y", "z"] | None, Parameter(help="This axis of the measured scans is negated in the files.")
+    ] = None
+    unit: Annotated[
+        Literal["m", "mm", "cm", "ft", "in", "hm", "km"] | None,
+        Parameter(help="The unit of X, Y, Z in the measured scans; m by default."),
+    ] = None
+    pose: Annotated[
+        str | None,
+        Parameter(
+            allow_leading_hyphen=True,
+            help='"x,y,z,roll,pitch,yaw" [m, deg]: takes the measured scans (mirrored) into the sensor\'s frame.',
+        ),
+    ] = None
+
+
+def placement_of(placed: Placed | None) -> Placement:
+    """What the options say, `UsageError` where a pose is none."""
+    from lidarcheck.formats.geometry import Placement, parse_pose
+
+    given = placed or Placed()
+    pose = None if given.pose is None else parse_pose(given.pose)
+    return Placement(given.unit or "m", given.mirror or "", pose)

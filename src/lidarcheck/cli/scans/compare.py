@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Quiet
+from lidarcheck.cli.core.options import JsonFile, Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.cli.scans.compare_frames import compare_frames
@@ -29,11 +29,13 @@ def compare(
     *,
     ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show, or a directory.")] = None,
     model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
+    placed: Placed | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Compare a measured scan with a simulated one, or two directories of them frame by frame."""
     hush(quiet)
+    placement = placement_of(placed)
     if measured.is_dir() != simulated.is_dir():
         file = measured if measured.is_dir() else simulated
         raise InputError("is a directory, the other side is not", file=file, fix="name two files or two directories")
@@ -45,11 +47,11 @@ def compare(
 
     sensor_model = None if model is None else load_model(model)
     if measured.is_dir():
-        compare_frames(measured, simulated, ideal, sensor_model, json)
+        compare_frames(measured, simulated, ideal, sensor_model, json, placement)
         return 0
     with stage("reading"):
         scene = None if ideal is None else load_ideal(ideal)
-        scans = load_scan(measured), load_scan(simulated)
+        scans = load_scan(measured, placement), load_scan(simulated)
     with stage("comparing"):
         files = {"measured": measured, "simulated": simulated}
         comparison = run(*scans, scene, model=sensor_model, files=files)

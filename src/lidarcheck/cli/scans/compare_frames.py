@@ -10,6 +10,7 @@ from lidarcheck.cli.core.terminal import columns, emit, note, number_text, progr
 from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
+    from lidarcheck.formats.geometry import Placement
     from lidarcheck.kpi.over_frames import FrameKpi
     from lidarcheck.model import Model
 
@@ -46,7 +47,9 @@ def _frames(directory: Path) -> dict[str, Path]:
     return found
 
 
-def compare_frames(measured: Path, simulated: Path, ideal: Path | None, model: Model | None, json: str | None) -> None:
+def compare_frames(
+    measured: Path, simulated: Path, ideal: Path | None, model: Model | None, json: str | None, placement: Placement
+) -> None:
     """Compare the frames of two directories, each read and forgotten; `ideal`: of all, or a directory with one each."""
     from lidarcheck.formats import load_ideal, load_scan
     from lidarcheck.kpi.compare import compare
@@ -61,7 +64,7 @@ def compare_frames(measured: Path, simulated: Path, ideal: Path | None, model: M
             show(done, len(pairs), one.name)
             scene = load_ideal(scenes[one]) if scenes is not None else common
             files = {"measured": one, "simulated": other}
-            found = compare(load_scan(one), load_scan(other), scene, model=model, files=files)
+            found = compare(load_scan(one, placement), load_scan(other), scene, model=model, files=files)
             together.add(found)
             each.append({"measured": str(one), "simulated": str(other), **found.to_dict()})
     _tell(together.kpis(), each, json)

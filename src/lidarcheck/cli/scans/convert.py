@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Quiet
+from lidarcheck.cli.core.options import Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, stage
 
@@ -19,16 +19,18 @@ def convert(
     target: Annotated[Path, Parameter(name="B", help="The file to write; its suffix names the format.")],
     /,
     *,
+    placed: Placed | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Convert a file; the output's format follows its suffix."""
     hush(quiet)
+    placement = placement_of(placed)
     from lidarcheck.formats.convert import convert as run
     from lidarcheck.formats.recognise import target_format
 
     target_format(target)
     check_writable(target, option="B")
     with stage(f"converting {source.name}"):
-        run(source, target)
+        run(source, target, placement)
     note(f"{target}: written from {source}")
     return 0

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import emit, hush, stage
 
@@ -18,15 +18,17 @@ def info(
     file: Annotated[Path, Parameter(help="Any file that lidarcheck reads.")],
     /,
     *,
+    placed: Placed | None = None,
     json: JsonFlag = False,
     quiet: Quiet = False,
 ) -> int:
     """Say what a file is and what is in it."""
     hush(quiet)
+    placement = placement_of(placed)
     from lidarcheck.formats.describe import describe
     from lidarcheck.model import load_model
 
     with stage(f"reading {file.name}"):
-        description = describe(file, load_model=load_model)
+        description = describe(file, load_model=load_model, placement=placement)
     emit(json_text(description.to_dict()) if json else str(description))
     return 0

@@ -170,7 +170,7 @@ def one_number(echoes: Echoes) -> Iterator[Change]:
 def _turned(position: FloatArray, said: str, mirror: str, yaw_deg: float) -> Change:
     cosine, sine = np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))
     placed = position @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    fix = f'give {mirror}--pose "0,0,0,0,0,{yaw_deg:.6g}"'
+    fix = f'give {mirror}--pose "0,0,0,0,0,{round(yaw_deg, 5):g}"'
     return Change(said, "that taken out", fix, lambda echoes: replace(echoes, position=placed))
 
 
@@ -228,7 +228,7 @@ def poses(echoes: Echoes) -> Iterator[Change]:
         beams = other_end.apply(some).beams if layers else some.beams
         turn, move = fit_pose(beams.direction, some.position @ sign)
         said = "Y is mirrored and " * mirror + f"{other_end.said} and " * layers + "the cloud stands in another frame"
-        numbers = ",".join(f"{value:.6g}" for value in (*move, *angles_of(turn)))
+        numbers = ",".join(f"{round(float(value), 5) + 0.0:g}" for value in (*move, *angles_of(turn)))
         fix = "give " + "--mirror y " * mirror + f'--pose "{numbers}"' + f", and {other_end.fix}" * layers
 
         def apply(

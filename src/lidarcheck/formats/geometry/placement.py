@@ -13,9 +13,14 @@ from lidarcheck.formats.columns import LENGTH_MAX_M, missing, real_column
 from lidarcheck.formats.geometry.unit import METRES, UNITS
 from lidarcheck.formats.table import Table
 
-__all__ = ["AS_IT_IS", "AXES", "POSE_NAMES", "Placement", "parse_pose", "rotation"]
+__all__ = ["AS_IT_IS", "AXES", "MOST_DEG", "MOST_M", "POSE_NAMES", "Placement", "Pose", "parse_pose", "rotation"]
+
+Pose = tuple[float, float, float, float, float, float]
+"""x, y, z [m], roll, pitch, yaw [deg]."""
 
 AXES = ("x", "y", "z")
+MOST_M, MOST_DEG = 1e6, 360.0
+"""The farthest and the most that a pose moves and turns."""
 POSE_NAMES = ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")
 _SAME_RANGE = 0.02
 """A RANGE within so much of the distance of X, Y, Z is in their unit."""
@@ -30,7 +35,7 @@ class Placement:
 
     unit: str = "m"
     mirror: str = ""
-    pose: tuple[float, float, float, float, float, float] | None = None
+    pose: Pose | None = None
 
     def __post_init__(self) -> None:
         if self.unit not in METRES:
@@ -44,6 +49,12 @@ class Placement:
     def moves(self) -> bool:
         """Whether anything is declared."""
         return self != AS_IT_IS
+
+    def said(self) -> str:
+        """What is declared, in words."""
+        pose = "" if self.pose is None else f"the pose {','.join(f'{number:g}' for number in self.pose)}"
+        mirror = f"{self.mirror} mirrored" if self.mirror else ""
+        return ", ".join(part for part in (f"unit {self.unit}" if self.unit != "m" else "", mirror, pose) if part)
 
     def applied(self, table: Table) -> Table:
         """The table with X, Y, Z (or RANGE, without them) in the sensor's frame and in metres.
@@ -89,7 +100,7 @@ class Placement:
 AS_IT_IS = Placement()
 
 
-def parse_pose(text: str) -> tuple[float, float, float, float, float, float]:
+def parse_pose(text: str) -> Pose:
     """A pose from six numbers with commas between: x, y, z in m, roll, pitch, yaw in degrees; else `UsageError`."""
     try:
         x, y, z, roll, pitch, yaw = (float(part) for part in text.split(","))
@@ -116,6 +127,6 @@ def rotation(roll_deg: float, pitch_deg: float, yaw_deg: float) -> FloatArray:
 
 def _check_pose(pose: tuple[float, ...]) -> None:
     for name, value in zip(POSE_NAMES, pose, strict=True):
-        most, unit = (1e6, "m") if name.endswith("_m") else (360.0, "deg")
+        most, unit = (MOST_M, "m") if name.endswith("_m") else (MOST_DEG, "deg")
         if not abs(value) <= most:
             raise UsageError(f"{name} = {value} of the pose is out of range", fix=f"use -{most:g} to {most:g} {unit}")

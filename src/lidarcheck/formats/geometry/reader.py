@@ -9,7 +9,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import missing
 from lidarcheck.formats.geometry.placement import AXES, Placement
 from lidarcheck.formats.geometry.steps import coordinate_steps, direction_error_m
-from lidarcheck.formats.geometry.unit import METRES, unit_of
+from lidarcheck.formats.geometry.unit import METRES, UnitFound, unit_of
 from lidarcheck.formats.geometry.verdict import Refusal, geometry_of, unit_fault
 from lidarcheck.formats.table import Table
 from lidarcheck.scan import Geometry, Scan
@@ -36,9 +36,24 @@ def checked_geometry(scan: Scan, table: Table, placement: Placement) -> Geometry
         return Geometry(rows=len(scan), note=f"{', '.join(derived)} made from X, Y, Z", unit_checked=unit.checked)
     position = np.stack([scan.x_m, scan.y_m, scan.z_m])
     found = geometry_of(position.T, scan.layer, scan.point, error_m, unit)
-    if isinstance(found, Refusal):
-        raise _error(found, table)
-    return found
+    if not isinstance(found, Refusal):
+        return found
+    if placement.moves:
+        bare = np.stack([_values(table, name).astype(np.float64) for name in AXES], axis=-1)
+        own = geometry_of(bare, scan.layer, scan.point, error_m / METRES[placement.unit], UnitFound())
+        fits = own.verdict != "not checked" if not isinstance(own, Refusal) else False
+        raise _wrongly_declared(found, placement, fits, table)
+    raise _error(found, table)
+
+
+def _wrongly_declared(refusal: Refusal, placement: Placement, fits: bool, table: Table) -> InputError:
+    """That what is declared does not make X, Y, Z fit; `fits`: they do without."""
+    declared = f"with {placement.said()} as declared"
+    if fits:
+        what = f"{declared}, X, Y, Z do not lie where Layer and Point point; as they are in the file, they do"
+        return InputError(what, file=table.path, fix="declare nothing")
+    fix = "declare what makes X, Y, Z of the file fit: without any declaration the error says what does"
+    return InputError(f"{declared}: {refusal.what}", file=table.path, fix=fix)
 
 
 def _values(table: Table, name: str) -> FloatArray:
