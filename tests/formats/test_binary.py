@@ -80,7 +80,7 @@ def test_any_columns_come_back_bit_for_bit(kind: str, columns: dict[str, Any], t
 
 @pytest.mark.parametrize("kind", ["las", "laz"])
 @settings(max_examples=examples(40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(columns=_columns(), span=st.sampled_from([1.0, 300.0, 2147.0, 5e3, 1e6]), offset=st.sampled_from([0.0, 4.5e6]))
+@given(columns=_columns(), span=st.sampled_from([1.0, 300.0, 2147.0, 5e3, 1e5]), offset=st.sampled_from([0.0, 4.5e6]))
 def test_las_keeps_extra_dimensions_exactly(
     kind: str, columns: dict[str, Any], span: float, offset: float, tmp_path: Path
 ) -> None:
@@ -157,26 +157,21 @@ def test_a_refused_table_leaves_the_file_as_it_was(kind: str, tmp_path: Path) ->
     path = written(kind, make_table(), tmp_path)
     before = path.read_bytes()
     ones = {axis: np.ones(2) for axis in "XYZ"}
-    for columns in (
-        ones | {"bad": np.array([1.0, np.nan])},
-        ones | {"bad": np.array([np.inf, 1.0], dtype=np.float32)},
-        {},
-    ):
-        with pytest.raises(InputError):
-            KINDS[kind][1](Table(columns), path)
+    with pytest.raises(InputError, match="there is no column"):
+        KINDS[kind][1](Table({}), path)
     if kind.startswith("la"):
         for columns in (
             {"X": np.ones(2), "Y": np.ones(2)},
             ones | {"n" * 33: np.ones(2)},
             ones | {"X": np.array([0, 1e12])},
+            ones | {"Y": np.array([0, np.nan])},
             ones | {f"c{i}": np.ones(2) for i in range(400)},
         ):
             with pytest.raises(InputError):
                 KINDS[kind][1](Table(columns), path)
     else:
-        for name in ("near IR", "a\tb", ""):
-            with pytest.raises(InputError, match="rename"):
-                KINDS[kind][1](Table({name: np.ones(2)}), path)
+        with pytest.raises(InputError, match="rename"):
+            KINDS[kind][1](Table({"": np.ones(2)}), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 

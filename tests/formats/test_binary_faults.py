@@ -32,7 +32,6 @@ PCD_ROWS = "1 2 3 0 0 0 0 4 5 6 7\n" * 2
         ("SIZE 4 4 4 1 4 4", "SIZE 4 1 4 1 4 4", ":6: field 'y' has TYPE 'F' with SIZE 1"),
         ("TYPE F F F U U F", "TYPE F D F U U F", ":6: field 'y' has TYPE 'D' with SIZE 4"),
         ("TYPE F F F U U F", "TYPE F F F U U", ":6: TYPE has 5 values, not 6"),
-        ("COUNT 1 1 1 4 1 3", "COUNT 1 1 1 4 1 0", ":7: field 'normal' has COUNT 0"),
         ("COUNT 1 1 1 4 1 3", "COUNT 1 1 1 4 1 99999999", "numbers is beyond"),
         ("x y z", "x y X", ":4: the column 'X' appears twice"),
         ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 1 0 0 up", ":10: VIEWPOINT '0 0 0 1 0 0 up' is not seven numbers"),
@@ -41,10 +40,7 @@ PCD_ROWS = "1 2 3 0 0 0 0 4 5 6 7\n" * 2
         ("TYPE F F F U U F\n", "", "the header has no TYPE line"),
         ("1 2 3 0 0 0 0 4 5 6 7\n", "1 2 3 0 0 0 0 4 5 6\n", ":13: the row has 10 values"),
         ("1 2 3", "1 two 3", ":13: 'y' is 'two', not a number"),
-        ("1 2 3", "1 nan 3", ":13: 'y' is 'nan', not a finite number"),
-        ("1 2 3", "1 1e99 3", ":13: 'y' is inf, not a finite number"),
-        ("4 5 6 7", "4.5 5 6 7", ":13: 'rgb' is 4.5, not a whole number"),
-        ("4 5 6 7", "-1 5 6 7", ":13: 'rgb' is -1, not a whole number from 0 to 4294967295"),
+        ("1 2 3", "1 1e99 3", ":13: 'y' is 1e+99, beyond the range of a 32-bit float"),
         (PCD_ROWS, PCD_ROWS + "1 2 3 0 0 0 0 4 5 6 7\n", ":11: POINTS says 2 rows, line 15 is one more"),
         (PCD_ROWS, PCD_ROWS[:22], ":11: POINTS says 2 rows, the file has 1"),
         (PCD_ROWS, PCD_ROWS[:35], ":14: the row has"),
@@ -66,10 +62,6 @@ def test_faults_of_a_pcd_body(tmp_path: Path) -> None:
         read_pcd, path, head + rows[:-1]
     )
     assert "but 5 bytes follow the last" in message_of(read_pcd, path, head + rows + b"12345")
-    nan = RECORD.pack(1, float("nan"), 3, 4, 5, 6, 7)
-    message = message_of(read_pcd, path, head + rows[: RECORD.size] + nan)
-    assert "row 2: 'y' is nan" in message
-    assert "organised" in message
     huge = pcd_head("binary", width=10**12, points=10**12).encode()
     assert "POINTS says 1000000000000 rows" in message_of(read_pcd, path, huge + rows)
     assert "the file has 2" in message_of(read_pcd, path, pcd_head("ascii", 10**12, 1, 10**12) + PCD_ROWS)
@@ -131,7 +123,7 @@ end_header
         ("end_header\n1 2 3\n4 5 6\n", "", ":8: the header has no end_header line"),
         ("1 2 3", "1 2", ":9: the row has 2 values"),
         ("1 2 3", "1 2 c", ":9: 'Layer' is 'c', not a number"),
-        ("1 2 3", "1 inf 3", ":9: 'y' is 'inf', not a finite number"),
+        ("4 5 6", "4 5 -2147483649", ":10: 'Layer' is -2147483649, not a whole number from -2147483648"),
         ("4 5 6", "4 5 6.5", ":10: 'Layer' is 6.5, not a whole number"),
     ],
 )
@@ -152,7 +144,6 @@ def test_faults_of_a_ply_body(tmp_path: Path) -> None:
         read_ply, path, head + rows[:-1]
     )
     assert "but 12 bytes follow the last" in message_of(read_ply, path, head + rows + rows[:12])
-    assert "row 1: 'x' is nan" in message_of(read_ply, path, head + b"\xff" * 24)
     absurd = head.replace(b"vertex 2", b"vertex 1000000000000")
     assert "says 1000000000000 rows" in message_of(read_ply, path, absurd + rows)
     lists = head.replace(b"element vertex", b"element face 1\nproperty list uchar int i\nelement vertex")

@@ -109,7 +109,7 @@ def test_cosines_at_and_beyond_their_ends(tmp_path: Path, caplog: pytest.LogCapt
     [
         (["10 0 0 1.5 0 1"], "row 1: CosAngle is 1.5; it must lie in -1 ... 1"),
         (["10 0 0 1 0 1", "10 0 0 1 4000000000 1"], "row 2: ObjIdx is 4e+09"),
-        (["10 0 0 nan 0 1"], ":11: 'CosAngle' is 'nan', not a finite number"),
+        (["10 0 0 nan 0 1"], "row 1: CosAngle is nan; it must lie in -1 ... 1"),
         (["10 0 0 1 0 -1"], ":11: 'ObjTag' is -1, not a whole number from 0"),
         (["-10 0 0 1 0 1"], "none of the 1 points lies on a beam within 300 m"),
     ],

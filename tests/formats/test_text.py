@@ -284,15 +284,11 @@ def test_describe_says_what_a_sample_holds() -> None:
 
 
 def test_text_cannot_hold_some_tables(tmp_path: Path) -> None:
-    for name in ("a b", "a,b", 'a"b', ""):
-        with pytest.raises(InputError, match="cannot stand in a header"):
-            write_text(Table({name: np.zeros(1)}), tmp_path / "a.txt")
+    with pytest.raises(InputError, match="cannot hold the column name ''"):
+        write_text(Table({"": np.zeros(1)}), tmp_path / "a.txt")
     for name in ("a,b", "//a", "#a", " a", 'a"b'):
         with pytest.raises(InputError, match="cannot stand in a header"):
             write_csv(Table({name: np.zeros(1)}), tmp_path / "a.csv")
-    for value in (np.array([2**63], dtype="u8"), np.array([np.nan])):
-        with pytest.raises(InputError):
-            write_text(Table({"a": value}), tmp_path / "a.txt")
     assert not list(tmp_path.iterdir())
 
 

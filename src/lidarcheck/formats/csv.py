@@ -24,10 +24,10 @@ def write_csv(table: Table, path: str | os.PathLike[str]) -> None:
 
     `InputError`, with nothing written, when a name or a value cannot be held.
     """
-    if table.layout is not None and table.layout.delimiter != " ":
+    if table.layout is not None and table.layout.delimiter in ",;":
         content = source_as_text(table)
     else:
         check_header(table, _NAME_IN_CSV, "commas", path, instead="Parquet")
-        content = f"{','.join(table.columns)}\n".encode() + rows_as_text(table, ",", path)
+        content = f"{','.join(table.columns)}\n".encode() + rows_as_text(table, ",")
     with atomic_write(path) as stream:
         stream.write(content)

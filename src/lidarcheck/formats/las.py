@@ -1,12 +1,14 @@
 """LAS and its compressed form LAZ: X Y Z as scaled integers, every other column as an extra dimension.
 
 Written as LAS 1.4, point format 6. The scale is 1e-6 m and the offset 0 where all coordinates lie within ±2147 m;
-beyond, the offset is the middle of the extent in whole metres and the scale the finest power of ten that fits. Reading
-gives back X, Y and Z within half a scale step; all other columns are exact. `EchoNumber` also fills `return_number`,
+beyond, the offset is the middle of the extent in whole metres and the scale the finest power of ten that fits, down to
+0.1 mm: one row far away must not coarsen all others. Reading gives back X, Y and Z within half a scale step; all other
+columns are exact. `EchoNumber` also fills `return_number`,
 for viewers. The extremes of X, Y, Z in the header are checked when such a file is read again: LAZ has no checksum.
 
 Reading takes any LAS 1.0 to 1.4 file: X, Y, Z and the extra dimensions always; a standard dimension (`intensity`,
-`gps_time`, ...) where it is not zero throughout; `return_number` becomes `EchoNumber` in files without one.
+`gps_time`, ...) where it is not zero throughout, as `standard_intensity` where an extra dimension has its name;
+`return_number` becomes `EchoNumber` in files without one.
 
 Source: ASPRS, "LAS Specification 1.4 - R15".
 """
@@ -26,7 +28,8 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
 from lidarcheck.formats.las_layout import check_layout
-from lidarcheck.formats.records import check_finite, writable
+from lidarcheck.formats.panics import panics_unsaid
+from lidarcheck.formats.records import writable
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Table, check_names
 
@@ -38,13 +41,16 @@ logging.getLogger("laspy").addHandler(logging.NullHandler())  # damage is said o
 Column = npt.NDArray[Any]
 AXES = ("X", "Y", "Z")
 FINEST_SCALE_M = 1e-6
+COARSEST_SCALE = -4
+"""As a power of ten of a metre: below what any reader of ranges can tell, and 214 km to either side."""
 LARGEST_STEPS = 2**31 - 1
 NAME_BYTES = 32
-PIECE_POINTS = 250_000
+PIECE_POINTS = 65_536
 MOST_EXTRA = 65_535 // 192  # their descriptions share one record of 16-bit length
 DAMAGED_FIX = "the file is damaged or cut off: write it again"
 ECHO_NUMBER = "EchoNumber"
 RETURNS = ("return_number", "number_of_returns")
+STANDARD = " (standard)"
 SOFTWARE = "lidarcheck"
 EXTREMES_NOTED = 0b110  # laspy notes the first point's value as the least and greatest: note none
 
@@ -53,20 +59,17 @@ def read_las(path: str | Path) -> Table:
     """The points of a LAS or LAZ file, told apart by content.
 
     X, Y, Z in float64 [m]; other columns in the file's own types. `InputError` for a damaged header, records that the
-    file is too short for, compressed chunks that do not unpack, and NaN, with its row.
+    file is too short for, and compressed chunks that do not unpack.
     """
     file = Path(path)
     content = read_source(file)
     layout = check_layout(content, file)
-    with _damage_reported(file):
-        records, header = _records(content)
-        check_names(header.point_format.extra_dimension_names, file)
-        columns = _columns(records, header)
-    if len(records) != layout.points:
-        what = f"the header says {layout.points} points, the file holds {len(records)}"
+    with _damage_reported(file), panics_unsaid(layout.compressed):
+        columns, header, points = _columns(content, file)
+    if points != layout.points:
+        what = f"the header says {layout.points} points, the file holds {points}"
         raise InputError(what, file=file, fix=DAMAGED_FIX)
     check_names(columns, file)
-    check_finite(columns, file)
     _check_extremes(columns, header, file)
     return Table(columns, file)
 
@@ -124,16 +127,31 @@ def _damage_reported(path: Path) -> Iterator[None]:
         raise InputError(f"damaged LAS or LAZ data: {reason}", file=path, fix=DAMAGED_FIX) from error
 
 
-def _records(content: bytes) -> tuple[Any, Any]:
-    """All point records, and the header; read in pieces, so that a false count costs one piece and no more."""
+def _columns(content: bytes, path: Path) -> tuple[dict[str, Column], Any, int]:
+    """The columns, the header, and the number of points: read in pieces, so that a false count costs no more than one.
+
+    X, Y and Z in metres, then the standard dimensions that say something, then the extra ones.
+    """
     import laspy
 
-    stream = io.BytesIO(content)
-    reader = laspy.open(stream, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False, closefd=False)
-    pieces = [piece.array for piece in _pieces(reader)]
-    point_format = reader.header.point_format
-    records = np.concatenate(pieces) if pieces else np.zeros(0, point_format.dtype())
-    return laspy.PackedPointRecord(records, point_format), reader.header
+    reader = laspy.open(io.BytesIO(content), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False, closefd=False)
+    header = reader.header
+    check_names(header.point_format.extra_dimension_names, path)
+    pieces: dict[str, list[Column | None]] = {}
+    sizes: list[int] = []
+    for piece in _pieces(reader):
+        sizes.append(len(piece))
+        for name, column in _piece_columns(piece, header).items():
+            pieces.setdefault(name, []).append(column)
+    if not sizes:
+        empty = laspy.PackedPointRecord(np.zeros(0, header.point_format.dtype()), header.point_format)
+        pieces, sizes = {name: [column] for name, column in _piece_columns(empty, header).items()}, [0]
+    columns = {}
+    for name in list(pieces):
+        column = _joined(pieces.pop(name), sizes)
+        if column is not None:
+            columns[name] = column
+    return _renamed(columns), header, sum(sizes)
 
 
 def _pieces(reader: Any) -> Iterator[Any]:
@@ -146,15 +164,45 @@ def _pieces(reader: Any) -> Iterator[Any]:
         yield piece
 
 
-def _columns(records: Any, header: Any) -> dict[str, Column]:
-    """X, Y and Z in metres, then the standard dimensions that say something, then the extra ones."""
-    columns: dict[str, Column] = {}
+def _piece_columns(points: Any, header: Any) -> dict[str, Column | None]:
+    """The dimensions of some points by their names, standard ones in brackets; None for one that is zero throughout."""
+    columns: dict[str, Column | None] = {}
     with np.errstate(all="ignore"):
         for axis, scale, offset in zip(AXES, header.scales, header.offsets, strict=True):
-            columns[axis] = _metres(records[axis], float(scale)) + offset
-        columns |= _standard_columns(records, header.point_format)
-        columns |= _extra_columns(records, header.point_format)
+            columns[axis] = _metres(np.asarray(points.array[axis]), float(scale)) + offset
+        for name in points.point_format.standard_dimension_names:
+            if name not in AXES:
+                column = np.asarray(points[name])
+                columns[f"{name}{STANDARD}"] = np.array(column) if column.any() else None
+        columns |= _extra_columns(points, points.point_format)
     return columns
+
+
+def _joined(pieces: list[Column | None], sizes: list[int]) -> Column | None:
+    """The pieces as one column, zeros for those that say nothing; None where none says anything."""
+    kind = next((piece.dtype for piece in pieces if piece is not None), None)
+    if kind is None:
+        return None
+    whole = [np.zeros(n, kind) if piece is None else piece for piece, n in zip(pieces, sizes, strict=True)]
+    return whole[0] if len(whole) == 1 else np.concatenate(whole)
+
+
+def _renamed(columns: dict[str, Column]) -> dict[str, Column]:
+    """Standard dimensions by their own names, where no extra one has it; `return_number` as `EchoNumber`."""
+    taken = {name.casefold() for name in columns}
+    echoes = next((column for name, column in columns.items() if name.casefold() == ECHO_NUMBER.casefold()), None)
+    named: dict[str, Column] = {}
+    for key, column in columns.items():
+        name = key.removesuffix(STANDARD)
+        if name == key:
+            named[name] = column
+        elif name in RETURNS and echoes is not None:
+            if name == RETURNS[0] and not np.array_equal(column, _return_number(echoes)):
+                named[name] = column
+        else:
+            own = ECHO_NUMBER if name == RETURNS[0] else name
+            named[f"standard_{own}" if own.casefold() in taken else own] = column
+    return named
 
 
 def _metres(steps: Column, scale: float) -> npt.NDArray[np.float64]:
@@ -165,23 +213,9 @@ def _metres(steps: Column, scale: float) -> npt.NDArray[np.float64]:
     return steps.astype(np.float64) * scale
 
 
-def _standard_columns(points: Any, point_format: Any) -> dict[str, Column]:
-    """The dimensions that every LAS file has, where they say something; `return_number` as `EchoNumber`."""
-    extra = {name.casefold() for name in point_format.extra_dimension_names}
-    columns = {}
-    for name in point_format.standard_dimension_names:
-        column = np.asarray(points[name])
-        if name in AXES or name.casefold() in extra or not column.any():
-            continue
-        if name in RETURNS and ECHO_NUMBER.casefold() in extra:
-            continue
-        columns[ECHO_NUMBER if name == "return_number" else name] = np.array(column)
-    return columns
-
-
-def _extra_columns(points: Any, point_format: Any) -> dict[str, Column]:
+def _extra_columns(points: Any, point_format: Any) -> dict[str, Column | None]:
     """The extra dimensions; one of several numbers becomes `name_0`, `name_1`, ..."""
-    columns: dict[str, Column] = {}
+    columns: dict[str, Column | None] = {}
     for dimension in point_format.extra_dimensions:
         name = dimension.name
         values = np.asarray(points[name] if dimension.is_scaled else points.array[name])
@@ -215,7 +249,12 @@ def _axis(table: Table, axis: str, path: Path) -> npt.NDArray[np.float64]:
     values = table.get(axis)
     if values is None:
         raise InputError(f"LAS needs the column {axis}", file=path, fix="add X, Y and Z, or write another format")
-    return values.astype(np.float64)
+    metres: npt.NDArray[np.float64] = values.astype(np.float64)
+    if not np.isfinite(metres).all():
+        row = int(np.argmin(np.isfinite(metres)))
+        what = f"row {row + 1}: {axis} is {metres[row]}, and LAS holds positions alone"
+        raise InputError(what, file=path, fix="leave out the rows without a return, or write another format")
+    return metres
 
 
 def _scale_and_offset(values: npt.NDArray[np.float64], axis: str, path: Path) -> tuple[float, float]:
@@ -224,12 +263,15 @@ def _scale_and_offset(values: npt.NDArray[np.float64], axis: str, path: Path) ->
     if max(-low, high) <= LARGEST_STEPS * FINEST_SCALE_M:
         return FINEST_SCALE_M, 0.0
     offset = float(np.rint(low / 2 + high / 2))
-    for exponent in range(-6, 1):
+    for exponent in range(-6, COARSEST_SCALE + 1):
         scale = float(f"1e{exponent}")
         if max(offset - low, high - offset) <= LARGEST_STEPS * scale:
             return scale, offset
-    what = f"{axis} spans {low:g} ... {high:g} m, more than LAS can hold to 1 m"
-    raise InputError(what, file=path, fix="remove the rows that are no positions, or write another format")
+    row = int(np.argmax(np.abs(values - np.median(values))))
+    what = (
+        f"row {row + 1}: {axis} is {values[row]:.9g} m, so far away that LAS would round all rows to more than 0.1 mm"
+    )
+    raise InputError(what, file=path, fix="remove the row if it is no position, or write another format")
 
 
 def _fitting_standard(columns: dict[str, Column], point_format: Any) -> dict[str, Column]:
@@ -259,7 +301,7 @@ def _returns(table: Table) -> dict[str, Column]:
     echo, layer, point = (table.get(name) for name in (ECHO_NUMBER, "Layer", "Point"))
     if echo is None:
         return {}
-    number = np.clip(np.rint(echo), 1, 15).astype(np.int64)
+    number = _return_number(echo)
     if layer is None or point is None:
         return dict.fromkeys(RETURNS, number)
     with np.errstate(invalid="ignore"):  # what no beam can be is for others to refuse
@@ -268,6 +310,13 @@ def _returns(table: Table) -> dict[str, Column]:
     total = np.zeros(len(table), dtype=np.int64)
     np.maximum.at(total, beam, number)
     return dict(zip(RETURNS, (number, total[beam]), strict=True))
+
+
+def _return_number(echo: Column) -> npt.NDArray[np.int64]:
+    """The number that LAS notes of an echo: 1 to 15."""
+    with np.errstate(invalid="ignore"):
+        near: npt.NDArray[np.float64] = np.clip(np.nan_to_num(np.rint(echo.astype(np.float64)), nan=1), 1, 15)
+    return near.astype(np.int64)
 
 
 def _write(data: Any, path: Path) -> None:

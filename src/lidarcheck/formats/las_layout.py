@@ -22,7 +22,7 @@ HEADER_SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 POINT_SIZES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 RECORD_HEAD = 54
 VARIABLE_CHUNKS = 2**32 - 1
-CHUNKED_POINTS, CHUNKED_LAYERS = 2, 3
+POINT_BY_POINT, CHUNKED_POINTS, CHUNKED_LAYERS = 1, 2, 3
 ITEM_SIZES = {
     CHUNKED_POINTS: {0: None, 6: 20, 7: 8, 8: 6, 9: 29},
     CHUNKED_LAYERS: {10: 30, 11: 6, 12: 8, 13: 29, 14: None},
@@ -123,6 +123,9 @@ def _packing(body: bytes, path: Path) -> _Packing:
 
 
 def _check_items(packing: _Packing, layout: LasLayout, path: Path) -> None:
+    if packing.compressor == POINT_BY_POINT:
+        what = "the file is compressed point by point (LASzip compressor 1), which is not read"
+        raise InputError(what, file=path, fix="write it again as LAS, or as LAZ with a chunk table, as LASzip 2 does")
     known = ITEM_SIZES.get(packing.compressor)
     if known is None or not packing.chunk_points:
         raise _fault(path, f"LASzip compressor {packing.compressor} in chunks of {packing.chunk_points} cannot be read")

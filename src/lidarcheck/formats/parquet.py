@@ -10,6 +10,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_path
+from lidarcheck.formats.names import is_needed, leave_out
 from lidarcheck.formats.source import check_file
 from lidarcheck.formats.table import Column, Table, check_names, quoted
 
@@ -17,7 +18,11 @@ __all__ = ["read_parquet", "write_parquet"]
 
 
 def read_parquet(path: str | os.PathLike[str]) -> Table:
-    """The columns with the file's own types. `InputError` for damage, missing values and what is not a number."""
+    """The columns with the file's own types; a missing value is NaN.
+
+    A column that nothing needs and that is no number, or has missing values beside whole numbers that no float holds,
+    is left out. `InputError` for damage, and for a needed column of either kind.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -25,26 +30,47 @@ def read_parquet(path: str | os.PathLike[str]) -> Table:
     try:
         with parquet.ParquetFile(file, page_checksum_verification=True) as stream:
             check_names(stream.schema_arrow.names, file)
-            content = stream.read(use_threads=False)
+            content = stream.read(columns=_numeric(stream.schema_arrow, file), use_threads=False)
     except (pa.ArrowException, OSError, ValueError, KeyError, IndexError, MemoryError) as error:
         reason = " ".join(str(error).split())[:160]
         raise InputError(f"damaged or cut off Parquet: {reason}", file=file, fix="write it anew") from error
-    return Table({name: _numbers(name, content.column(name), file) for name in content.column_names}, file)
+    columns = {name: _numbers(name, content.column(name), file) for name in content.column_names}
+    return Table({name: column for name, column in columns.items() if column is not None}, file)
 
 
-def _numbers(name: str, column: Any, file: Path) -> Column:
-    """A field's values as one array."""
+def _numeric(schema: Any, file: Path) -> list[str]:
+    """The names of the fields that are numbers."""
+    import pyarrow as pa
+
+    names = []
+    for field in schema:
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
+            names.append(field.name)
+        elif is_needed(field.name):
+            what = f"the column {quoted(field.name)} is {quoted(str(kind))}, not a number"
+            raise InputError(what, file=file, fix="store it as a number, or leave it out")
+        else:
+            leave_out(file, field.name, f"it is {quoted(str(kind))}, not a number")
+    return names
+
+
+def _numbers(name: str, column: Any, file: Path) -> Column | None:
+    """A field's values as one array; None where it is left out."""
     import pyarrow as pa
 
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
-    kind = column.type
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
-        what = f"the column {quoted(name)} is {quoted(str(kind))}, not a number"
-        raise InputError(what, file=file, fix="store it as a number, or leave it out")
-    if column.null_count:
+    if column.null_count and not pa.types.is_floating(column.type):
         row = int(np.flatnonzero(column.is_null().to_numpy())[0])
-        raise InputError(f"row {row + 1}: {quoted(name)} has no value", file=file, fix="give every column a value")
+        if is_needed(name):
+            what = f"row {row + 1}: {quoted(name)} has no value"
+            raise InputError(what, file=file, fix="give every row of it a value")
+        try:
+            column = column.cast(pa.float64())
+        except pa.ArrowException:
+            leave_out(file, name, f"row {row + 1} has no value")
+            return None
     return np.asarray(column.to_numpy())
 
 

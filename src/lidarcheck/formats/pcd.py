@@ -1,9 +1,9 @@
 """Point Cloud Data files (PCD 0.7) in their three encodings: ascii, binary and binary_compressed (LZF).
 
 The header is lines of text; the body is rows of text, packed little-endian records, or the columns one after the other,
-compressed. A field with COUNT above 1 becomes the columns `name_0`, `name_1`, ...; fields called `_` are padding and
-dropped. An organised cloud (HEIGHT above 1) is read row after row; its NaN points, which mean "no return" there, are
-refused like any other NaN, because an echo that is not there has no row in a scan.
+compressed. A field with COUNT above 1 becomes the columns `name_0`, `name_1`, ...; fields called `_`, or with COUNT 0,
+are padding and dropped. An organised cloud (HEIGHT above 1) is read row after row. NaN is a value: what it means is not
+for a format to say.
 
 Source: "The PCD (Point Cloud Data) file format", Point Cloud Library documentation.
 """
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, compose_header, read_header
-from lidarcheck.formats.records import RecordLayout, check_finite, packed_columns, text_columns, writable
+from lidarcheck.formats.records import RecordLayout, packed_columns, text_columns, writable
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.text import rows_as_text
@@ -31,15 +31,14 @@ __all__ = ["ENCODINGS", "read_pcd", "write_pcd"]
 Column = npt.NDArray[Any]
 LZF_BEST_RATIO = 88  # a back reference of 3 bytes stands for at most 264
 LARGEST_BLOCK = 2**32 - 1
-NO_RETURN_FIX = "remove the rows without a return, as an organised cloud has them, and set HEIGHT 1"
 
 
 def read_pcd(path: str | Path) -> Table:
     """The kept fields of a PCD file, as columns in its order, spelling and types.
 
-    `InputError` with the line of a faulty header or row of text, or the row of a NaN in a binary body: unknown or
-    repeated keys, TYPE and SIZE that do not go together, POINTS other than WIDTH times HEIGHT, a body that is cut off,
-    or LZF data that do not unpack to what the header says.
+    `InputError` with the line of a faulty header or row of text: unknown or repeated keys, TYPE and SIZE that do not go
+    together, POINTS other than WIDTH times HEIGHT, a body that is cut off, or LZF data that do not unpack to what the
+    header says.
     """
     file = Path(path)
     content = read_source(file)
@@ -47,21 +46,20 @@ def read_pcd(path: str | Path) -> Table:
     rows = header.rows
     body = memoryview(content)[header.start :]
     if header.encoding == "ascii":
-        return Table(text_columns(rows, bytes(body), header.first_line), file)
+        return Table(text_columns(rows, content, header.start, header.first_line), file)
     if header.encoding == "binary":
         columns = packed_columns(rows, body)
         _check_rest(body[rows.count * rows.dtype.itemsize :], rows)
     else:
         columns = _unpack(body, rows)
-    check_finite(columns, file, NO_RETURN_FIX)
     return Table(columns, file)
 
 
 def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compressed") -> None:
     """Write the columns as PCD fields of the same names and types; whole or not at all.
 
-    Text carries each float in the fewest digits that read back the same. `InputError` for a column name with blanks or
-    a table beyond 4 GiB in `binary_compressed`, `UsageError` for an unknown encoding.
+    Text carries each float in the fewest digits that read back the same. `InputError` for a table beyond 4 GiB in
+    `binary_compressed`, `UsageError` for an unknown encoding.
     """
     if encoding not in ENCODINGS:
         raise UsageError(f"there is no PCD encoding {encoding!r}", fix=f"use one of {', '.join(ENCODINGS)}")
@@ -122,7 +120,7 @@ def _plain_name(name: str) -> bool:
 
 def _compose_body(columns: Mapping[str, Column], encoding: str, path: str | Path) -> bytes:
     if encoding == "ascii":
-        return rows_as_text(Table(columns), " ", path)
+        return rows_as_text(Table(columns), " ")
     little = {name: column.astype(column.dtype.newbyteorder("<")) for name, column in columns.items()}
     if encoding == "binary":
         records = np.empty(len(next(iter(little.values()), ())), [(name, c.dtype) for name, c in little.items()])

@@ -130,9 +130,7 @@ def _field(name: str, kind: str, size: int, count: int, words: Mapping[str, _Wor
         what = f"field {quoted(name)} has TYPE {quoted(kind)} with SIZE {size}"
         fix = "F goes with 4 or 8, I and U with 1, 2, 4 or 8"
         raise InputError(what, file=path, line=words["TYPE"].line, fix=fix)
-    if count < 1:
-        raise InputError(f"field {quoted(name)} has COUNT 0", file=path, line=words["COUNT"].line, fix="use 1 or more")
-    return Field(name, np.dtype("<" + code), count, kept=name != "_")
+    return Field(name, np.dtype("<" + code), count, kept=name != "_" and count > 0)
 
 
 def _points(words: Mapping[str, _Word], path: Path) -> tuple[int, int, str]:

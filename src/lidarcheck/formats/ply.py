@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.records import Field, RecordLayout, check_finite, packed_columns, text_columns, writable
+from lidarcheck.formats.records import Field, RecordLayout, packed_columns, text_columns, writable
 from lidarcheck.formats.source import read_source
 from lidarcheck.formats.table import Table, quoted
 from lidarcheck.formats.text import rows_as_text
@@ -78,7 +78,7 @@ class _Header:
 def read_ply(path: str | Path) -> Table:
     """The properties of `vertex`, as columns in the file's order, spelling and types.
 
-    `InputError` with the line of a faulty header or row of text, or the row of a NaN in a binary body: no `end_header`,
+    NaN is a value. `InputError` with the line of a faulty header or row of text: no `end_header`,
     unknown types, no `vertex`, list properties in or before it, or fewer or more rows than the header says.
     """
     file = Path(path)
@@ -87,23 +87,22 @@ def read_ply(path: str | Path) -> Table:
     before, vertex, last = _find_vertex(header, file)
     rows = _rows(vertex, file)
     if header.encoding == "ascii":
-        body, line = _skip_lines(content, header, sum(element.count for element in before), rows)
-        return Table(text_columns(rows, body, line, last=last), file)
+        start, line = _skip_lines(content, header, sum(element.count for element in before), rows)
+        return Table(text_columns(rows, content, start, line, last=last), file)
     skipped = sum(element.count * _size(element) for element in before)
     body_view = memoryview(content)[header.start :][skipped:]
     columns = packed_columns(rows, body_view)
     rest = bytes(body_view[rows.count * rows.dtype.itemsize :])
     if last and rest.strip(b"\0 \t\r\n"):
         raise rows.miscounted(f"but {len(rest)} bytes follow the last")
-    check_finite(columns, file)
     return Table(columns, file)
 
 
 def write_ply(table: Table, path: str | Path, encoding: Encoding = "binary_little_endian") -> None:
     """Write the columns as properties of `vertex`, with the same names; whole or not at all.
 
-    Text carries each float in the fewest digits that read back the same. `InputError` for a column name with blanks or
-    beyond ASCII and for integers that no PLY type holds exactly, `UsageError` for an unknown encoding.
+    Text carries each float in the fewest digits that read back the same. `InputError` for a column name beyond ASCII
+    and for integers that no PLY type holds exactly, `UsageError` for an unknown encoding.
     """
     if encoding not in ENCODINGS:
         raise UsageError(f"there is no PLY encoding {encoding!r}", fix=f"use one of {', '.join(ENCODINGS)}")
@@ -114,7 +113,7 @@ def write_ply(table: Table, path: str | Path, encoding: Encoding = "binary_littl
     lines += [f"property {TYPE_NAMES[column.dtype.str[1:]]} {name}" for name, column in columns.items()]
     head = ("\n".join([*lines, "end_header"]) + "\n").encode("ascii")
     if encoding == "ascii":
-        write_bytes(path, head + rows_as_text(Table(columns), " ", path))
+        write_bytes(path, head + rows_as_text(Table(columns), " "))
         return
     order = BYTE_ORDERS[encoding]
     records = np.empty(len(table), [(name, column.dtype.newbyteorder(order)) for name, column in columns.items()])
@@ -224,14 +223,14 @@ def _size(element: _Element) -> int:
     return sum(f.dtype.itemsize for f in element.fields)
 
 
-def _skip_lines(content: bytes, header: _Header, lines: int, rows: RecordLayout) -> tuple[bytes, int]:
-    """The body from the first row of `vertex` on, and that row's line."""
+def _skip_lines(content: bytes, header: _Header, lines: int, rows: RecordLayout) -> tuple[int, int]:
+    """Where the first row of `vertex` begins, and that row's line."""
     start = header.start
     for _ in range(lines):
         start = content.find(b"\n", start) + 1
         if start == 0:
             raise rows.miscounted("the file ends before the first")
-    return content[start:], header.first_line + lines
+    return start, header.first_line + lines
 
 
 def _plain_name(name: str) -> bool:

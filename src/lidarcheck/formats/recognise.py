@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.names import with_known_names
 from lidarcheck.formats.source import first_bytes
 from lidarcheck.formats.table import Table
-from lidarcheck.formats.text import header_delimiter
+from lidarcheck.formats.text import delimiter_of
 
 __all__ = ["FORMATS", "Format", "read_table", "recognise", "target_format", "write_table"]
 
@@ -170,17 +171,16 @@ def _by_text(start: bytes) -> str:
     comments = _COMMENTS.match(text)
     if comments and _INI_LINE.match(text, comments.end()):
         return "model"
-    header = text.splitlines()[0] if text else b""
-    return "text" if header_delimiter(header.decode("utf-8", "replace")) == " " else "csv"
+    return "csv" if delimiter_of(start) in ",;" else "text"
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """The columns of a scan or ideal scan in any format; `InputError` when the file is none."""
+    """The columns of a scan or ideal scan in any format, by our names; `InputError` when the file is none."""
     name = recognise(path)
     if name not in FORMATS:
         title = {"model": "TOML", "lut": "a table of LUTs", "settings": "JSON"}[name]
         raise InputError(f"the file is {title}, not a scan", file=path, fix=f"use one of {_titles()}")
-    return FORMATS[name].read(path)
+    return with_known_names(FORMATS[name].read(path))
 
 
 def target_format(path: str | os.PathLike[str]) -> Format:

@@ -6,7 +6,7 @@ for it is refused before anything of that size is made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.rows import TextRows, parse_rows, warn_of_open_end
-from lidarcheck.formats.table import Table, check_names, counted, quoted
+from lidarcheck.formats.names import writable_names
+from lidarcheck.formats.rows import TextRows, end_of_rows, parse_rows, warn_of_open_end
+from lidarcheck.formats.table import Table, check_names, counted
 
-__all__ = ["MAX_COLUMNS", "Field", "RecordLayout", "check_finite", "packed_columns", "text_columns", "writable"]
+__all__ = ["MAX_COLUMNS", "Field", "RecordLayout", "packed_columns", "text_columns", "writable"]
 
 Column = npt.NDArray[Any]
 MAX_COLUMNS = 10_000
@@ -106,87 +107,78 @@ def packed_columns(rows: RecordLayout, body: memoryview) -> dict[str, Column]:
     return columns
 
 
-def check_finite(columns: Mapping[str, Column], path: Path, fix: str = "", line: int | None = None) -> None:
-    """Refuse NaN and infinity, naming column and row; `line` is the first row's, where rows are lines: `InputError`."""
-    first: tuple[int, str] | None = None
-    for name, column in columns.items():
-        if column.dtype.kind == "f" and not np.isfinite(column).all():
-            row = int(np.argmin(np.isfinite(column)))
-            first = min(first, (row, name)) if first else (row, name)
-    if first is None:
-        return
-    row, name = first
-    where = f"row {row + 1}: " if line is None else ""
-    what = f"{where}{quoted(name)} is {columns[name][row]}, not a finite number"
-    raise InputError(what, file=path, line=None if line is None else line + row, fix=fix or "remove the row")
+def text_columns(
+    rows: RecordLayout, source: bytes, start: int, first_line: int, *, last: bool = True
+) -> dict[str, Column]:
+    """The kept columns of rows of text, a line each, from byte `start` of the source on.
 
-
-def text_columns(rows: RecordLayout, body: bytes, first_line: int, *, last: bool = True) -> dict[str, Column]:
-    """The kept columns of rows of text, a line each.
-
-    `first_line`: the line that `body` begins with. `last`: nothing but blanks may follow the rows. `InputError` names
-    the line of a short or long row, of what is not a finite number of the field's type, or of a wrong count.
+    `first_line`: the line that begins there. `last`: nothing but blanks may follow the rows. A column that nothing
+    needs is left out where a cell is no number of the field's type. `InputError` names the line of a short or long row,
+    of any other cell that is none, or of a wrong count.
     """
-    text = _claimed_lines(body, rows.count, last=last)
+    end = end_of_rows(source, start) if last else _end_of_claimed(source, start, rows.count)
     fields = [(name, field) for field in rows.fields for name in field.names]
     names = [name if field.kept else f"padding {i}" for i, (name, field) in enumerate(fields, start=1)]
-    parsed = parse_rows(TextRows(text, names, " ", rows.path, first_line))
-    found = len(next(iter(parsed.values())))
+    types = {name: field.dtype for name, (_, field) in zip(names, fields, strict=True)}
+    text = TextRows(
+        source, start, end, names, " ", rows.path, first_line, lambda name, values: _cast(values, types[name])
+    )
+    columns = parse_rows(text)
+    found = len(next(iter(columns.values())))
     if found < rows.count:
         raise rows.miscounted(f"the file has {found}")
     if found > rows.count:
         raise rows.miscounted(f"line {first_line + rows.count} is one more")
-    if text and len(text) == len(body):
+    if start < end == len(source):
         warn_of_open_end(rows.path)
-    columns = {
-        name: _cast(name, parsed[name], field.dtype, rows.path, first_line)
-        for name, (_, field) in zip(names, fields, strict=True)
-        if field.kept
-    }
-    check_finite(columns, rows.path, line=first_line)
-    return columns
+    kept = {name for name, (_, field) in zip(names, fields, strict=True) if field.kept}
+    return {name: values.astype(types[name], copy=False) for name, values in columns.items() if name in kept}
 
 
-def _claimed_lines(body: bytes, count: int, *, last: bool) -> bytes:
-    """The lines that may hold the rows, without blank ones at the end."""
-    if not last:
-        ends = np.flatnonzero(np.frombuffer(body, np.uint8) == ord("\n"))
-        body = body[: ends[count - 1]] if 0 < count <= len(ends) else body if count else b""
-    return body.rstrip(b" \t\r\n")
+def _end_of_claimed(source: bytes, start: int, count: int) -> int:
+    """Where so many lines end, or all that there are."""
+    end = start
+    for _ in range(count):
+        end = source.find(b"\n", end) + 1
+        if not end:
+            return end_of_rows(source, start)
+    return start + len(source[start:end].rstrip(b" \t\r\n"))
 
 
-def _cast(name: str, values: Column, dtype: np.dtype[Any], path: Path, first_line: int) -> Column:
-    """The values in the type that the header names; `InputError` for the first that does not fit."""
+def _cast(values: Column, dtype: np.dtype[Any]) -> Column | tuple[int, str]:
+    """The values in the type that the header names; else the first row that does not fit, and why."""
     if dtype.kind == "f":
         with np.errstate(over="ignore"):
-            return values.astype(dtype)
+            reals = values.astype(dtype)
+        lost = np.isinf(reals) & np.isfinite(values)
+        if not lost.any():
+            return reals
+        row = int(np.argmax(lost))
+        return row, f"{values[row]}, beyond the range of a {8 * dtype.itemsize}-bit float"
     low, high = int(np.iinfo(dtype).min), int(np.iinfo(dtype).max)
     if values.dtype.kind == "f":
         low, high = max(low, -EXACT_IN_FLOAT), min(high, EXACT_IN_FLOAT)
         fits = (values == np.rint(values)) & (values >= low) & (values <= high)
     else:
-        fits = (values >= low) & (values <= min(high, np.iinfo(np.int64).max))
-    if not fits.all():
-        row = int(np.argmin(fits))
-        what = f"{quoted(name)} is {values[row]}, not a whole number from {low} to {high}"
-        raise InputError(what, file=path, line=first_line + row, fix="correct it, or the type in the header")
-    return values.astype(dtype)
+        found = np.iinfo(values.dtype)
+        fits = (values >= max(low, found.min)) & (values <= min(high, found.max))
+    if fits.all():
+        return values.astype(dtype)
+    row = int(np.argmin(fits))
+    return row, f"{values[row]}, not a whole number from {low} to {high}"
 
 
 def writable(table: Table, path: str | Path, plain_name: Callable[[str], bool]) -> dict[str, Column]:
     """The columns as 8-bit to 64-bit integers, float32 or float64, native byte order.
 
     64-bit integers become 32-bit ones where all values fit, as few programs read more than those; booleans become
-    bytes, half and long floats float64. `InputError` for a name that the format's header cannot hold,
-    and for NaN or infinity.
+    bytes, half and long floats float64. Names that the format's header cannot hold get underscores, and the log says
+    so; `InputError` where that is no name either.
     """
     if not table.columns:
         raise InputError("there is no column to write", file=path, fix="X, Y and Z are needed")
     columns: dict[str, Column] = {}
-    for name, column in table.columns.items():
-        if not plain_name(name):
-            what = f"this format cannot hold the column name {quoted(name)}"
-            raise InputError(what, file=path, fix="rename the column, or write text, CSV or Parquet")
+    for name, column in writable_names(table, path, plain_name).items():
         if column.dtype.kind == "b":
             column = column.astype(np.uint8)
         elif column.dtype.kind == "f" and column.dtype.itemsize not in (4, 8):
@@ -194,7 +186,6 @@ def writable(table: Table, path: str | Path, plain_name: Callable[[str], bool]) 
         elif column.dtype.kind in "iu" and column.dtype.itemsize == 8:
             column = _narrowed(column)
         columns[name] = np.ascontiguousarray(column, dtype=column.dtype.newbyteorder("="))
-    check_finite(columns, Path(path), "nothing was written; remove the row or repair the value")
     return columns
 
 

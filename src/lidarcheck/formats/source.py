@@ -8,7 +8,20 @@ from pathlib import Path
 
 from lidarcheck.errors import InputError
 
-__all__ = ["check_file", "decode_text", "first_bytes", "read_source", "read_text"]
+__all__ = [
+    "LONGEST_LINE",
+    "check_file",
+    "decode_text",
+    "first_bytes",
+    "long_line",
+    "read_lines",
+    "read_source",
+    "read_text",
+]
+
+LONGEST_LINE = 1 << 20
+"""Bytes of a line of text: a row of ten thousand columns has a tenth of that."""
+LOOKED_AT = 1 << 16
 
 
 def check_file(path: str | os.PathLike[str], *, pipes: bool = False) -> Path:
@@ -36,6 +49,53 @@ def read_source(path: str | os.PathLike[str], *, pipes: bool = False) -> bytes:
         return file.read_bytes()
     except OSError as error:
         raise _unreadable(file, error) from error
+
+
+def read_lines(path: str | os.PathLike[str]) -> bytes:
+    """The whole content of a file of text; `InputError` where a line is longer than `LONGEST_LINE`, before it is read.
+
+    Bytes beyond are those of no table, and would cost a multiple of their size.
+    """
+    file = check_file(path)
+    try:
+        if file.stat().st_size > LONGEST_LINE:
+            _check_line_lengths(file)
+        return file.read_bytes()
+    except OSError as error:
+        raise _unreadable(file, error) from error
+
+
+def _check_line_lengths(file: Path) -> None:
+    """Look for a line end within every length that a line may have, from its end backwards."""
+    size, begin = file.stat().st_size, 0
+    with file.open("rb", buffering=0) as stream:
+        while size - begin > LONGEST_LINE:
+            place, end = begin + LONGEST_LINE, -1
+            while end < 0:
+                if place <= begin:
+                    raise long_line(file, _line_at(file, begin))
+                place, tail = max(place - LOOKED_AT, begin), place
+                stream.seek(place)
+                block = stream.read(tail - place)
+                end = max(block.rfind(b"\n"), block.rfind(b"\r"))
+            begin = place + end + 1
+
+
+def _line_at(file: Path, place: int) -> int:
+    """The line that begins at a byte of the file."""
+    ends, before = 0, b""
+    with file.open("rb") as stream:
+        while place > 0 and (block := stream.read(min(place, LONGEST_LINE))):
+            place -= len(block)
+            ends += block.count(b"\n") + block.count(b"\r") - (before + block).count(b"\r\n")
+            before = block[-1:]
+    return ends + 1
+
+
+def long_line(path: Path, line: int) -> InputError:
+    """The error for a line that is longer than any row."""
+    what = f"the line is longer than {LONGEST_LINE} bytes"
+    return InputError(what, file=path, line=line, fix="end every row with a line end; is this a file of points?")
 
 
 def first_bytes(path: str | os.PathLike[str], count: int = 65536) -> bytes:

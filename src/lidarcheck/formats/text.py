@@ -1,8 +1,9 @@
 """CloudCompare text: a header, optionally the number of rows, then a row a line. CSV shares its reader.
 
-The header may begin with `//` or `#` and names the columns in any order. Blanks, tabs, CRLF, a byte order mark and
-blank lines at the end are read; everything else that is not a row of finite numbers is refused with its line. A table
-that came from text is written back with every unedited byte as it was.
+The header may begin with `//` or `#` and names the columns in any order. Comments before and after it, blanks, tabs,
+CRLF, a byte order mark and blank lines at the end are read. What gives the first row as many cells as there are names
+separates both, so that names may hold blanks or commas. Everything else that is not a row of numbers is refused with
+its line. A table that came from text is written back with every unedited byte as it was.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import csv
 import io
 import os
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +20,21 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.rows import NUMBER, REAL_COLUMNS, TextRows, parse_rows, warn_of_open_end
-from lidarcheck.formats.source import read_source
+from lidarcheck.formats.cells import NUMBER, cells_of
+from lidarcheck.formats.names import canonical, is_needed, usable_names, writable_names
+from lidarcheck.formats.rows import REAL_COLUMNS, TextRows, end_of_rows, parse_rows, warn_of_open_end
+from lidarcheck.formats.source import read_lines
 from lidarcheck.formats.table import Column, Table, TextLayout, check_names, counted, quoted
 
-__all__ = ["header_delimiter", "read_text", "rows_as_text", "source_as_text", "write_text"]
+__all__ = ["check_header", "delimiter_of", "read_text", "rows_as_text", "source_as_text", "write_text"]
 
 _BOM = b"\xef\xbb\xbf"
 _LINE = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
+_COMMENT = re.compile(r"[ \t]*(?://|#)[ \t]*")
 _BLANK = b" \t\r\n"
+_BLANKS = (" ", "\t")
 _NAME_IN_TEXT = re.compile(r"[^\s,;\"]+")
+MOST_COMMENTS = 1000
 
 
 def read_text(path: str | os.PathLike[str]) -> Table:
@@ -36,23 +43,39 @@ def read_text(path: str | os.PathLike[str]) -> Table:
     `InputError` names the file and the line of whatever is not as the module says.
     """
     file = Path(path)
-    source = read_source(file)
+    source = read_lines(file)
     head = _read_head(source, file)
-    end = _end_of_rows(source, head.body)
-    columns = parse_rows(TextRows(source[head.body : end], head.names, head.delimiter, file, head.first_line))
+    names = usable_names(head.names, file)
+    check_names(names, file, head.line)
+    end = end_of_rows(source, head.body)
+    columns = parse_rows(TextRows(source, head.body, end, names, head.delimiter, file, head.first_line))
     table = Table(columns, file, TextLayout(source, head.delimiter, head.body, head.first_line))
     if head.count is not None and head.count != len(table):
         what = f"the count line says {counted(head.count, 'row')}, the file has {len(table)}"
         fix = "correct the count" if head.count < len(table) else "correct the count; or was the file cut off?"
-        raise InputError(what, file=file, line=2, fix=fix)
+        raise InputError(what, file=file, line=head.first_line - 1, fix=fix)
     if head.body < end == len(source):
         warn_of_open_end(file)
     return table
 
 
 @dataclass(frozen=True, slots=True)
+class _Line:
+    """A line of the head: its text, its number from 1, where it and the next one begin; `ended` by a line end."""
+
+    text: str
+    number: int
+    begin: int
+    end: int
+    ended: bool
+
+
+@dataclass(frozen=True, slots=True)
 class _Head:
+    """The header's names and line, how many rows there should be, and where the first of them begins."""
+
     names: list[str]
+    line: int
     delimiter: str
     count: int | None
     body: int
@@ -62,21 +85,98 @@ class _Head:
 def _read_head(source: bytes, file: Path) -> _Head:
     """The header and the count line, and where the rows begin."""
     start = len(_BOM) if source.startswith(_BOM) else 0
-    first = _LINE.match(source, start)
-    assert first is not None, "the pattern matches anywhere"
-    text = _decoded(first[1], file)
-    if not text.strip(" \t"):
+    lines = _head_lines(source, start, file)
+    first = next(lines)
+    if not first.text.strip(" \t"):
         what = "the first line is blank" if source[start:].strip(_BLANK) else "the file holds nothing but blanks"
         raise InputError(what, file=file, line=1, fix="begin with a header such as //X Y Z Layer Point")
-    delimiter = header_delimiter(text)
-    names = _names(text, delimiter, file)
-    if first.end() == first.end(1):
-        raise InputError("the header has no line end", file=file, line=1, fix="was the file cut off?")
-    second = _LINE.match(source, first.end())
-    count = None if second is None or len(names) == 1 else _count(second[1], file)
-    if second is None or count is None:
-        return _Head(names, delimiter, None, first.end(), 2)
-    return _Head(names, delimiter, count, second.end(), 3)
+    comments: list[_Line] = []
+    below: _Line | None = first
+    while below is not None and _COMMENT.match(below.text):
+        comments.append(below)
+        below = next(lines, None)
+    if below is not None and (not comments or _is_header(below.text)):
+        headers, below = [below], _next_row(lines)
+    else:
+        headers = comments
+    count_line = below
+    count = None if below is None or not _has_two_names(headers[-1].text) else _count(below, file)
+    if count is not None:
+        below = _next_row(lines)
+    header, delimiter = _best_header(headers, None if below is None else below.text, file)
+    if not header.ended:
+        raise InputError("the header has no line end", file=file, line=header.number, fix="was the file cut off?")
+    last = headers[-1] if count is None or count_line is None else count_line
+    at, line = (last.end, last.number + 1) if below is None else (below.begin, below.number)
+    return _Head(_names(header.text, delimiter, file, header.number), header.number, delimiter, count, at, line)
+
+
+def _head_lines(source: bytes, place: int, file: Path) -> Iterator[_Line]:
+    """The first lines, the very first as text or refused, the others whatever they are."""
+    for number in range(1, MOST_COMMENTS + 1):
+        match = _LINE.match(source, place)
+        if match is None or (number > 1 and match.start() == len(source)):
+            return
+        text = _decoded(match[1], file) if number == 1 else match[1].decode("utf-8", "surrogateescape")
+        yield _Line(text, number, place, match.end(), match.end() > match.end(1))
+        place = match.end()
+
+
+def _next_row(lines: Iterator[_Line]) -> _Line | None:
+    """The next line that is no comment."""
+    return next((line for line in lines if not _COMMENT.match(line.text)), None)
+
+
+def _is_header(text: str) -> bool:
+    """Whether a line below comments names columns: several words, none of them a number."""
+    words = [word.strip("\"'") for word in re.split(r"[,;\s]+", text.strip()) if word]
+    return len(words) > 1 and not any(re.fullmatch(NUMBER, word.encode("utf-8", "replace")) for word in words)
+
+
+def _has_two_names(header: str) -> bool:
+    return len(re.split(r"[,;\s]+", _COMMENT.sub("", header, count=1).strip())) > 1
+
+
+def _best_header(headers: Sequence[_Line], row: str | None, file: Path) -> tuple[_Line, str]:
+    """The line that names the columns of the first row, and what separates the names.
+
+    Of several comments that fit, the one with most names that mean something, and of those the last.
+    """
+    best = max(headers, key=lambda line: (*_fit(line.text, row), line.number))
+    return best, _delimiter(best.text, row)
+
+
+def _fit(header: str, row: str | None) -> tuple[bool, int]:
+    delimiter = _delimiter(header, row)
+    names = _split(header, delimiter)
+    fits = row is not None and len(names) == len(_text_cells(row, delimiter))
+    return fits, sum(is_needed(name) for name in names)
+
+
+def _delimiter(header: str, row: str | None) -> str:
+    """What separates the names: `";"`, `","`, a tab, or `" "` for blanks and tabs.
+
+    Where the header has several of these, that which gives the first row as many cells.
+    """
+    marks = [mark for mark in ";," if mark in header] + [" "] + ["\t"] * ("\t" in header)
+    for mark in marks if row is not None else ():
+        if 1 < len(_text_cells(row or "", mark)) == len(_split(header, mark)):
+            return mark
+    return marks[0]
+
+
+def _text_cells(row: str, delimiter: str) -> list[str]:
+    cells = cells_of(row.encode("utf-8", "surrogateescape"), delimiter)
+    return ["" if cell.startswith(b'"') else cell.decode("utf-8", "surrogateescape") for cell in cells]
+
+
+def delimiter_of(start: bytes) -> str:
+    """What separates the names in a file's first bytes; of what is no table, the words of its first line."""
+    try:
+        return _read_head(start, Path()).delimiter
+    except InputError:
+        line = start.removeprefix(_BOM).splitlines()[:1]
+        return _delimiter(line[0].decode("utf-8", "replace") if line else "", None)
 
 
 def _decoded(line: bytes, file: Path) -> str:
@@ -93,47 +193,40 @@ def _decoded(line: bytes, file: Path) -> str:
         raise InputError(what, file=file, line=1, fix="save the file as UTF-8") from error
 
 
-def header_delimiter(header: str) -> str:
-    """What separates the names of a header line: `";"`, `","`, or `" "` for blanks and tabs."""
-    return next((mark for mark in ";," if mark in header), " ")
-
-
-def _names(text: str, delimiter: str, file: Path) -> list[str]:
-    bare = re.sub(r"^[ \t]*(?://|#)?[ \t]*", "", text)
+def _split(header: str, delimiter: str) -> list[str]:
+    """The names of a header line; no names where its quotes do not fit together."""
+    bare = _COMMENT.sub("", header, count=1)
     if delimiter == " ":
-        names = re.split(r"[ \t]+", bare.rstrip(" \t")) if bare.strip(" \t") else []
-    else:
-        try:
-            (cells,) = csv.reader([bare], delimiter=delimiter, skipinitialspace=True, strict=True)
-        except (csv.Error, ValueError) as error:
-            what = f"the header's quotes do not fit together: {error}"
-            raise InputError(what, file=file, line=1, fix="quote a whole name or nothing") from error
-        names = [cell.strip(" \t") for cell in cells]
+        return re.split(r"[ \t]+", bare.strip(" \t")) if bare.strip(" \t") else []
+    try:
+        (cells,) = csv.reader([bare], delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=True)
+    except (csv.Error, ValueError):
+        return []
+    return [cell.strip(" \t") for cell in cells]
+
+
+def _names(text: str, delimiter: str, file: Path, line: int) -> list[str]:
+    names = _split(text, delimiter)
+    if not names and _COMMENT.sub("", text, count=1).strip():
+        what = "the header's quotes do not fit together"
+        raise InputError(what, file=file, line=line, fix="quote a whole name or nothing")
     if not names:
-        raise InputError("the header names no columns", file=file, line=1, fix="name them, as //X Y Z Layer Point")
+        raise InputError("the header names no columns", file=file, line=line, fix="name them, as //X Y Z Layer Point")
     if all(re.fullmatch(NUMBER, name.encode()) for name in names):
-        what = f"the first line holds numbers ({quoted(bare)}), not the names of the columns"
-        raise InputError(what, file=file, line=1, fix="put a header before it, such as //X Y Z Layer Point")
-    check_names(names, file, 1)
+        what = f"the first line holds numbers ({quoted(text)}), not the names of the columns"
+        raise InputError(what, file=file, line=line, fix="put a header before it, such as //X Y Z Layer Point")
     return names
 
 
-def _count(line: bytes, file: Path) -> int | None:
+def _count(line: _Line, file: Path) -> int | None:
     """The number of rows, where the line after the header is one whole number."""
-    text = line.strip(b" \t")
-    if not re.fullmatch(rb"[0-9]+", text):
+    text = line.text.strip(" \t")
+    if not re.fullmatch(r"[0-9]+", text, re.ASCII):
         return None
     if len(text) > 18:
         what = f"the count line says {quoted(text)}, more rows than any file holds"
-        raise InputError(what, file=file, line=2, fix="correct the count")
+        raise InputError(what, file=file, line=line.number, fix="correct the count")
     return int(text)
-
-
-def _end_of_rows(source: bytes, body: int) -> int:
-    """Where the last row ends: before the blank lines at the end."""
-    tail = max(body, len(source) - 4096)
-    left = len(source[tail:].rstrip(_BLANK))
-    return tail + left if left else body + len(source[body:].rstrip(_BLANK))
 
 
 def write_text(table: Table, path: str | os.PathLike[str]) -> None:
@@ -142,12 +235,12 @@ def write_text(table: Table, path: str | os.PathLike[str]) -> None:
     A table read from such text keeps its layout and every unedited byte. Floats are written with as few digits as give
     the same bits back. `InputError`, with nothing written, when a name or a value cannot be held.
     """
-    if table.layout is not None and table.layout.delimiter == " ":
+    if table.layout is not None and table.layout.delimiter in _BLANKS:
         content = source_as_text(table)
     else:
-        check_header(table, _NAME_IN_TEXT, "blanks", path, instead="CSV or Parquet")
-        header = f"//{' '.join(table.columns)}\n{len(table)}\n"
-        content = header.encode() + rows_as_text(table, " ", path)
+        plain = Table(writable_names(table, path, lambda name: _NAME_IN_TEXT.fullmatch(name) is not None))
+        header = f"//{' '.join(plain.columns)}\n{len(table)}\n"
+        content = header.encode() + rows_as_text(plain, " ")
     with atomic_write(path) as stream:
         stream.write(content)
 
@@ -162,34 +255,28 @@ def check_header(
             raise InputError(what, file=path, fix=f"rename the column, or write {instead}")
 
 
-def rows_as_text(table: Table, delimiter: str, path: str | os.PathLike[str]) -> bytes:
-    """The rows, a line each, that read back as the same values; `InputError` for integers beyond 64 bits."""
+def rows_as_text(table: Table, delimiter: str) -> bytes:
+    """The rows, a line each, that read back as the same values."""
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
     if not len(table):
         return b""
-    arrays = [pa.array(_printable(name, column, path)) for name, column in table.columns.items()]
+    arrays = [pa.array(_printable(name, column)) for name, column in table.columns.items()]
     stream = io.BytesIO()
     options = arrow_csv.WriteOptions(include_header=False, delimiter=delimiter, quoting_style="none")
     arrow_csv.write_csv(pa.Table.from_arrays(arrays, names=list(table.columns)), stream, options)
     return stream.getvalue()
 
 
-def _printable(name: str, column: Column, path: str | os.PathLike[str]) -> Column | list[str]:
+def _printable(name: str, column: Column) -> Column | list[str]:
     """A column whose printed form reads back with the same values, and as real numbers where it holds them."""
     if column.dtype.kind == "b":
         return column.astype(np.int64)
     if column.dtype.kind != "f":
-        if column.dtype.itemsize == 8 and column.dtype.kind == "u" and len(column) and column.max() > 2**63 - 1:
-            what = f"the column {quoted(name)} holds {column.max()}, text can hold up to {2**63 - 1}"
-            raise InputError(what, file=path, fix="write Parquet, or leave the column out")
         return column
     reals = column.astype(np.float64)
-    if not np.isfinite(reals).all():
-        row = int(np.flatnonzero(~np.isfinite(reals))[0])
-        raise InputError(f"row {row + 1}: {quoted(name)} is {reals[row]}, text holds finite numbers", file=path)
-    if name.casefold() not in REAL_COLUMNS and (reals == np.rint(reals)).all():
+    if name.casefold() not in REAL_COLUMNS and (reals == np.rint(reals))[np.isfinite(reals)].all():
         return [repr(value) for value in reals.tolist()]
     return reals
 
@@ -198,8 +285,11 @@ def source_as_text(table: Table) -> bytes:
     """The bytes that a text table came from, with only the cells of edited columns changed."""
     assert table.layout is not None, "only tables read from text have a source"
     content = table.layout.source
-    for name in sorted(table.edited):
-        content = _with_cells(content, table.layout, list(table.columns).index(name), table.columns[name])
+    if table.edited:
+        head = _read_head(content, table.path or Path())
+        names = [canonical(name)[0] if name not in table.columns else name for name in head.names]
+        for name in sorted(table.edited):
+            content = _with_cells(content, table.layout, names.index(name), table.columns[name])
     return content
 
 
@@ -210,7 +300,8 @@ def _with_cells(content: bytes, layout: TextLayout, position: int, column: Colum
         cell = rb"[^ \t\r\n]++"
     else:
         mark = layout.delimiter.encode()
-        before = rb"(?:[^\r\n%b]*+%b){%d}[ \t]*+" % (mark, mark, position)
+        one = rb'(?:[ ]*+"(?:[^"\r\n]|"")*+"[ ]*+|[^\r\n%b]*+)' % mark
+        before = rb"(?:%b%b){%d} *+" % (one, mark, position)
         cell = rb"[^\r\n \t%b]++" % mark
     values = iter(column.tolist())
     row = re.compile(rb"(?<![^\r\n])(" + before + rb")(" + cell + rb")")
