@@ -69,13 +69,13 @@ def _freeze_extra(table: Any, length: int) -> None:
 
 @dataclass(frozen=True)
 class IdealScan:
-    """What each fired beam meets, a row each; several rows of one (layer, point) are sub-beams of equal weight.
+    """What each fired beam meets, a row each; several rows of one (layer, point) are sub-beams, parts of its light.
 
-    `distance_m` 0: nothing within range. `incidence_deg`: angle between beam and surface normal. `time_s`: from the
-    frame's start. `share`: the part of the beam's light that a row stands for, where rows do not share equally, as
-    with what stands behind glass. `rays`: the row's own ray, where it is not the beam's axis at the frame's start;
-    kept while effects aim, never in a file. `extra`: unknown columns, kept. `file`: where it was read from, for
-    messages. All columns have shape (n,).
+    `distance_m` 0: nothing within range; NaN: nobody knows. `incidence_deg`: angle between beam and surface normal.
+    `time_s`: from the frame's start. `share`: the part of the beam's light that a row stands for, 0 or more, where rows
+    do not share equally, as with what stands behind glass. `rays`: the row's own ray, where it is not the beam's axis
+    at the frame's start; kept while effects aim, never in a file. `extra`: unknown columns, kept. `file`: where it was
+    read from, for messages. All columns have shape (n,).
     """
 
     layer: IntArray

@@ -54,6 +54,13 @@ BAD_TEXT = {
     "header is a count": (b"8\n" + ROW, 1, "not the names"),
     "header cut off": (b"//X Y Z Poi", 1, "no line end"),
     "marks without names": (b"//\n" + ROW, 1, "names no columns"),
+    "inf": (HEAD + ROW.replace(b"20\n", b"-Infinity\n"), 2, "PEAK is -inf; it must be a finite number"),
+    "nan for a beam": (HEAD + ROW + ROW.replace(b"100", b"nan"), 3, "Layer is nan; it must be a whole number"),
+    "behind a row without a return": (
+        HEAD + b"0 0 0 100 200 1 5 50 20\n" + ROW + ROW.replace(b"100", b"-7"),
+        4,
+        "Layer is -7",
+    ),
     "beyond floats": (HEAD + ROW.replace(b"2.5", b"1e999"), 2, "beyond the range"),
     "short row": (HEAD + b"2\n" + ROW + b"1 2 3\n", 4, "3 values, the header names 9 columns; was the file cut off"),
     "short row within": (HEAD + b"1 2 3\n" + ROW, 2, "3 values, the header names 9"),
@@ -87,7 +94,7 @@ BAD_TEXT = {
     "negative layer": (HEAD + ROW.replace(b"100", b"-1"), 2, "Layer is -1; it must be a whole number from 0"),
     "huge point": (HEAD + ROW.replace(b"200", b"99999999999999999999"), 2, "Point is 1e+20"),
     "point beyond 32 bits": (HEAD + ROW.replace(b"200", b"3000000000"), 2, "Point is 3000000000"),
-    "negative echo": (HEAD + ROW.replace(b" 1 ", b" -1 "), 2, "EchoNumber is -1; it must be a whole number from 1"),
+    "negative echo": (HEAD + ROW.replace(b" 1 ", b" -1 "), 2, "EchoNumber is -1; it must be a whole number from 0"),
     "half an echo": (HEAD + ROW.replace(b" 1 ", b" 0 ") + ROW.replace(b" 1 ", b" .5 "), 3, "EchoNumber is 0.5"),
     "far away": (HEAD + ROW.replace(b"2.5", b"1e300"), 2, "Y is 1e+300; it must be from -1e+09 to 1e+09 m"),
     "layer off the grid": (b"Layer Point RANGE\n520 0 1\n", 2, "Layer is 520; it must be a whole number from 0 to 519"),
@@ -132,7 +139,7 @@ BAD_IDEAL = {
     "layer off the grid": (IDEAL + b"520 0 1 1 0\n", 2, "Layer is 520"),
     "point off the grid": (IDEAL + b"0 960 1 1 0\n", 2, "Point is 960"),
     "negative distance": (IDEAL + b"0 0 1 1 0\n0 0 -1 1 0\n", 3, "Distance is -1.0; it must be from 0 to 1e+09 m"),
-    "endless distance": (IDEAL + b"0 0 inf 1 0\n", 2, "Distance is inf"),
+    "endless distance": (IDEAL + b"0 0 inf 1 0\n", 2, "Distance is inf; it must be from 0 to"),
     "material with decimals": (IDEAL + b"0 0 1 1.5 0\n", 2, "MaterialID is 1.5"),
     "negative material": (IDEAL + b"0 0 1 -1 0\n", 2, "MaterialID is -1; it must be a whole number from 0"),
     "grazing beyond": (IDEAL + b"0 0 1 1 90.5\n", 2, "IncidenceAngle is 90.5; it must be from 0 to 90 degrees"),
@@ -259,6 +266,7 @@ def test_parquet_of_what_are_no_numbers(tmp_path: Path) -> None:
     cases = {
         "row 2: 'Layer' has no value": {**good, "Layer": pa.array([1, None])},
         "'Point' is 'string', not a number": {**good, "Point": pa.array(["a", "b"])},
+        "row 1: PEAK is inf": {**good, "PEAK": pa.array([float("inf"), 1.0])},
         "'x' appears twice": {**good, "x": pa.array([1, 2])},
         "column 4 has no name": {**good, "": pa.array([1, 2])},
         "row 1: Layer is -5": {**good, "Layer": pa.array([-5, 1], pa.int8())},
@@ -282,6 +290,8 @@ def test_a_scan_that_no_file_may_hold_is_not_written(tmp_path: Path, suffix: str
     for changes, said in (
         ({"area": np.array([1.0, np.nan])}, "row 2: AREA is nan"),
         ({"x_m": np.array([1e10, 0])}, "row 1: X is"),
+        ({"x_m": np.array([1.0, np.nan])}, "row 2: X, Y, Z are 0 or not finite"),
+        ({name: np.zeros(2) for name in ("x_m", "y_m", "z_m")}, "row 1: X, Y, Z are 0"),
         ({"echo_number": np.array([0, 1])}, "row 1: EchoNumber is 0"),
         ({"point": np.array([4, -2])}, "row 2: Point is -2"),
         ({"extra": {"peak": np.zeros(2)}}, "name of a standard column"),
@@ -316,10 +326,10 @@ def test_a_file_is_not_converted_onto_itself_unless_it_stays(tmp_path: Path) -> 
     path.write_bytes(b"X,Y,Z\n1,2,3\n")
     with pytest.raises(UsageError, match="overwritten by its own conversion"):
         convert(path, path)
-    path.write_bytes(HEAD + ROW.replace(b" 1 ", b" 0 "))
+    path.write_bytes(HEAD + ROW + b"0 0 0 7 8 1 0 0 0\n")
     with pytest.raises(UsageError, match="name another file"):
-        convert(path, tmp_path / ".." / tmp_path.name / "a.txt")
-    assert path.read_bytes() == HEAD + ROW.replace(b" 1 ", b" 0 ")
+        convert(path, tmp_path / ".." / tmp_path.name / "a.txt", drop_empty=True)
+    assert path.read_bytes() == HEAD + ROW + b"0 0 0 7 8 1 0 0 0\n"
 
 
 def test_an_old_target_survives_a_failed_conversion(tmp_path: Path) -> None:

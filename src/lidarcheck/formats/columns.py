@@ -14,7 +14,6 @@ __all__ = [
     "INT32_MAX",
     "INT32_MIN",
     "LENGTH_MAX_M",
-    "check_finite",
     "extra_columns",
     "found_columns",
     "missing",
@@ -26,6 +25,8 @@ __all__ = [
 INT32_MIN, INT32_MAX = -(2**31), 2**31 - 1
 LENGTH_MAX_M = 1e9
 """Beyond any position on earth, in any frame, and far from where squares overflow."""
+
+_LARGEST = float(np.finfo(np.float64).max)
 
 
 def missing(table: Table, names: Iterable[str]) -> list[str]:
@@ -40,17 +41,20 @@ def found_columns(table: Table) -> str:
     return f" (found: {', '.join(names[:12])}{more})" if names else ""
 
 
-def check_finite(table: Table) -> None:
-    """Refuse NaN and infinity anywhere: `InputError` with the first line or row of the first such column."""
-    for name, column in table.columns.items():
-        if column.dtype.kind == "f":
-            _refuse(table, name, ~np.isfinite(column), "must be a finite number")
+def whole_column(
+    table: Table, name: str, low: int, high: int, *, where: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.int32]:
+    """A column of whole numbers from `low` to `high`, shape (n,), checked `where` that is true (0 elsewhere) or
+    everywhere.
 
-
-def whole_column(table: Table, name: str, low: int, high: int) -> npt.NDArray[np.int32]:
-    """A column of whole numbers from `low` to `high`, shape (n,); `InputError` with the first that is not."""
+    `InputError` with the first that is not.
+    """
     column = table.get(name)
     assert column is not None, "ask for columns that are there"
+    if where is not None:
+        column = np.where(where, column, 0)
+    if column.dtype.kind in "iu" and (not len(column) or (low <= column.min() and column.max() <= high)):
+        return column.astype(np.int32)
     wrong = (column < low) | (column > high)
     if column.dtype.kind == "f":
         wrong |= column != np.rint(column)
@@ -66,15 +70,23 @@ def real_column(
     unit: str = "",
     *,
     where: npt.NDArray[np.bool_] | None = None,
+    missing_ok: bool = False,
 ) -> npt.NDArray[np.float64]:
-    """A column of numbers from `low` to `high`, shape (n,), checked `where` that is true or everywhere.
+    """A column of finite numbers from `low` to `high`, shape (n,), checked `where` that is true or everywhere.
 
-    `InputError` with the first that is not.
+    `missing_ok`: NaN, a missing value, is none that is wrong. `InputError` with the first that is.
     """
     column = table.get(name)
     assert column is not None, "ask for columns that are there"
     limits = f"at least {low:g}" if np.isinf(high) else f"from {low:g} to {high:g}"
-    wrong = (column < low) | (column > high)
+    if np.isinf(low) and np.isinf(high):
+        limits = "a finite number"
+    low, high = max(low, -_LARGEST), min(high, _LARGEST)
+    if not len(column) or (low <= column.min() and column.max() <= high):  # false where one is NaN
+        return column.astype(np.float64)
+    wrong = ~((column >= low) & (column <= high))
+    if missing_ok and column.dtype.kind == "f":
+        wrong &= ~np.isnan(column)
     _refuse(table, name, wrong if where is None else wrong & where, f"must be {limits} {unit}".rstrip())
     return column.astype(np.float64)
 

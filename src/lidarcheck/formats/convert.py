@@ -3,73 +3,122 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from lidarcheck.arrays import BoolArray
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.columns import missing
 from lidarcheck.formats.describe import FileDescription, describe
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import Format, read_table, recognise, target_format
-from lidarcheck.formats.scans import SCAN_COLUMNS, normalised_scan, scan_from_table
+from lidarcheck.formats.returns import no_returns
+from lidarcheck.formats.scans import positions_of, read_scan
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
-from lidarcheck.scan import Scan
+from lidarcheck.formats.times import TimeUnit, clock_of, seconds
 
 __all__ = ["FileDescription", "convert", "describe"]
 
 _WHOLE = ("Layer", "Point", "EchoNumber", "MaterialID", "ObjectID")
 _NEEDS_POSITION = ("las", "ply", "pcd")
+_NO_POSITION = {"las": 0.0, "pcd": np.nan}
+"""What a format has in X, Y and Z of a row without a return; the others keep what the row says."""
 
 
-def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], placement: Placement = AS_IT_IS) -> None:
+def convert(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    placement: Placement = AS_IT_IS,
+    *,
+    drop_empty: bool = False,
+    time_unit: TimeUnit | None = None,
+) -> None:
     """Write the file `source` as `target`, in the format of the target's suffix.
 
-    All columns are kept with their names and order; only echoes numbered from 0 are renumbered from 1, hits of a
+    All columns are kept with their names, order and values, the numbers of echoes as they are written; only hits of a
     semantic LiDAR become an ideal scan, and X, Y, Z of a scan are placed as declared. From text to text (or CSV to CSV)
-    every other byte stays as it was.
-    `UsageError` for a suffix that cannot be written, or when `target` is `source` and would change; `InputError` for
-    what is wrong with the file. Nothing is written then.
+    every other byte stays as it was. Rows without a return stay such, as the target's format has them; `drop_empty`
+    leaves them out. `time_unit`: the unit of the time column, which makes a column `Time` [s from the frame's start]
+    beside it. `UsageError` for a suffix that cannot be written, when `target` is `source` and would change, or for a
+    `time_unit` without a time; `InputError` for what is wrong with the file. Nothing is written then.
     """
     form = target_format(target)
     table = read_table(source)
-    columns, scan = _checked(table, placement)
+    scan = _checked(table, placement)
+    columns = table if scan else ideal_table(table) if is_semantic(table) else table
+    if time_unit is not None:
+        columns = _with_time(columns, time_unit)
+    empty = no_returns(columns) if scan else None
+    if empty is not None and drop_empty:
+        columns, empty = replace(columns.take(np.flatnonzero(~empty)), origin=None, first_line=None), None
+    columns = _placed(columns, placement, empty)
     if Path(target).exists() and Path(target).samefile(source):
-        if recognise(source) != form.name or columns.edited or columns.names != table.names:
+        whole = len(columns) == len(table) and columns.names == table.names
+        if recognise(source) != form.name or columns.edited or not whole:
             raise UsageError(f"{target} would be overwritten by its own conversion", fix="name another file to write")
         return
-    form.write(_for_format(columns, scan, form), target)
+    if scan and form.name in _NEEDS_POSITION:
+        columns = _with_positions(columns, form, empty, same=recognise(source) == form.name)
+    form.write(_whole_numbers(columns), target)
 
 
-def _checked(table: Table, placement: Placement) -> tuple[Table, Scan | None]:
-    """The columns, once they are known to be a scan or an ideal scan, echoes numbered from 1; and the scan."""
-    if is_semantic(table):
-        _only_scans(table, placement)
-        return ideal_table(table), None
-    if is_ideal(table):
-        _only_scans(table, placement)
-        ideal_from_table(table)
-        return table, None
-    table = normalised_scan(table)
-    scan = scan_from_table(table, placement)
-    return placement.applied(table), scan
-
-
-def _only_scans(table: Table, placement: Placement) -> None:
+def _checked(table: Table, placement: Placement) -> bool:
+    """Whether the columns are a scan, once they are known to be one or an ideal scan."""
+    if not is_semantic(table) and not is_ideal(table):
+        read_scan(table, placement)
+        return True
     if placement.moves:
         what = "is an ideal scan, whose beams have no mirror, unit or pose to declare"
         raise InputError(what, file=table.path, fix="leave --mirror, --unit and --pose out")
+    if is_ideal(table):
+        ideal_from_table(table)
+    return False
 
 
-def _for_format(table: Table, scan: Scan | None, form: Format) -> Table:
-    """Whole numbers as such, which text may spell as 331.000000; and positions where a point must have one."""
+def _placed(table: Table, placement: Placement, empty: BoolArray | None) -> Table:
+    """The table with its echoes placed as declared; a row without a return has no place."""
+    if empty is None or not placement.moves:
+        return placement.applied(table)
+    echoes = np.flatnonzero(~empty)
+    for name, moved in placement.applied(table.take(echoes)).columns.items():
+        column = table.columns[name].astype(np.result_type(table.columns[name], moved))
+        column[echoes] = moved
+        table = table.with_column(name, column)
+    return table
+
+
+def _with_time(table: Table, unit: TimeUnit) -> Table:
+    clock = clock_of(table.columns, unit)
+    if clock is None:
+        raise UsageError("the file has no time whose unit could be given", file=table.path)
+    if clock.column.casefold() == "time":
+        what = f"the column {clock.column} stands where Time would: a file has one of them"
+        raise UsageError(what, file=table.path, fix="rename the column")
+    return table.with_column("Time", seconds(table.columns, clock))
+
+
+def _whole_numbers(table: Table) -> Table:
+    """Whole numbers as such, which text may spell as 331.000000."""
     for name in _WHOLE:
         column = table.get(name)
-        if column is not None and column.dtype.kind == "f":
+        if column is not None and column.dtype.kind == "f" and not np.isnan(column).any():
             table = table.with_column(name, column.astype(np.int32))
-    if scan is not None and form.name in _NEEDS_POSITION and missing(table, ["X", "Y", "Z"]):
-        for name in ("X", "Y", "Z"):
-            table = table.with_column(name, getattr(scan, SCAN_COLUMNS[name]))
+    return table
+
+
+def _with_positions(table: Table, form: Format, empty: BoolArray | None, *, same: bool) -> Table:
+    """A position where a point must have one, and none, as the format says that, where there was no return."""
+    lacking = bool(missing(table, ["X", "Y", "Z"]))
+    if not lacking and (empty is None or same or form.name not in _NO_POSITION):
+        return table
+    nothing = _NO_POSITION.get(form.name, 0.0)
+    xyz = positions_of(table, empty) if lacking else [table.columns[table.spelling(name) or name] for name in "XYZ"]
+    for name, column in zip("XYZ", xyz, strict=True):
+        if empty is not None and (column.dtype.kind == "f" or not np.isnan(nothing)):
+            column = np.where(empty, column.dtype.type(nothing), column)
+        table = table.with_column(name, column)
     return table

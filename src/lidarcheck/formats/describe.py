@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement, words
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise
-from lidarcheck.formats.scans import scan_from_table
+from lidarcheck.formats.scans import RowCounts, read_scan
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
-from lidarcheck.formats.table import Column, Table
+from lidarcheck.formats.table import Column, Table, counted
+from lidarcheck.formats.times import TimeUnit, clock_of, seconds
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["ColumnSummary", "FileDescription", "describe"]
@@ -26,23 +27,27 @@ __all__ = ["ColumnSummary", "FileDescription", "describe"]
 
 @dataclass(frozen=True, slots=True)
 class ColumnSummary:
-    """One column as the file holds it; `low`, `high` and `mean` are None where there are no rows."""
+    """One column as the file holds it; `low`, `high` and `mean` of its finite values, None where there are none.
+
+    `missing`: rows that are NaN.
+    """
 
     name: str
     dtype: str
     low: float | None
     high: float | None
     mean: float | None
+    missing: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
     """What `describe` found in a file.
 
-    `kind`: `scan`, `ideal`, `model`, `lut`, `settings`. `beams`: distinct (layer, point) pairs; None where not known.
-    `range_m`: low, high and mean of the echoes' (or hits') ranges. `echoes_per_beam`: how many beams have 1, 2, ...
-    echoes (of an ideal scan: rows). `defaulted`: standard columns that the file lacks. `facts`: what else there is to
-    say, by its name.
+    `kind`: `scan`, `ideal`, `model`, `lut`, `settings`. `rows`: of the file, with those that are no echo. `beams`:
+    distinct (layer, point) pairs of echoes; None where not known. `range_m`: low, high and mean of the echoes' (or
+    hits') ranges. `echoes_per_beam`: how many beams have 1, 2, ... echoes (of an ideal scan: rows). `defaulted`:
+    standard columns that the file lacks. `facts`: what else there is to say, by its name.
     """
 
     path: str
@@ -85,10 +90,12 @@ class FileDescription:
         if not self.columns:
             return []
         width = max(len("column"), *(len(column.name) for column in self.columns))
-        lines = [f"{'column'.ljust(width)}  {'type':8}{'low':>14}{'high':>14}{'mean':>14}"]
+        some = any(column.missing for column in self.columns)
+        lines = [f"{'column'.ljust(width)}  {'type':8}{'low':>14}{'high':>14}{'mean':>14}" + "   missing" * some]
         for column in self.columns:
             numbers = ["-" if value is None else f"{value:.6g}" for value in (column.low, column.high, column.mean)]
-            lines.append(f"{column.name.ljust(width)}  {column.dtype:8}" + "".join(f"{text:>14}" for text in numbers))
+            row = f"{column.name.ljust(width)}  {column.dtype:8}" + "".join(f"{text:>14}" for text in numbers)
+            lines.append(row + f"{column.missing:>10}" * some)
         return lines
 
 
@@ -105,16 +112,17 @@ def describe(
     *,
     load_model: Callable[[str | os.PathLike[str]], Any] | None = None,
     placement: Placement = AS_IT_IS,
+    time_unit: TimeUnit | None = None,
 ) -> FileDescription:
     """What a file is and what is in it: scans and ideal scans in any format, LUTs, settings, models.
 
     `load_model`: what reads a model (`lidarcheck.model.load_model`); a TOML file is refused without it. `placement`:
-    what is declared of a scan. `InputError` or
-    `ConfigError` when the file is none of these or has faults.
+    what is declared of a scan; `time_unit`: of its time column, where that does not tell. `InputError` or `ConfigError`
+    when the file is none of these or has faults.
     """
     name = recognise(path)
     if name in FORMATS:
-        return _describe_table(read_table(path), FORMATS[name].title, placement)
+        return _describe_table(read_table(path), FORMATS[name].title, placement, time_unit)
     if name == "lut":
         return _describe_lut(path)
     if name == "settings":
@@ -124,39 +132,64 @@ def describe(
     return _describe_model(path, load_model(path))
 
 
-def _describe_table(table: Table, form: str, placement: Placement) -> FileDescription:
+def _describe_table(table: Table, form: str, placement: Placement, time_unit: TimeUnit | None) -> FileDescription:
     rows: Scan | IdealScan
-    if is_semantic(table):
-        rows = ideal_from_table(ideal_table(table))
+    facts: dict[str, Any] = {}
+    if is_semantic(table) or is_ideal(table):
+        rows = ideal_from_table(ideal_table(table) if is_semantic(table) else table)
+        kind, range_m, facts = "ideal", rows.distance_m[rows.distance_m > 0], _ideal_facts(rows)
     else:
-        rows = ideal_from_table(table) if is_ideal(table) else scan_from_table(table, placement)
-    if isinstance(rows, Scan):
-        kind, range_m = "scan", rows.range_m
-    else:
-        kind, range_m = "ideal", rows.distance_m[rows.distance_m > 0]
+        rows, found = read_scan(table, placement)
+        kind, range_m, facts = "scan", rows.range_m, {**_row_facts(rows, found), **_time_facts(table, time_unit)}
     counts = _rows_per_beam(rows.layer, rows.point)
     return FileDescription(
         path=str(table.path),
         format=form,
         kind=kind,
-        rows=len(rows),
+        rows=len(table) if kind == "scan" else len(rows),
         columns=tuple(_summary(name, column) for name, column in table.columns.items()),
         beams=len(counts),
         range_m=_span(range_m),
         echoes_per_beam={str(number): int(np.count_nonzero(counts == number)) for number in np.unique(counts)},
         defaulted=rows.defaulted,
-        facts=_scan_facts(rows) if isinstance(rows, Scan) else _ideal_facts(rows),
+        facts=facts,
     )
 
 
-def _scan_facts(scan: Scan) -> dict[str, Any]:
-    return {"geometry": words(scan.geometry).removeprefix("geometry ")}
+def _row_facts(scan: Scan, counts: RowCounts) -> dict[str, Any]:
+    """What the rows are, where they are not simply an echo each, and how their positions agree with their beams."""
+    facts: dict[str, Any] = {"geometry": words(scan.geometry).removeprefix("geometry ")}
+    if counts.no_return:
+        unknown = f", {counts.unplaced} of unknown beams" if counts.unplaced else ""
+        facts["no return"] = counted(counts.no_return, "row") + unknown
+    if scan.fired is not None:
+        silent = len(_rows_per_beam(scan.fired.layer, scan.fired.point)) - len(_rows_per_beam(scan.layer, scan.point))
+        facts["fired beams"] = f"{len(scan.fired)}, {silent} without an echo"
+    if counts.copies:
+        facts["copies"] = f"{counted(counts.copies, 'row')} that the file has twice"
+    if counts.renumbered:
+        facts["renumbered"] = f"the echoes of {counted(counts.renumbered, 'beam')}, by range from 1"
+    return facts
+
+
+def _time_facts(table: Table, unit: TimeUnit | None) -> dict[str, Any]:
+    """Which column is the time, in which unit and over how long; or why that is not known."""
+    try:
+        clock = clock_of(table.columns, unit)
+    except UsageError as error:
+        return {"time": f"not known: {error.what}; {error.fix}"}
+    if clock is None:
+        return {}
+    span = _span(seconds(table.columns, clock))
+    from_to = "" if span is None else f", {span[0]:.6g} ... {span[1]:.6g} s from the frame's start"
+    return {"time": f"{clock.column} in {clock.unit} by {clock.said_by}{from_to}"}
 
 
 def _ideal_facts(ideal: IdealScan) -> dict[str, Any]:
     materials, rows = np.unique(ideal.material_id[ideal.distance_m > 0], return_counts=True)
     return {
         "rows with no hit": int(np.count_nonzero(ideal.distance_m == 0)),
+        **({"rows not known": int(unknown)} if (unknown := np.count_nonzero(np.isnan(ideal.distance_m))) else {}),
         "rows by material": {str(material): int(count) for material, count in zip(materials, rows, strict=True)},
     }
 
@@ -170,10 +203,13 @@ def _rows_per_beam(layer: Column, point: Column) -> npt.NDArray[np.int64]:
 
 def _summary(name: str, column: Column) -> ColumnSummary:
     low, high, mean = _span(column) or (None, None, None)
-    return ColumnSummary(name, str(column.dtype), low, high, mean)
+    missing = int(np.count_nonzero(np.isnan(column))) if column.dtype.kind == "f" else 0
+    return ColumnSummary(name, str(column.dtype), low, high, mean, missing)
 
 
 def _span(column: Column) -> tuple[float, float, float] | None:
+    if column.dtype.kind == "f":
+        column = column[np.isfinite(column)]
     if not len(column):
         return None
     # Divided before it is summed up: a sum of finite numbers may overflow.

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from lidarcheck.arrays import BoolArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import (
     INT32_MAX,
     INT32_MIN,
     LENGTH_MAX_M,
-    check_finite,
     extra_columns,
     found_columns,
     missing,
@@ -22,7 +22,7 @@ from lidarcheck.formats.columns import (
 )
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import LAYERS, POINTS, RETRO_GAIN_MAX
 
 __all__ = ["IDEAL_COLUMNS", "ideal_from_table", "is_ideal", "table_from_ideal"]
 
@@ -46,10 +46,21 @@ _WHOLE = {
     "ObjectID": (INT32_MIN, INT32_MAX),
 }
 _REAL = {
-    "Distance": (0.0, LENGTH_MAX_M, "m (0: nothing within range)"),
     "Time": (-np.inf, np.inf, "s"),
-    "Share": (0.0, 1.0, "(part of the beam's light)"),
+    "Share": (0.0, np.inf, "(part of the beam's light)"),
 }
+_OPTIONAL = {
+    "Reflectance": (0.0, RETRO_GAIN_MAX, ""),
+    "ReflectanceError": (0.0, np.inf, ""),
+    "DistanceError": (0.0, np.inf, "m"),
+    "X": (-LENGTH_MAX_M, LENGTH_MAX_M, "m"),
+    "Y": (-LENGTH_MAX_M, LENGTH_MAX_M, "m"),
+    "Z": (-LENGTH_MAX_M, LENGTH_MAX_M, "m"),
+    "Azimuth0": (-360.0, 360.0, "degrees"),
+}
+"""Least, most and unit of columns of real numbers; the optional ones may have rows without a value."""
+_NOT_YET_USED = ("Reflectance", "ReflectanceError", "DistanceError", "Azimuth0", "Edge")
+"""Read, checked and kept, but nothing counts on them."""
 _log = logging.getLogger(__name__)
 
 
@@ -67,8 +78,10 @@ def ideal_from_table(table: Table) -> IdealScan:
     `extra`. `InputError` when a column is missing or holds what it must not.
     """
     _check_needed(table)
-    check_finite(table)
     columns = _checked(table)
+    unused = [name for name in _NOT_YET_USED if table.spelling(name)]
+    if unused:
+        _log.warning("%s: kept, but nothing uses it yet: %s", table.path, ", ".join(unused))
     defaulted: tuple[str, ...] = ()
     if "incidence_deg" not in columns:
         defaulted = ("IncidenceAngle",)
@@ -89,25 +102,45 @@ def table_from_ideal(ideal: IdealScan) -> Table:
         if column is not None and name not in ideal.defaulted:
             columns[name] = column
     table = Table(with_extra(columns, ideal.extra, IDEAL_COLUMNS))
-    check_finite(table)
     _checked(table)
     return table
 
 
 def _checked(table: Table) -> dict[str, Any]:
-    """The fields of an `IdealScan` that the table has columns for, within the limits of each."""
-    fields: dict[str, Any] = {}
+    """The fields of an `IdealScan` that the table has columns for, within the limits of each.
+
+    What a beam meets at which angle means nothing where it meets nothing or nobody knows; simulators write anything.
+    """
+    limits = 0.0, LENGTH_MAX_M, "m (0: nothing within range, nan: not known)"
+    distance = real_column(table, "Distance", *limits, missing_ok=True)
+    fields: dict[str, Any] = {"distance_m": distance}
+    met = None if distance.size and distance.min() > 0.0 else distance > 0.0
     for name, (low, high) in _WHOLE.items():
         if table.spelling(name):
-            fields[IDEAL_COLUMNS[name]] = whole_column(table, name, low, high)
+            beam = name in ("Layer", "Point")
+            where = None if beam else _there(table, name, met)
+            fields[IDEAL_COLUMNS[name]] = whole_column(table, name, low, high, where=where)
     for name, (least, most, unit) in _REAL.items():
         if table.spelling(name):
-            fields[IDEAL_COLUMNS[name]] = real_column(table, name, least, most, unit)
+            column = real_column(table, name, least, most, unit, where=_there(table, name, met))
+            fields[IDEAL_COLUMNS[name]] = np.nan_to_num(column, copy=False) if met is not None else column
+    for name, (least, most, unit) in _OPTIONAL.items():
+        if table.spelling(name):
+            real_column(table, name, least, most, unit, missing_ok=True)
+    if table.spelling("Edge"):
+        whole_column(table, "Edge", 0, 1, where=_there(table, "Edge", met))
     if table.spelling("IncidenceAngle"):
-        # What a beam that meets nothing would meet at which angle means nothing; simulators write anything there.
-        meets = fields["distance_m"] > 0.0 if "distance_m" in fields else None
-        fields["incidence_deg"] = real_column(table, "IncidenceAngle", 0.0, 90.0, "degrees", where=meets)
+        angle = real_column(table, "IncidenceAngle", 0.0, 90.0, "degrees", where=met)
+        fields["incidence_deg"] = np.nan_to_num(angle, copy=False) if met is not None else angle
     return fields
+
+
+def _there(table: Table, name: str, met: BoolArray | None) -> BoolArray | None:
+    """Where the column must have a value: where the beam meets something, and where it has one; None: everywhere."""
+    column = table.get(name)
+    if met is None or column is None or column.dtype.kind != "f":
+        return None
+    return np.asarray(met | ~np.isnan(column))
 
 
 def _check_needed(table: Table) -> None:

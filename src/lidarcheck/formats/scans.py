@@ -1,17 +1,18 @@
-"""A scan's columns in a file, and what stands in for those that it lacks."""
+"""A scan's columns in a file: what they say of each beam, and what stands in for those that the file lacks."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lidarcheck.arrays import BoolArray
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.columns import (
     INT32_MAX,
     LENGTH_MAX_M,
-    check_finite,
     extra_columns,
     found_columns,
     missing,
@@ -21,11 +22,31 @@ from lidarcheck.formats.columns import (
 )
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.geometry.reader import checked_geometry
-from lidarcheck.formats.table import Column, Table
-from lidarcheck.scan import Scan, beams_of
+from lidarcheck.formats.returns import (
+    RETURN_KINDS,
+    Beams,
+    Numbering,
+    fired_of,
+    kinds_by_range,
+    livox_numbers,
+    no_returns,
+    numbered,
+    return_kinds,
+)
+from lidarcheck.formats.table import Column, Table, counted
+from lidarcheck.formats.times import frame_of
+from lidarcheck.scan import Fired, Scan, beams_of
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
-__all__ = ["SCAN_COLUMNS", "normalised_scan", "scan_from_table", "table_from_scan"]
+__all__ = [
+    "SCAN_COLUMNS",
+    "RowCounts",
+    "numbers_as_written",
+    "positions_of",
+    "read_scan",
+    "scan_from_table",
+    "table_from_scan",
+]
 
 SCAN_COLUMNS = {
     "X": "x_m",
@@ -40,53 +61,87 @@ SCAN_COLUMNS = {
 }
 """A file's name of each field of a `Scan`, in the order that files are written in."""
 
+NUMBER_AS_WRITTEN = "EchoNumberRaw"
+"""The extra column of the numbers that the source has, where they are not those of the echoes in order of range."""
+RETURN_TYPE = "ReturnType"
+
+_IDENTICAL = RETURN_KINDS["identical"]
 _ONLY_IDEAL = ("Distance", "MaterialID", "IncidenceAngle")
 _FEATURES = ("WIDTH", "AREA", "PEAK")
+_STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class RowCounts:
+    """How many rows of a file are no echoes of their own, and how many beams' echoes are numbered otherwise there.
+
+    `no_return`: rows that say that a beam had no echo; `unplaced`: those of them that do not say which beam.
+    """
+
+    no_return: int = 0
+    unplaced: int = 0
+    copies: int = 0
+    renumbered: int = 0
 
 
 def scan_from_table(table: Table, placement: Placement = AS_IT_IS) -> Scan:
     """The echoes that a table's columns describe, once X, Y, Z are placed as declared and agree with their beams.
 
     Needed are X, Y, Z, or Layer, Point, RANGE of the reference grid. Other missing columns are logged and defaulted:
-    Layer and Point to the nearest beam (-1 outside the field of view), EchoNumber to 1, the features to 0. Numbers of
-    echoes that begin at 0 are raised by 1. Unknown columns, and RANGE beside X, Y, Z, become `extra`. `InputError` when
-    the columns do not suffice or hold what they must not.
+    Layer and Point to the nearest beam (-1 outside the field of view), EchoNumber to the order of range where the file
+    names the beams and 1 elsewhere, the features to 0. Rows without a return are no echoes; where the file has a row
+    for each of its beams they say which were fired. Echoes are numbered by range within their beam, beam by beam, and
+    copies are left out. Unknown columns, and RANGE beside X, Y, Z, become `extra`. `InputError` when the columns do not
+    suffice or hold what they must not, a missing value of a feature among it.
+    """
+    return read_scan(table, placement, missing_features=False)[0]
+
+
+def read_scan(
+    table: Table, placement: Placement = AS_IT_IS, *, missing_features: bool = True
+) -> tuple[Scan, RowCounts]:
+    """`scan_from_table`, and how many rows were no echoes of their own.
+
+    `missing_features`: WIDTH, AREA and PEAK may have rows without a value, which are NaN.
     """
     _check_position(table)
-    table, as_read = placement.applied(normalised_scan(table)), table
-    x_m, y_m, z_m = _positions(table)
-    layer, point = _beams(table, x_m, y_m, z_m)
-    width_ns, area, peak = (_column_or(table, name, 0.0) for name in _FEATURES)
-    known = [*SCAN_COLUMNS, "RANGE"] if missing(table, ["X", "Y", "Z"]) else SCAN_COLUMNS
+    empty = no_returns(table)
+    as_read = table if empty is None else table.take(np.flatnonzero(~empty))
+    echoes = placement.applied(as_read)
+    x_m, y_m, z_m = _positions(echoes)
+    beams = _beams(echoes, x_m, y_m, z_m)
+    fired, unplaced = (None, 0) if empty is None else _fired(beams, table.take(np.flatnonzero(empty)))
+    features = {name: _feature(echoes, name, missing_ok=missing_features) for name in _FEATURES}
+    numbering, extra = _numbered(echoes, beams, (x_m, y_m, z_m), _extra(echoes))
     scan = Scan(
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        layer=layer,
-        point=point,
-        echo_number=_echo_numbers(table),
-        width_ns=width_ns,
-        area=area,
-        peak=peak,
-        extra=extra_columns(table, known),
-        defaulted=_log_defaults(table, int(np.count_nonzero((layer < 0) | (point < 0)))),
+        layer=beams.layer,
+        point=beams.point,
+        echo_number=numbering.number,
+        width_ns=_or_zeros(features["WIDTH"], len(echoes)),
+        area=_or_zeros(features["AREA"], len(echoes)),
+        peak=_or_zeros(features["PEAK"], len(echoes)),
+        extra=extra,
+        fired=fired,
     )
-    return replace(scan, geometry=checked_geometry(scan, as_read, placement))
+    lacking = [name for name, column in features.items() if column is None]
+    defaulted = _log_defaults(echoes, scan, lacking, told=beams.told)
+    scan = replace(scan, defaulted=defaulted, geometry=checked_geometry(scan, as_read, placement))
+    counts = RowCounts(len(table) - len(echoes), unplaced, numbering.copies, numbering.renumbered)
+    _log_counts(table, counts)
+    return scan if numbering.kept is None else scan.take(numbering.kept), counts
 
 
-def normalised_scan(table: Table) -> Table:
-    """The same columns with echoes numbered from 1; logs where they were numbered from 0."""
-    check_finite(table)
-    numbers = table.get("EchoNumber")
-    if numbers is None or not len(numbers) or numbers.min() != 0:
-        return table
-    _log.warning("%s: EchoNumber starts at 0 and was raised by 1", table.path)
-    return table.with_column("EchoNumber", whole_column(table, "EchoNumber", 0, INT32_MAX - 1) + np.int32(1))
+def numbers_as_written(scan: Scan) -> Column:
+    """The number of each echo as its source has it, shape (n,); its place in order of range where that has none."""
+    return scan.extra.get(NUMBER_AS_WRITTEN, scan.echo_number)
 
 
 def table_from_scan(scan: Scan) -> Table:
-    """The columns to write: those that were not defaulted, then the extra ones.
+    """The columns to write: those that were not defaulted, then the extra ones; beams without echo follow, X Y Z 0.
 
     Beams outside the field of view are left for the reader to find again from X, Y, Z. `UsageError` when an extra
     column has a standard name, or a beam is unknown though its position would give it one; `InputError` when a value is
@@ -97,12 +152,37 @@ def table_from_scan(scan: Scan) -> Table:
         name: getattr(scan, field) for name, field in SCAN_COLUMNS.items() if name not in left_out
     }
     table = Table(with_extra(columns, scan.extra, SCAN_COLUMNS))
-    check_finite(table)
+    empty = no_returns(table)
+    if empty is not None:
+        what = "X, Y, Z are 0 or not finite, or RANGE is 0: so a file says that a beam had no echo"
+        raise table.fault(what, row=int(np.argmax(empty)), fix="take the row out")
     _positions(table)
+    for name in _FEATURES:
+        if name in columns:
+            real_column(table, name)
     for name, low in (("Layer", 0), ("Point", 0), ("EchoNumber", 1)):
         if name in columns:
             whole_column(table, name, low, INT32_MAX)
-    return table
+    return table if scan.fired is None or left_out & {"Layer", "Point"} else _with_empty_rows(table, scan, scan.fired)
+
+
+def _with_empty_rows(table: Table, scan: Scan, fired: Fired) -> Table:
+    """The table and a row for each fired beam without an echo: X, Y, Z 0, EchoNumber 1, no other value."""
+    frame = frame_of(scan.extra)
+    keys = [rows.layer.astype(np.int64) << 32 | rows.point for rows in (fired, scan)]
+    frames = [np.zeros(len(key)) for key in keys] if frame is None or fired.frame is None else [fired.frame, frame]
+    both = np.stack([np.concatenate(frames).astype(np.int64), np.concatenate(keys)])
+    row = np.unique(both, axis=1, return_inverse=True)[1]
+    silent = np.flatnonzero(~np.isin(row[: len(fired)], row[len(fired) :]))
+    told: dict[str, Column] = {"Layer": fired.layer, "Point": fired.point, "EchoNumber": np.ones(len(fired))}
+    columns = {}
+    for name, column in table.columns.items():
+        nothing = np.nan if column.dtype.kind == "f" and name not in SCAN_COLUMNS else 0
+        added: Column = told.get(name, np.full(len(fired), nothing))
+        if column is frame and fired.frame is not None:
+            added = fired.frame
+        columns[name] = np.concatenate([column, added[silent].astype(column.dtype)])
+    return Table(columns)
 
 
 def _beams_told_by_position(scan: Scan) -> set[str]:
@@ -150,31 +230,102 @@ def _positions(table: Table) -> tuple[Column, Column, Column]:
     return xyz[:, 0], xyz[:, 1], xyz[:, 2]
 
 
-def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column) -> tuple[Column, Column]:
+def positions_of(table: Table, empty: BoolArray | None) -> tuple[Column, Column, Column]:
+    """X, Y, Z of each row, shape (n,) each, 0 where the row has no return."""
+    if empty is None:
+        return _positions(table)
+    xyz = np.zeros((3, len(table)))
+    xyz[:, ~empty] = _positions(table.take(np.flatnonzero(~empty)))
+    return xyz[0], xyz[1], xyz[2]
+
+
+def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column) -> Beams:
     """Layer and Point, the missing ones from the positions."""
     given = [name for name in ("Layer", "Point") if table.spelling(name)]
     columns = {name: whole_column(table, name, 0, INT32_MAX) for name in given}
     if len(given) < 2:
         layer, point = beams_of(x_m, y_m, z_m)
         columns = {"Layer": layer, "Point": point, **columns}
-    return columns["Layer"], columns["Point"]
+    return Beams(columns["Layer"], columns["Point"], frame_of(table.columns), told=len(given) == 2)
 
 
-def _echo_numbers(table: Table) -> Column:
-    if missing(table, ["EchoNumber"]):
-        return np.ones(len(table), dtype=np.int32)
-    return whole_column(table, "EchoNumber", 1, INT32_MAX)
+def _fired(echoes: Beams, empty: Table) -> tuple[Fired | None, int]:
+    """The beams that were fired, by the rows without a return, and how many of those rows do not say which beam."""
+    columns = [empty.get(name) for name in ("Layer", "Point")]
+    known = np.ones(len(empty), dtype=np.bool_)
+    for column in columns:
+        whole = np.zeros(len(empty), dtype=np.bool_) if column is None else (column >= 0) & (column <= INT32_MAX)
+        known &= whole if column is None or column.dtype.kind != "f" else whole & (column == np.rint(column))
+    if not known.all() or not echoes.told:
+        return None, int(np.count_nonzero(~known))
+    layer, point = (np.asarray(column).astype(np.int32) for column in columns)
+    return fired_of(echoes, Beams(layer, point, frame_of(empty.columns), told=True)), 0
 
 
-def _column_or(table: Table, name: str, value: float) -> Column:
-    return np.full(len(table), value) if missing(table, [name]) else real_column(table, name)
+def _feature(table: Table, name: str, *, missing_ok: bool) -> Column | None:
+    """A feature, NaN where its value is missing, if that may be; None where it has no value at all."""
+    column = table.get(name)
+    if column is None or (column.dtype.kind == "f" and len(column) and np.isnan(column[0]) and np.isnan(column).all()):
+        return None
+    return real_column(table, name, missing_ok=missing_ok)
 
 
-def _log_defaults(table: Table, unseen: int) -> tuple[str, ...]:
+def _or_zeros(column: Column | None, rows: int) -> Column:
+    return np.zeros(rows) if column is None else column
+
+
+def _extra(table: Table) -> dict[str, Column]:
+    """The columns without a field of their own, and the kind of each return where they tell it."""
+    known = [*SCAN_COLUMNS, "RANGE"] if missing(table, ["X", "Y", "Z"]) else SCAN_COLUMNS
+    extra = extra_columns(table, known)
+    kinds = None if table.spelling(RETURN_TYPE) else return_kinds(table.columns)
+    return extra if kinds is None else {**extra, RETURN_TYPE: kinds}
+
+
+def _numbered(
+    table: Table, beams: Beams, xyz: Sequence[Column], extra: dict[str, Column]
+) -> tuple[Numbering, dict[str, Column]]:
+    """Which echo of its beam each row is; and the extra columns with the numbers and kinds as they came out."""
+    written, kinds = _numbers(table), extra.get(RETURN_TYPE)
+    equal = [column for name in (*_FEATURES, *_STAND_INS) if (column := table.get(name)) is not None]
+    # What this package wrote has the sensor's own numbers beside those in order of range.
+    own = table.get(NUMBER_AS_WRITTEN)
+    apart = [column for column in (written if own is None else own, kinds) if column is not None]
+    found = numbered(beams, written, apart, xyz, equal)
+    if found.renumbered and own is None and written is not None:
+        extra = {**extra, NUMBER_AS_WRITTEN: written}
+    if kinds is not None:
+        kinds = kinds_by_range(kinds, extra, beams, found)
+        extra = {**extra, RETURN_TYPE: kinds if found.twins is None else np.where(found.twins, _IDENTICAL, kinds)}
+    return found, extra
+
+
+def _numbers(table: Table) -> Column | None:
+    """The echoes' numbers as the file has them: whole, from 0, or missing."""
+    numbers = table.get("EchoNumber")
+    if numbers is None:
+        return livox_numbers(table.columns)
+    if numbers.dtype.kind == "f" and np.isnan(numbers).any():
+        whole_column(table, "EchoNumber", 0, INT32_MAX, where=~np.isnan(numbers))
+        return numbers
+    return whole_column(table, "EchoNumber", 0, INT32_MAX)
+
+
+def _log_counts(table: Table, counts: RowCounts) -> None:
+    if counts.no_return:
+        _log.info("%s: %s without a return", table.path, counted(counts.no_return, "row"))
+    if counts.copies:
+        _log.warning("%s: %s left out", table.path, counted(counts.copies, "copy of an echo", "copies of echoes"))
+    if counts.renumbered:
+        what = "the numbers of the echoes of %s are not 1, 2, ... in order of range, and were made so"
+        _log.warning("%s: " + what, table.path, counted(counts.renumbered, "beam"))
+
+
+def _log_defaults(table: Table, scan: Scan, features: list[str], *, told: bool) -> tuple[str, ...]:
     """The standard columns that are missing and not made from RANGE; one line of log says what stands in."""
+    unseen = int(np.count_nonzero((scan.layer < 0) | (scan.point < 0)))
     beams = missing(table, ["Layer", "Point"])
     echo = missing(table, ["EchoNumber"])
-    features = missing(table, _FEATURES)
     said = []
     if missing(table, ["X", "Y", "Z"]):
         said.append("X, Y, Z from Layer, Point, RANGE")
@@ -182,7 +333,8 @@ def _log_defaults(table: Table, unseen: int) -> tuple[str, ...]:
         outside = f" ({unseen} of {len(table)} outside the field of view)" if unseen else ""
         said.append(f"{', '.join(beams)} from X, Y, Z{outside}")
     if echo:
-        said.append("EchoNumber is 1")
+        several = told and bool((scan.echo_number > 1).any())
+        said.append("EchoNumber from the order of range" if several else "EchoNumber is 1")
     if features:
         said.append(f"{', '.join(features)} {'is' if len(features) == 1 else 'are'} 0")
     if said:

@@ -61,6 +61,7 @@ def ideal_table(table: Table) -> Table:
     others = [name for name in table.names if name.casefold() not in {known.casefold() for known in COLUMNS}]
     if others:
         logger.warning("%s: columns without a place in an ideal scan were dropped: %s", table.path, ", ".join(others))
+    table = _finite(table)
     x, y, z, cosine, object_index, tag = (_column(table, name) for name in COLUMNS)
     _check(table, "CosAngle", np.abs(cosine) <= 1 + COSINE_SLACK, "must lie in -1 ... 1")
     for name, ids in (("ObjIdx", object_index), ("ObjTag", tag)):
@@ -79,6 +80,15 @@ def ideal_table(table: Table) -> Table:
     }
     hits = {name: column[kept] for name, column in columns.items()}
     return _completed(hits, table)
+
+
+def _finite(table: Table) -> Table:
+    """The rows that have a position, and a log of how many have none: no return."""
+    there = np.isfinite(np.stack([_column(table, name) for name in ("x", "y", "z")])).all(axis=0)
+    if there.all():
+        return table
+    logger.warning("%s: dropped %d of %d rows without a position", table.path, int((~there).sum()), len(table))
+    return table.take(np.flatnonzero(there))
 
 
 def _column(table: Table, name: str) -> FloatArray:

@@ -129,9 +129,9 @@ def check_names(names: Iterable[str], path: Path, line: int | None = None) -> No
         raise InputError(f"the column {quoted(repeated)} appears twice", file=path, line=line, fix=fix)
 
 
-def counted(number: int, noun: str) -> str:
-    """`1 row`, `2 rows`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def counted(number: int, noun: str, nouns: str = "") -> str:
+    """`1 row`, `2 rows`; `nouns`: where the plural is another."""
+    return f"{number} {noun}" if number == 1 else f"{number} {nouns or noun + 's'}"
 
 
 def quoted(text: str | bytes) -> str:

@@ -313,6 +313,8 @@ def _cell_text(old: bytes, value: float) -> bytes:
     """The value, with as many decimals as the cell had where both are whole."""
     if float(old) == value:
         return old
+    if not np.isfinite(value):
+        return repr(value).encode()
     decimals = len(old.partition(b".")[2])
     if value == int(value) and re.fullmatch(rb"[+-]?[0-9]+\.0*", old):
         return f"{value:.{decimals}f}".encode()

@@ -26,6 +26,7 @@ __all__ = [
     "Quiet",
     "Seed",
     "Several",
+    "TimeUnit",
     "Whole",
     "placement_of",
     "up_to",
@@ -73,6 +74,9 @@ Flag = Parameter(negative=(), show_default=False)
 """An option that is given or not, without a --no- of its own."""
 Several = Parameter(consume_multiple=True, negative=())
 """An option with any number of values behind it."""
+TimeUnit = Annotated[
+    Literal["s", "ms", "us", "ns"], Parameter(help="The unit of the scan's time column, where it does not tell.")
+]
 Files = Annotated[list[Path], Several]
 Whole = Parameter(converter=_whole_number)
 """A whole number: the parser alone would round 1.5 to 2 and say nothing."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Placed, Quiet, placement_of
+from lidarcheck.cli.core.options import Flag, Placed, Quiet, TimeUnit, placement_of
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, stage
 
@@ -20,6 +20,8 @@ def convert(
     /,
     *,
     placed: Placed | None = None,
+    drop_empty: Annotated[bool, Flag, Parameter(help="Leave out the rows without a return.")] = False,
+    time_unit: TimeUnit | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Convert a file; the output's format follows its suffix."""
@@ -31,6 +33,6 @@ def convert(
     target_format(target)
     check_writable(target, option="B")
     with stage(f"converting {source.name}"):
-        run(source, target, placement)
+        run(source, target, placement, drop_empty=drop_empty, time_unit=time_unit)
     note(f"{target}: written from {source}")
     return 0

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, placement_of
+from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, TimeUnit, placement_of
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import emit, hush, stage
 
@@ -19,6 +19,7 @@ def info(
     /,
     *,
     placed: Placed | None = None,
+    time_unit: TimeUnit | None = None,
     json: JsonFlag = False,
     quiet: Quiet = False,
 ) -> int:
@@ -29,6 +30,6 @@ def info(
     from lidarcheck.model import load_model
 
     with stage(f"reading {file.name}"):
-        description = describe(file, load_model=load_model, placement=placement)
+        description = describe(file, load_model=load_model, placement=placement, time_unit=time_unit)
     emit(json_text(description.to_dict()) if json else str(description))
     return 0
