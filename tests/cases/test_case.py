@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from explain_kit import ideal_scan, write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
+from lidarcheck.scan import Fired
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +135,14 @@ def cut_rows(file, keep):
     file.write_text("\n".join([lines[0], str(keep), *lines[2 : 2 + keep]]) + "\n")
 
 
+def with_cell(file, row, column, text):
+    """The file with another cell."""
+    lines = file.read_text().splitlines()
+    cells = lines[row].split()
+    cells[column] = text
+    file.write_text("\n".join([*lines[:row], " ".join(cells), *lines[row + 1 :]]) + "\n")
+
+
 DAMAGE = {
     "gone": (lambda f: f.unlink(), "m2.txt: there is no such file"),
     "empty": (lambda f: f.write_text(""), "m2.txt: the file is empty"),
@@ -140,7 +150,7 @@ DAMAGE = {
     "binary": (lambda f: f.write_bytes(bytes(range(256)) * 9), "m2.txt"),
     "cut within a row": (lambda f: f.write_text(f.read_text()[:-30]), "m2.txt"),
     "cut between rows": (lambda f: cut_rows(f, 200), "m2.txt: ends at Layer "),
-    "NaN": (lambda f: edit(f, f.read_text().splitlines()[6].split()[0], "nan"), "m2.txt:7: "),
+    "NaN": (lambda f: with_cell(f, 6, 4, "nan"), "m2.txt:7: AREA is nan"),
     "text": (lambda f: edit(f, f.read_text().splitlines()[6].split()[0], "abc"), "m2.txt:7: "),
 }
 
@@ -152,6 +162,23 @@ def test_one_damaged_frame_is_left_out(case, harm, says, caplog):
     assert [frame.number for frame in loaded.frames] == [0, 1, 3, 4, 5]
     assert list(loaded.left_out) == ["frame 2"]
     assert loaded.left_out["frame 2"].startswith(says)
+
+
+def test_a_row_without_a_return_is_no_damage(case, caplog):
+    with_cell(case / "m2.txt", 6, 0, "nan")
+    loaded = damaged(case, caplog)
+    assert not loaded.left_out
+    assert loaded.frames[2].measured.fired is None
+
+
+def test_beams_that_were_not_fired_are_not_judged(case):
+    measured, ideal = load_scan(case / "m2.txt"), load_ideal(case / "i2.txt")
+    fired = ideal.point != ideal.point.max()
+    kept = measured.take(measured.point != ideal.point.max())
+    save_scan(replace(kept, fired=Fired(ideal.layer[fired], ideal.point[fired])), case / "m2.txt")
+    frame = load_case(case).frames[2]
+    assert len(frame.ideal) == np.count_nonzero(fired)
+    assert len(frame.measured) == len(kept)
 
 
 def test_a_frame_with_other_beams_is_left_out(case, caplog):

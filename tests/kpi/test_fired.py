@@ -3,7 +3,7 @@ import pytest
 
 from lidarcheck.kpi.compare import compare
 from lidarcheck.kpi.detection import detection_probability, false_alarms
-from lidarcheck.kpi.fired import fired_beams
+from lidarcheck.kpi.fired import fired_beams, judged_beams
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import Fired, IdealScan, Scan
 
@@ -81,3 +81,16 @@ def test_picking_echoes_keeps_the_fired_beams():
     assert len(fired.of_frame(1)) == 10
     assert fired.of_frame(1).frame is None
     np.testing.assert_array_equal(fired.of_frame(1).has(LAYER, POINT), np.arange(20) >= 10)
+
+
+class TestJudged:
+    def test_beams_that_say_nothing_are_left_out_of_both(self):
+        distance = np.full(20, 20.0)
+        distance[3] = np.nan
+        rows, echoes = judged_beams(ideal(distance), scan(SEEN, fired=Fired(LAYER[:15], POINT[:15])))
+        assert len(rows) == 14
+        assert len(echoes) == 11
+
+    def test_where_all_count_nothing_changes(self):
+        rows, echoes = ideal(), scan(SEEN)
+        assert judged_beams(rows, echoes) == (rows, echoes)

@@ -24,6 +24,7 @@ from lidarcheck.formats.recognise import read_table
 from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
+from lidarcheck.kpi.fired import judged_beams
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.kpi.variant import other_variant
 from lidarcheck.model.files.model_file import load_model
@@ -230,7 +231,8 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex) ->
             raise lines.fault(("frames", number, "ideal"), what, fix="exchange `ideal` and `measured`")
         ideal = ideal_from_table(ideal_table(tables[0]) if is_semantic(tables[0]) else tables[0])
         file = directory / entry.measured
-        return ideal, _with_features(_known_beams(scan_from_table(tables[1], entry.placement), ideal, file), file)
+        scan = _with_features(_known_beams(scan_from_table(tables[1], entry.placement), ideal, file), file)
+        return judged_beams(ideal, scan)
     except InputError as error:
         if error.file == str(lines.file):
             raise

@@ -23,12 +23,13 @@ from lidarcheck.formats.columns import INT32_MAX, found_columns
 from lidarcheck.formats.frame_cuts import Repeats, cuts_of, is_ascending, repeats_of
 from lidarcheck.formats.frame_passes import passes_of, unnumbered_repeats
 from lidarcheck.formats.ideals import is_ideal
+from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.semantic_ply import is_semantic
 from lidarcheck.formats.table import Table
+from lidarcheck.formats.times import FRAME_COLUMNS
 
 __all__ = ["FRAME_COLUMNS", "TIME_COLUMNS", "Frames", "frames_of", "one_frame", "split_command"]
 
-FRAME_COLUMNS = ("Frame", "frame_id", "FrameNumber")
 TIME_COLUMNS = ("timestamp", "time_stamp", "gps_time", "Time", "t", "offset_time")
 """Times of one echo each, as sensors' drivers name them; the absolute ones first."""
 BEAM_COLUMNS = ("Layer", "Point")
@@ -152,6 +153,9 @@ def _by_repeats(table: Table, by: str | None) -> Frames:
     if not returns:
         return _unnumbered(table, beams, key, by)
     repeats, copies = repeats_of(key), _copies(table, key)
+    empty = no_returns(table)
+    if empty is not None:  # of a beam without any return, each of its rows says so
+        copies = copies | empty
     repeats.previous[copies] = -1
     if not (repeats.previous >= 0).any():
         return Frames()

@@ -32,6 +32,7 @@ TIME_COLUMNS: dict[str, TimeUnit | None] = {
     "offset_time": "ns",
     "t": "ns",
     "time_stamp": "ns",
+    "gps_time": "s",
     "time": "s",
     "timestamp": None,
 }

@@ -8,7 +8,7 @@ from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Fired, IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
-__all__ = ["FIRED_UNKNOWN", "fired_beams"]
+__all__ = ["FIRED_UNKNOWN", "fired_beams", "judged_beams"]
 
 FIRED_UNKNOWN = (
     "which beams were fired is not known: the scan has rows for its echoes alone, and its beams are no grid's"
@@ -35,3 +35,19 @@ def fired_beams(scan: Scan, ideal: IdealScan | None = None) -> Fired | None:
         return None
     layer, point = np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1]
     return Fired(layer.ravel(), point.ravel(), None, "sensor")
+
+
+def judged_beams(ideal: IdealScan, scan: Scan) -> tuple[IdealScan, Scan]:
+    """Both without the beams of which a missing echo, or one too many, says nothing.
+
+    Those are beams that the scan's source says were not fired, and beams of which nobody knows all that they meet.
+    """
+    unknown = np.isnan(ideal.distance_m)
+    keys = beam_keys(ideal.layer, ideal.point)
+    out = np.isin(keys, keys[unknown]) if unknown.any() else unknown
+    if scan.fired is not None:
+        out = out | ~scan.fired.has(ideal.layer, ideal.point)
+    if not out.any():
+        return ideal, scan
+    left = np.isin(beam_keys(scan.layer, scan.point), keys[out])
+    return ideal.take(~out), scan.take(~left)
