@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from lidarcheck.cases.checks import frame_fault, swapped
+from lidarcheck.cases.checks import frame_fault, scene_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
@@ -210,6 +210,7 @@ def _frames(
     for frame in frames:
         entry = table.frames[frame.number]
         fault = frame_fault(frame, frames, model, directory / entry.ideal, directory / entry.measured)
+        fault = fault or scene_fault(frame, frames, directory / entry.measured, entry.ideal.name)
         if fault is not None:
             faults[frame.number] = fault
     return [frame for frame in frames if frame.number not in faults], faults

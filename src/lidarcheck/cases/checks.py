@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
+from lidarcheck.cases.same_scene import RANGE_STEP_M, Surfaces, compare_scenes
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
 from lidarcheck.kpi.variant import above_saturation
@@ -18,7 +19,7 @@ from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["frame_fault", "swapped"]
+__all__ = ["frame_fault", "scene_fault", "swapped"]
 
 
 NEAR_M, NEAR_SHARE = 2.0, 0.1
@@ -93,6 +94,25 @@ def frame_fault(frame: Frame, frames: Sequence[Frame], model: Model, ideal: Path
         what = f"only {100.0 * near:.0f} % of the beams with echoes have one from the surface that {ideal.name} has"
         return InputError(what, file=measured, fix="name the ideal scan of the same frame and scene")
     return _cut_fault(frame, frames, measured) or above_saturation(scan, model.sensor, measured)
+
+
+def scene_fault(frame: Frame, frames: Sequence[Frame], measured: Path, ideal: str) -> InputError | None:
+    """What says that the measured scan is mirrored, in another unit, or of the frame before or after; or None."""
+    before, after = (_neighbour(frame, frames, sign) for sign in (-1.0, 1.0))
+    found = compare_scenes(frame.measured, Surfaces.of(frame.ideal), before=before, after=after, name=ideal)
+    return InputError(found.what, file=measured, fix=found.fix) if found is not None and found.refused else None
+
+
+def _neighbour(frame: Frame, frames: Sequence[Frame], sign: float) -> Surfaces | None:
+    """The surfaces of the frame just before or after; None where there is none, or they are the same."""
+    others = [other for other in frames if sign * (other.time_s - frame.time_s) > 0.0]
+    if not others:
+        return None
+    ideal = min(others, key=lambda other: abs(other.time_s - frame.time_s)).ideal
+    own = frame.ideal
+    if len(ideal) == len(own) and float(np.max(np.abs(ideal.distance_m - own.distance_m), initial=0.0)) <= RANGE_STEP_M:
+        return None
+    return Surfaces.of(ideal)
 
 
 def _echoes(count: int, of: int) -> str:

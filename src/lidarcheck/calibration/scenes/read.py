@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
 from lidarcheck.calibration.scenes.checks import check_scene
 from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
+from lidarcheck.cases.same_scene import check_scene_of
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
 from lidarcheck.rays import Caster
+from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["provenance_of", "read_frame"]
+
+_log = logging.getLogger(__name__)
 
 
 def read_frame(
@@ -35,6 +40,7 @@ def read_frame(
     `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
     """
     scan, meets = load_scan(measured, placement), load_ideal(ideal)
+    _belong(scan, meets, measured, str(ideal))
     if scene is not None:
         check_scene(meets, scene, scene_name, str(ideal))
     if model is not None:
@@ -46,7 +52,15 @@ def read_frame(
         raise ValueError("neither a model nor a simulated frame")
     shown = load_scan(simulated)
     check_variants(scan, shown, measured)
+    _belong(scan, shown, measured, str(simulated))
     return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
+
+
+def _belong(scan: Scan, shown: IdealScan | Scan, measured: Path, name: str) -> None:
+    """Refuse what does not show the same scene, and warn of what may not."""
+    doubt = check_scene_of(scan, shown, measured, name)
+    if doubt:
+        _log.warning(doubt)
 
 
 def provenance_of(

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from lidarcheck.cli.core.options import JsonFile, Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
-from lidarcheck.cli.scans.compare_frames import compare_frames
+from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
 from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ def compare(
         scene = None if ideal is None else load_ideal(ideal)
         scans = load_scan(measured, placement), load_scan(simulated)
     with stage("comparing"):
+        for said in geometry_notes(*scans, scene, measured, simulated):
+            note(said)
         files = {"measured": measured, "simulated": simulated}
         comparison = run(*scans, scene, model=sensor_model, files=files)
     if json is not None:

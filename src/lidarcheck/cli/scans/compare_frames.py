@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.kpi.over_frames import FrameKpi
     from lidarcheck.model import Model
+    from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["compare_frames", "pairs_of"]
+__all__ = ["compare_frames", "geometry_notes", "pairs_of"]
 
 SUFFIXES = (".txt", ".csv", ".pcd", ".las", ".laz", ".ply", ".parquet")
 COLUMNS = columns("KPI", "of", "frames", "median", "5 %", "95 %", "unit", right=("frames", "median", "5 %", "95 %"))
@@ -64,10 +65,34 @@ def compare_frames(
             show(done, len(pairs), one.name)
             scene = load_ideal(scenes[one]) if scenes is not None else common
             files = {"measured": one, "simulated": other}
-            found = compare(load_scan(one, placement), load_scan(other), scene, model=model, files=files)
+            scans = load_scan(one, placement), load_scan(other)
+            said = geometry_notes(*scans, scene, one, other)
+            found = compare(*scans, scene, model=model, files=files)
             together.add(found)
-            each.append({"measured": str(one), "simulated": str(other), **found.to_dict()})
+            each.append({"measured": str(one), "simulated": str(other), **found.to_dict(), "geometry": said})
+    for said in [text for one in each for text in one["geometry"]]:
+        note(said)
     _tell(together.kpis(), each, json)
+
+
+def geometry_notes(
+    measured: Scan, simulated: Scan, ideal: IdealScan | None, file: Path, simulated_file: Path
+) -> list[str]:
+    """What is to be said before any KPI: what was not checked, warned of, or may not belong together.
+
+    `InputError` where the scans do not show one scene.
+    """
+    from lidarcheck.cases.same_scene import check_scene_of
+    from lidarcheck.formats.geometry import words
+
+    said = []
+    for scan, path in ((measured, file), (simulated, simulated_file)):
+        if scan.geometry.verdict != "ok":
+            said.append(f"{path}: {words(scan.geometry)}")
+        if ideal is not None:
+            said.append(check_scene_of(scan, ideal, path, "the ideal scan"))
+    said.append(check_scene_of(measured, simulated, file, str(simulated_file)))
+    return [text for text in said if text]
 
 
 def _tell(kpis: list[FrameKpi], each: list[dict[str, Any]], json: str | None) -> None:

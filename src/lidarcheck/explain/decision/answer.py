@@ -20,6 +20,7 @@ from lidarcheck.explain.empirical.description import Description
 from lidarcheck.explain.report.explanation import Explanation, Finding, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on
 from lidarcheck.explain.search.selection import Search, SearchData
+from lidarcheck.formats.geometry import words
 from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
@@ -146,4 +147,5 @@ def explanation_of(
         seeds={"seed": seed, "fit": bench.simulator.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
         hashes=dict(case.hashes),
         left_out=dict(case.left_out),
+        geometry=words(case.geometry),
     )

@@ -113,6 +113,7 @@ class Explanation:
 
     `split`: which frames (numbers as in the case's file, from 0) were used to fit, to select and to verify.
     `not_testable`: effects that these scenes cannot show, with the reason. `left_out`: damaged frames and why.
+    `geometry`: whether X, Y, Z were checked against the beams, in words.
     """
 
     verdict: str
@@ -127,6 +128,7 @@ class Explanation:
     seeds: Mapping[str, int]
     hashes: Mapping[str, str]
     left_out: Mapping[str, str] = field(default_factory=dict)
+    geometry: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """report.json."""
@@ -173,4 +175,5 @@ class Explanation:
             "seeds": dict(self.seeds),
             "hashes": dict(self.hashes),
             "left_out": dict(self.left_out),
+            "geometry": self.geometry,
         }

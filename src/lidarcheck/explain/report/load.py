@@ -65,6 +65,7 @@ def _explanation(document: Mapping[str, Any], before: Model, after: Model) -> Ex
         seeds=dict(document["seeds"]),
         hashes=dict(document["hashes"]),
         left_out=dict(document["left_out"]),
+        geometry=str(document.get("geometry", "")),
     )
 
 

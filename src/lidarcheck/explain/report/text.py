@@ -35,6 +35,7 @@ def report_sections(explanation: Explanation, *, width: int = 80, diff: Sequence
         "Candidates": _candidates(explanation.candidates, width),
         "Not testable on these scenes": _named(explanation.not_testable.items(), width),
         "Left out": _named(explanation.left_out.items(), width),
+        "Geometry": _paragraph(explanation.geometry, width, "").split("\n") if explanation.geometry else [],
         "What changes in the model": list(diff),
         "Steps": _named(((step.name, step.words) for step in explanation.steps), width),
         "To repeat it": _repeat(explanation, width),
