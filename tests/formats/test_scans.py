@@ -126,6 +126,13 @@ class TestFired:
         cut = with_values(wide.take(np.flatnonzero(np.arange(160) != 159)), np.arange(159) % 2 == 0, Z=np.nan)
         assert len(read_scan(cut)[0].fired or ()) == 159
 
+    def test_nor_does_a_lost_column_but_a_single_hole_does(self) -> None:
+        wide = with_values(grid(points=range(400, 440)), np.arange(160) % 2 == 0, Z=np.nan)
+        point = wide.columns["Point"]
+        lost = read_scan(wide.take(np.flatnonzero(point != 420)))[0]
+        assert len(lost.fired or ()) == 156
+        assert read_scan(wide.take(np.flatnonzero((point != 420) | (wide.columns["Layer"] != 201))))[0].fired is None
+
     def test_beams_that_no_row_names_are_not_known(self) -> None:
         some = with_values(GRID, SOME, X=0.0, Y=0.0, Z=0.0)
         scan, counts = read_scan(Table({name: some.columns[name] for name in ("X", "Y", "Z", "AREA")}))

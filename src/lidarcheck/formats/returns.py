@@ -6,6 +6,7 @@ Sources of the return kinds: `tier4/nebula` (names and numbers), `valgur/velodyn
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -315,27 +316,29 @@ def kinds_by_range(kinds: IntArray, columns: Mapping[str, Column], beams: Beams,
     return kinds
 
 
-ORGANISED_SHARE = 0.99
-"""Rows with and without echo must fill that much of the layers times columns that they have, for the file to have a row
-for every beam: the last column may be cut off, but one stray row without a return tells nothing of the others."""
-
-
 def fired_of(echoes: Beams, empty: Beams) -> Fired | None:
     """The beams that were fired, where a file has a row for each of them, with an echo or without; else None.
 
+    It has, where each column of a frame has a row for every layer; only the first and the last column may be cut off. A
+    hole anywhere else is a beam that the file leaves out: a few rows without a return tell nothing of the others then.
     Both of one file, so that both have frames or none has.
     """
     layer = np.concatenate([echoes.layer, empty.layer])
     point = np.concatenate([echoes.point, empty.point])
     frames = [part.frame for part in (echoes, empty) if part.frame is not None]
     frame = np.concatenate(frames) if len(frames) == 2 else np.zeros(len(layer), dtype=np.int64)
-    order = np.lexsort((point, layer, frame))
+    order = np.lexsort((layer, point, frame))
     layer, point, frame = layer[order], point[order], frame[order]
     once = np.r_[True, (np.diff(layer) != 0) | (np.diff(point) != 0) | (np.diff(frame) != 0)][: len(order)]
     layer, point, frame = layer[once], point[once], frame[once]
-    places = sum(
-        len(np.unique(layer[own])) * len(np.unique(point[own])) for own in (frame == one for one in np.unique(frame))
-    )
-    if len(layer) < ORGANISED_SHARE * places:
+    ends = [*np.flatnonzero(np.diff(frame)) + 1, len(frame)]
+    if not all(_has_all(layer[a:b], point[a:b]) for a, b in itertools.pairwise([0, *ends])):
         return None
     return Fired(layer, point, frame if len(frames) == 2 else None)
+
+
+def _has_all(layer: IntArray, point: IntArray) -> bool:
+    """Whether these beams of one frame, ascending in (point, layer), have no hole but at the first and last column."""
+    _, beams = np.unique(point, return_counts=True)
+    within = beams[1:-1] if len(beams) > 2 else beams
+    return bool((within == len(np.unique(layer))).all())

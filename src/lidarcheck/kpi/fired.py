@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.kpi.pairing import beam_keys
+from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.scan import Fired, IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
-__all__ = ["FIRED_UNKNOWN", "fired_beams", "judged_beams"]
+__all__ = ["FIRED_UNKNOWN", "fired_beams", "judged_beams", "judged_rows"]
 
 FIRED_UNKNOWN = (
     "which beams were fired is not known: the scan has rows for its echoes alone, and its beams are no grid's"
@@ -23,10 +23,10 @@ def fired_beams(scan: Scan, ideal: IdealScan | None = None) -> Fired | None:
     scan, which has every fired beam; the sensor's grid within the layers and points of the scan's echoes, where the
     source itself names their beams. Never what echoes are there alone.
     """
-    if scan.fired is not None:
+    if scan.fired is not None and (ideal is None or _has_whole_columns(scan.fired, ideal)):
         return scan.fired
     if ideal is not None:
-        keys = np.unique(beam_keys(ideal.layer, ideal.point))
+        keys = np.unique(_keys(ideal))
         return Fired(keys >> 32, keys & 0xFFFFFFFF, None, "ideal")
     if {"Layer", "Point"} & set(scan.defaulted) or not len(scan):
         return None
@@ -37,17 +37,42 @@ def fired_beams(scan: Scan, ideal: IdealScan | None = None) -> Fired | None:
     return Fired(layer.ravel(), point.ravel(), None, "sensor")
 
 
-def judged_beams(ideal: IdealScan, scan: Scan) -> tuple[IdealScan, Scan]:
-    """Both without the beams of which a missing echo, or one too many, says nothing.
+def judged_rows(ideal: IdealScan, scan: Scan) -> BoolArray:
+    """The rows of the ideal scan of whose beams a missing echo, or one too many, says something, shape (n,).
 
-    Those are beams that the scan's source says were not fired, and beams of which nobody knows all that they meet.
+    Not those of beams that were not fired, nor of beams of which nobody knows all that they meet.
     """
+    keys = _keys(ideal)
     unknown = np.isnan(ideal.distance_m)
-    keys = beam_keys(ideal.layer, ideal.point)
-    out = np.isin(keys, keys[unknown]) if unknown.any() else unknown
-    if scan.fired is not None:
-        out = out | ~scan.fired.has(ideal.layer, ideal.point)
-    if not out.any():
+    judged = ~np.isin(keys, keys[unknown]) if unknown.any() else ~unknown
+    fired = None if scan.fired is None else fired_beams(scan, ideal)
+    if fired is not None and fired.source == "scan":
+        judged &= fired.has(ideal.layer, ideal.point)
+    return judged
+
+
+def judged_beams(ideal: IdealScan, scan: Scan) -> tuple[IdealScan, Scan]:
+    """Both with the beams of `judged_rows` alone."""
+    judged = judged_rows(ideal, scan)
+    if judged.all():
         return ideal, scan
-    left = np.isin(beam_keys(scan.layer, scan.point), keys[out])
-    return ideal.take(~out), scan.take(~left)
+    left_out = np.isin(_keys(scan), _keys(ideal)[~judged])
+    return ideal.take(judged), scan.take(~left_out)
+
+
+def _has_whole_columns(fired: Fired, ideal: IdealScan) -> bool:
+    """Whether each column of the fired beams has all its beams, the first and the last of them apart.
+
+    A sensor fires columns, and packets lose columns: where a column lacks a beam, or a layer all its beams, the file
+    leaves out what had no echo, and rows without a return that it has besides tell nothing of these.
+    """
+    if not len(fired):
+        return False
+    columns = np.unique(fired.point)
+    within = np.isin(ideal.point, columns[1:-1] if len(columns) > 2 else columns)
+    return bool(fired.has(ideal.layer[within], ideal.point[within]).all())
+
+
+def _keys(rows: IdealScan | Scan) -> IndexArray:
+    """One number a beam, ascending in (layer, point), shape (n,)."""
+    return rows.layer.astype(np.int64) * 2**32 + rows.point

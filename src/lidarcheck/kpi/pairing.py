@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import UsageError
+from lidarcheck.kpi.fired import judged_rows
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = [
@@ -115,16 +116,12 @@ def pair_with_ideal(ideal: IdealScan, scan: Scan) -> Pairing:
     distance[beam_of_row[np.isnan(ideal.distance_m)]] = np.nan
     detected = np.zeros(beams.size, dtype=np.bool_)
     detected[echo_beam[on_surface]] = True
-    layer, point = ideal.layer[first_row], ideal.point[first_row]
-    judged = ~np.isnan(distance)
-    if scan.fired is not None:
-        judged &= scan.fired.has(layer, point)
     return Pairing(
-        layer=layer,
-        point=point,
+        layer=ideal.layer[first_row],
+        point=ideal.point[first_row],
         distance_m=distance,
         detected=detected,
-        judged=judged,
+        judged=judged_rows(ideal, scan)[first_row],
         echo_beam=echo_beam,
         residual_m=residual,
         on_surface=on_surface,
