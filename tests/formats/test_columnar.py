@@ -13,7 +13,8 @@ from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.formats.convert import convert, describe
 from lidarcheck.formats.parquet import read_parquet, write_parquet
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise, target_format
-from lidarcheck.formats.scans import scan_from_table, table_from_scan
+from lidarcheck.formats.scan_table import table_from_scan
+from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.table import Table, check_names, quoted
 from lidarcheck.scan import IdealScan, Scan
 from places import shared_path

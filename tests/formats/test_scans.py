@@ -78,7 +78,7 @@ class TestNoReturn:
         np.testing.assert_allclose(scan.range_m, 20.0)
         assert len(scan.fired or ()) == 40
 
-    @pytest.mark.parametrize("name", ["rgb", "normal_x", "INTENSITY", "Layer2"])
+    @pytest.mark.parametrize("name", ["rgb", "normal_x", "NEAR_IR", "Layer2"])
     def test_a_missing_value_elsewhere_is_none(self, name: str) -> None:
         scan, counts = read_scan(grid(**{name: np.where(SOME, np.nan, 1.0)}))
         assert counts.no_return == 0
@@ -91,7 +91,12 @@ class TestNoReturn:
         np.testing.assert_array_equal(np.isnan(read_scan(some)[0].area), SOME)
         with pytest.raises(InputError, match="row 1: AREA is nan; it must be a finite number"):
             scan_from_table(some)
+        light = grid(Intensity=np.where(SOME, np.nan, 1.0))
+        np.testing.assert_array_equal(np.isnan(read_scan(light)[0].extra["Intensity"]), SOME)
+        with pytest.raises(InputError, match="row 1: Intensity is nan; it must be a finite number"):
+            scan_from_table(light)
         # A column without any value is no column.
+        assert not scan_from_table(grid(SIGNAL=np.full(40, np.nan))).extra
         assert "AREA" in scan_from_table(with_values(GRID, SOME | True, AREA=np.nan)).defaulted
 
     def test_its_other_columns_may_hold_anything(self) -> None:

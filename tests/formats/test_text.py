@@ -14,7 +14,8 @@ from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.formats.convert import convert, describe
 from lidarcheck.formats.csv import write_csv
 from lidarcheck.formats.recognise import read_table
-from lidarcheck.formats.scans import scan_from_table, table_from_scan
+from lidarcheck.formats.scan_table import table_from_scan
+from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.text import read_text, write_text
 from lidarcheck.scan import IdealScan, Scan, beams_of

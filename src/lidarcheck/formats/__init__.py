@@ -8,7 +8,8 @@ from lidarcheck.formats.frames import one_frame
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.ideals import ideal_from_table, table_from_ideal
 from lidarcheck.formats.recognise import read_table, write_table
-from lidarcheck.formats.scans import scan_from_table, table_from_scan
+from lidarcheck.formats.scan_table import table_from_scan
+from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.scan import IdealScan, Scan
 

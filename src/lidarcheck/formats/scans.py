@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck.arrays import BoolArray
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import (
     INT32_MAX,
     LENGTH_MAX_M,
@@ -18,34 +18,24 @@ from lidarcheck.formats.columns import (
     missing,
     real_column,
     whole_column,
-    with_extra,
 )
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.geometry.reader import checked_geometry
-from lidarcheck.formats.returns import (
-    RETURN_KINDS,
-    Beams,
-    Numbering,
-    fired_of,
-    kinds_by_range,
-    livox_numbers,
-    no_returns,
-    numbered,
-    return_kinds,
-)
+from lidarcheck.formats.return_kinds import RETURN_KINDS, kinds_by_range, livox_numbers, return_kinds
+from lidarcheck.formats.returns import Beams, Numbering, fired_of, no_returns, numbered
 from lidarcheck.formats.table import Column, Table, counted
 from lidarcheck.formats.times import frame_of
 from lidarcheck.scan import Fired, Scan, beams_of
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 __all__ = [
+    "FEATURES",
     "SCAN_COLUMNS",
     "RowCounts",
     "numbers_as_written",
     "positions_of",
     "read_scan",
     "scan_from_table",
-    "table_from_scan",
 ]
 
 SCAN_COLUMNS = {
@@ -67,7 +57,7 @@ RETURN_TYPE = "ReturnType"
 
 _IDENTICAL = RETURN_KINDS["identical"]
 _ONLY_IDEAL = ("Distance", "MaterialID", "IncidenceAngle")
-_FEATURES = ("WIDTH", "AREA", "PEAK")
+FEATURES = ("WIDTH", "AREA", "PEAK")
 _STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
 _log = logging.getLogger(__name__)
 
@@ -103,7 +93,7 @@ def read_scan(
 ) -> tuple[Scan, RowCounts]:
     """`scan_from_table`, and how many rows were no echoes of their own.
 
-    `missing_features`: WIDTH, AREA and PEAK may have rows without a value, which are NaN.
+    `missing_features`: features may have rows without a value, which are NaN.
     """
     _check_position(table)
     empty = no_returns(table)
@@ -112,8 +102,9 @@ def read_scan(
     x_m, y_m, z_m = _positions(echoes)
     beams = _beams(echoes, x_m, y_m, z_m)
     fired, unplaced = (None, 0) if empty is None else _fired(beams, table.take(np.flatnonzero(empty)))
-    features = {name: _feature(echoes, name, missing_ok=missing_features) for name in _FEATURES}
-    numbering, extra = _numbered(echoes, beams, (x_m, y_m, z_m), _extra(echoes))
+    features = {name: _feature(echoes, name, missing_ok=missing_features) for name in FEATURES}
+    extra = _extra(echoes) if missing_features else _with_values(echoes, _extra(echoes))
+    numbering, extra = _numbered(echoes, beams, (x_m, y_m, z_m), extra)
     scan = Scan(
         x_m=x_m,
         y_m=y_m,
@@ -138,70 +129,6 @@ def read_scan(
 def numbers_as_written(scan: Scan) -> Column:
     """The number of each echo as its source has it, shape (n,); its place in order of range where that has none."""
     return scan.extra.get(NUMBER_AS_WRITTEN, scan.echo_number)
-
-
-def table_from_scan(scan: Scan) -> Table:
-    """The columns to write: those that were not defaulted, then the extra ones; beams without echo follow, X Y Z 0.
-
-    Beams outside the field of view are left for the reader to find again from X, Y, Z. `UsageError` when an extra
-    column has a standard name, or a beam is unknown though its position would give it one; `InputError` when a value is
-    not one that a file may hold.
-    """
-    left_out = set(scan.defaulted) - {"X", "Y", "Z"} | _beams_told_by_position(scan)
-    columns: dict[str, Column] = {
-        name: getattr(scan, field) for name, field in SCAN_COLUMNS.items() if name not in left_out
-    }
-    table = Table(with_extra(columns, scan.extra, SCAN_COLUMNS))
-    empty = no_returns(table)
-    if empty is not None:
-        what = "X, Y, Z are 0 or not finite, or RANGE is 0: so a file says that a beam had no echo"
-        raise table.fault(what, row=int(np.argmax(empty)), fix="take the row out")
-    _positions(table)
-    for name in _FEATURES:
-        if name in columns:
-            real_column(table, name)
-    for name, low in (("Layer", 0), ("Point", 0), ("EchoNumber", 1)):
-        if name in columns:
-            whole_column(table, name, low, INT32_MAX)
-    return table if scan.fired is None or left_out & {"Layer", "Point"} else _with_empty_rows(table, scan, scan.fired)
-
-
-def _with_empty_rows(table: Table, scan: Scan, fired: Fired) -> Table:
-    """The table and a row for each fired beam without an echo: X, Y, Z 0, EchoNumber 1, no other value."""
-    frame = frame_of(scan.extra)
-    keys = [rows.layer.astype(np.int64) << 32 | rows.point for rows in (fired, scan)]
-    frames = [np.zeros(len(key)) for key in keys] if frame is None or fired.frame is None else [fired.frame, frame]
-    both = np.stack([np.concatenate(frames).astype(np.int64), np.concatenate(keys)])
-    row = np.unique(both, axis=1, return_inverse=True)[1]
-    silent = np.flatnonzero(~np.isin(row[: len(fired)], row[len(fired) :]))
-    told: dict[str, Column] = {"Layer": fired.layer, "Point": fired.point, "EchoNumber": np.ones(len(fired))}
-    columns = {}
-    for name, column in table.columns.items():
-        nothing = np.nan if column.dtype.kind == "f" and name not in SCAN_COLUMNS else 0
-        added: Column = told.get(name, np.full(len(fired), nothing))
-        if column is frame and fired.frame is not None:
-            added = fired.frame
-        columns[name] = np.concatenate([column, added[silent].astype(column.dtype)])
-    return Table(columns)
-
-
-def _beams_told_by_position(scan: Scan) -> set[str]:
-    """Which of Layer and Point hold -1, which no file may, but a reader gives to the same positions."""
-    unknown = {
-        name
-        for name, column in (("Layer", scan.layer), ("Point", scan.point))
-        if name not in scan.defaulted and (column == -1).any()
-    }
-    if unknown:
-        layer, point = beams_of(scan.x_m, scan.y_m, scan.z_m)
-        differs = np.zeros(len(scan), dtype=np.bool_)
-        for name, told, own in (("Layer", layer, scan.layer), ("Point", point, scan.point)):
-            differs |= (told != own) & (name in unknown)
-        if differs.any():
-            row = int(np.flatnonzero(differs)[0])
-            what = f"row {row + 1} has layer {scan.layer[row]}, point {scan.point[row]}, not the beam of its position"
-            raise UsageError(what, fix="a file cannot hold unknown beams beside known ones; give every echo its beam")
-    return unknown
 
 
 def _check_position(table: Table) -> None:
@@ -230,7 +157,7 @@ def _positions(table: Table) -> tuple[Column, Column, Column]:
     return xyz[:, 0], xyz[:, 1], xyz[:, 2]
 
 
-def positions_of(table: Table, empty: BoolArray | None) -> tuple[Column, Column, Column]:
+def positions_of(table: Table, empty: BoolArray | None = None) -> tuple[Column, Column, Column]:
     """X, Y, Z of each row, shape (n,) each, 0 where the row has no return."""
     if empty is None:
         return _positions(table)
@@ -270,6 +197,16 @@ def _feature(table: Table, name: str, *, missing_ok: bool) -> Column | None:
     return real_column(table, name, missing_ok=missing_ok)
 
 
+def _with_values(table: Table, extra: dict[str, Column]) -> dict[str, Column]:
+    """The extra columns, without features that have no value at all; `InputError` for one that lacks some."""
+    for name in _STAND_INS:
+        own = table.spelling(name)
+        if own in extra and _feature(table, name, missing_ok=False) is None:
+            _log.warning("%s: the column %s is left out: it has no value", table.path, own)
+            extra = {other: column for other, column in extra.items() if other != own}
+    return extra
+
+
 def _or_zeros(column: Column | None, rows: int) -> Column:
     return np.zeros(rows) if column is None else column
 
@@ -287,7 +224,7 @@ def _numbered(
 ) -> tuple[Numbering, dict[str, Column]]:
     """Which echo of its beam each row is; and the extra columns with the numbers and kinds as they came out."""
     written, kinds = _numbers(table), extra.get(RETURN_TYPE)
-    equal = [column for name in (*_FEATURES, *_STAND_INS) if (column := table.get(name)) is not None]
+    equal = [column for name in (*FEATURES, *_STAND_INS) if (column := table.get(name)) is not None]
     # What this package wrote has the sensor's own numbers beside those in order of range.
     own = table.get(NUMBER_AS_WRITTEN)
     apart = [column for column in (written if own is None else own, kinds) if column is not None]

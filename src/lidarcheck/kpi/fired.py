@@ -1,4 +1,4 @@
-"""Which beams were fired: without that, a missing echo says nothing, and no KPI of detection can be given."""
+"""Which beams were fired: where nobody knows, a missing echo says nothing, and there is no KPI of detection."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.scan import Fired, IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
-__all__ = ["FIRED_UNKNOWN", "fired_beams", "judged_beams", "judged_rows"]
-
-FIRED_UNKNOWN = (
-    "which beams were fired is not known: the scan has rows for its echoes alone, and its beams are no grid's"
-)
-"""Why a scan has no KPI of detection, where `fired_beams` gives None."""
+__all__ = ["fired_beams", "judged_beams", "judged_rows"]
 
 
 def fired_beams(scan: Scan, ideal: IdealScan | None = None) -> Fired | None:

@@ -26,7 +26,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.pages.panels import document, page
 from lidarcheck.formats import load_ideal, load_scan, save_scan
 from lidarcheck.formats.plain import plain
-from lidarcheck.scan import Scan
+from lidarcheck.scan import Fired, Scan
 from lidarcheck.sensor import beam_directions
 from places import shared_path
 
@@ -448,3 +448,14 @@ def test_settings_out_of_range_are_refused():
         PanelSettings(max_incidence_deg=90.0)
     with pytest.raises(UsageError, match="--expect 0 is out of range"):
         PanelSettings(expect=0)
+
+
+def test_beams_that_were_not_fired_are_no_trials(small):
+    _, hits, scans = small
+    panels = find_panels(image_of_ideal(ph.ideal_of(hits, ph.SMALL)), PanelSettings()).panels
+    sampler = Sampler(panels, 1.0, (520, 960))
+    one = panels[0]
+    half = one.point < np.median(one.point)
+    sampler.add(replace(scans[0], fired=Fired(one.layer[half], one.point[half])))
+    sampler.add(scans[1])
+    assert sampler.samples()[0].trials == np.count_nonzero(half) + len(one.layer)

@@ -26,8 +26,8 @@ class PanelSamples:
 
     `scan`: the echoes on it, one a beam and frame, the strongest; `frame`, `beam` (n,): the frame, counted from 0, and
     the beam, as index into the panel's. `expected_m` (n,): where geometry says that the beam meets it. `trials`,
-    `detected`: beams times frames, and those of them with an echo. `detected_in` (frames,): per frame. `kept_beams`:
-    every how manieth beam is held, 1 for all.
+    `detected`: beams that were fired, in all frames, and those of them with an echo. `detected_in` (frames,): per
+    frame. `kept_beams`: every how manieth beam is held, 1 for all.
     """
 
     scan: Scan
@@ -60,6 +60,7 @@ class Sampler:
             self._panel[at], self._beam[at], self._expected_m[at] = i, np.arange(len(panel.layer)), panel.expected_m
         self._parts: list[list[tuple[int, IndexArray, Scan]]] = [[] for _ in panels]
         self._detected: list[list[int]] = [[] for _ in panels]
+        self._trials = [0] * len(panels)
         self._every = [1] * len(panels)
         self.frames = 0
 
@@ -75,7 +76,9 @@ class Sampler:
         best = strongest(on)
         on, of = on.take(best), panel[rows][best]
         beam = self._beam[on.layer, on.point].astype(np.int64)
-        for i in range(len(self.panels)):
+        for i, one in enumerate(self.panels):
+            fired = scan.fired
+            self._trials[i] += len(one.layer) if fired is None else int(fired.has(one.layer, one.point).sum())
             mine = np.flatnonzero(of == i)
             self._detected[i].append(len(mine))
             mine = mine[beam[mine] % self._every[i] == 0]
@@ -105,7 +108,7 @@ class Sampler:
             frame=frame,
             beam=beam,
             expected_m=panel.expected_m[beam],
-            trials=len(panel.layer) * self.frames,
+            trials=self._trials[i],
             detected=int(detected.sum()),
             detected_in=detected,
             kept_beams=self._every[i],

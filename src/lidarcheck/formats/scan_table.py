@@ -1,0 +1,79 @@
+"""The columns that a scan is written as."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lidarcheck.errors import UsageError
+from lidarcheck.formats.columns import INT32_MAX, real_column, whole_column, with_extra
+from lidarcheck.formats.returns import no_returns
+from lidarcheck.formats.scans import FEATURES, SCAN_COLUMNS, positions_of
+from lidarcheck.formats.table import Column, Table
+from lidarcheck.formats.times import frame_of
+from lidarcheck.scan import Fired, Scan, beams_of
+
+__all__ = ["table_from_scan"]
+
+
+def table_from_scan(scan: Scan) -> Table:
+    """The columns to write: those that were not defaulted, then the extra ones; beams without echo follow, X Y Z 0.
+
+    Beams outside the field of view are left for the reader to find again from X, Y, Z. `UsageError` when an extra
+    column has a standard name, or a beam is unknown though its position would give it one; `InputError` when a value is
+    not one that a file may hold.
+    """
+    left_out = set(scan.defaulted) - {"X", "Y", "Z"} | _beams_told_by_position(scan)
+    columns: dict[str, Column] = {
+        name: getattr(scan, field) for name, field in SCAN_COLUMNS.items() if name not in left_out
+    }
+    table = Table(with_extra(columns, scan.extra, SCAN_COLUMNS))
+    empty = no_returns(table)
+    if empty is not None:
+        what = "X, Y, Z are 0 or not finite, or RANGE is 0: so a file says that a beam had no echo"
+        raise table.fault(what, row=int(np.argmax(empty)), fix="take the row out")
+    positions_of(table)
+    for name in FEATURES:
+        if name in columns:
+            real_column(table, name)
+    for name, low in (("Layer", 0), ("Point", 0), ("EchoNumber", 1)):
+        if name in columns:
+            whole_column(table, name, low, INT32_MAX)
+    return table if scan.fired is None or left_out & {"Layer", "Point"} else _with_empty_rows(table, scan, scan.fired)
+
+
+def _with_empty_rows(table: Table, scan: Scan, fired: Fired) -> Table:
+    """The table and a row for each fired beam without an echo: X, Y, Z 0, EchoNumber 1, no other value."""
+    frame = frame_of(scan.extra)
+    keys = [rows.layer.astype(np.int64) << 32 | rows.point for rows in (fired, scan)]
+    frames = [np.zeros(len(key)) for key in keys] if frame is None or fired.frame is None else [fired.frame, frame]
+    both = np.stack([np.concatenate(frames).astype(np.int64), np.concatenate(keys)])
+    row = np.unique(both, axis=1, return_inverse=True)[1]
+    silent = np.flatnonzero(~np.isin(row[: len(fired)], row[len(fired) :]))
+    told: dict[str, Column] = {"Layer": fired.layer, "Point": fired.point, "EchoNumber": np.ones(len(fired))}
+    columns = {}
+    for name, column in table.columns.items():
+        nothing = np.nan if column.dtype.kind == "f" and name not in SCAN_COLUMNS else 0
+        added: Column = told.get(name, np.full(len(fired), nothing))
+        if column is frame and fired.frame is not None:
+            added = fired.frame
+        columns[name] = np.concatenate([column, added[silent].astype(column.dtype)])
+    return Table(columns)
+
+
+def _beams_told_by_position(scan: Scan) -> set[str]:
+    """Which of Layer and Point hold -1, which no file may, but a reader gives to the same positions."""
+    unknown = {
+        name
+        for name, column in (("Layer", scan.layer), ("Point", scan.point))
+        if name not in scan.defaulted and (column == -1).any()
+    }
+    if unknown:
+        layer, point = beams_of(scan.x_m, scan.y_m, scan.z_m)
+        differs = np.zeros(len(scan), dtype=np.bool_)
+        for name, told, own in (("Layer", layer, scan.layer), ("Point", point, scan.point)):
+            differs |= (told != own) & (name in unknown)
+        if differs.any():
+            row = int(np.flatnonzero(differs)[0])
+            what = f"row {row + 1} has layer {scan.layer[row]}, point {scan.point[row]}, not the beam of its position"
+            raise UsageError(what, fix="a file cannot hold unknown beams beside known ones; give every echo its beam")
+    return unknown
