@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.kits.budget import examples
 
+from budget import examples
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.frames import frames_of, one_frame
 from lidarcheck.formats.table import Table

@@ -71,9 +71,9 @@ def test_frames_without_a_partner_are_refused(frames, break_it, words, capsys):
     assert len(error.splitlines()) == 1
 
 
-def test_a_file_beside_a_directory_is_refused(frames, capsys):
+def test_a_frame_beside_a_directory_of_several_is_refused(frames, capsys):
     assert main(["compare", "real", "sim/frame_0.pcd"]) == 2
-    assert "real: is a directory, the other side is not; name two files or two directories" in capsys.readouterr().err
+    assert "real/frame_1.txt: has no frame beside it in sim/frame_0.pcd, nor have 1 more" in capsys.readouterr().err
 
 
 def test_memory_does_not_grow_with_the_frames(frames):

@@ -44,8 +44,12 @@ COMMANDS = (
         "MEASURED SIMULATED [OPTIONS]",
         "Compare a measured scan with a simulated one.",
         "Prints the KPIs: distances of range residual, PEAK, AREA and WIDTH, detection, walk, overlap. With the ideal "
-        "scan also those that need to know which beams meet a surface.",
-        ("lidarcheck compare real.txt sim.pcd --ideal ideal.txt --json kpis.json",),
+        "scan also those that need to know which beams meet a surface. Of many frames, paired by name or number, the "
+        "median and the spread of each KPI.",
+        (
+            "lidarcheck compare real.txt sim.pcd --ideal ideal.txt --json kpis.json",
+            "lidarcheck compare drive.pcd simulated_frames --ideal ideals",
+        ),
     ),
     Command(
         "explain",
@@ -101,6 +105,20 @@ COMMANDS = (
         "Convert a scan or an ideal scan to another format.",
         "The input is recognised by its content, the output's format follows its suffix. Unknown columns are kept.",
         ("lidarcheck convert scan.txt scan.laz",),
+    ),
+    Command(
+        "split",
+        "scans.split",
+        "MERGED --out DIR [OPTIONS]",
+        "Split a file of several frames into a file a frame.",
+        "Frames are told apart by a column Frame (frame_id, FrameNumber), else by the times, else by the order of the "
+        "rows, where each beam's echoes come again; --by says which of these, or names another column. Ideal scans are "
+        "split by such a column alone. Every row goes to one file with all its columns, in the format of MERGED or of "
+        "--format; files are named after MERGED and the frame's number. All are written or none, and none is replaced.",
+        (
+            "lidarcheck split drive.pcd --out frames",
+            "lidarcheck split drive.csv --out frames --by sweep --format parquet",
+        ),
     ),
     Command(
         "info",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
 
 __all__ = [
+    "MANY",
     "MAX_SEED",
     "Files",
     "Flag",
@@ -70,6 +71,8 @@ def _whole_number(_type: Any, tokens: Sequence[Any]) -> int:
     return int(text)
 
 
+MANY = ", or many frames: a folder, a file of several, a pattern in quotes"
+"""What help says of an argument in whose place many frames may be given."""
 Flag = Parameter(negative=(), show_default=False)
 """An option that is given or not, without a --no- of its own."""
 Several = Parameter(consume_multiple=True, negative=())

@@ -11,7 +11,7 @@ from lidarcheck.cli.core.terminal import emit
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
 
-__all__ = ["alone", "as_it_was", "check_twice", "check_writable", "json_text", "write_result"]
+__all__ = ["alone", "as_it_was", "check_twice", "check_writable", "files_given", "json_text", "write_result"]
 
 
 def check_twice(files: Iterable[Path]) -> None:
@@ -22,6 +22,13 @@ def check_twice(files: Iterable[Path]) -> None:
         if place in seen:
             raise UsageError(f"{file} is named twice", fix="name each file once")
         seen.add(place)
+
+
+def files_given(*given: str | Path | None) -> list[Path]:
+    """The files that arguments name, by themselves, by a folder or by a pattern; None for one that was not given."""
+    from lidarcheck.cases.source import files_in
+
+    return files_in(*(one for one in given if one is not None))
 
 
 @contextlib.contextmanager

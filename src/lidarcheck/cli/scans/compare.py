@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Placed, Quiet, placement_of
-from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.core.options import MANY, JsonFile, Placed, Quiet, placement_of
+from lidarcheck.cli.core.outputs import check_writable, files_given, json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
-from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
     from lidarcheck.kpi.compare import Comparison
@@ -23,35 +22,34 @@ COLUMNS = columns("KPI", "of", "measured", "simulated", "value", "unit", right=(
 
 
 def compare(
-    measured: Annotated[Path, Parameter(help="The scan of the real sensor, or a directory of frames.")],
-    simulated: Annotated[Path, Parameter(help="The scan of the model, or a directory of frames named alike.")],
+    measured: Annotated[Path, Parameter(help=f"The scan of the real sensor{MANY}.")],
+    simulated: Annotated[Path, Parameter(help=f"The scan of the model{MANY}; frames are paired by name or number.")],
     /,
     *,
-    ideal: Annotated[Path | None, Parameter(help="The ideal scan of the scene that both show, or a directory.")] = None,
+    ideal: Annotated[Path | None, Parameter(help=f"The ideal scan of the scene that both show{MANY}.")] = None,
     model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
     placed: Placed | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
-    """Compare a measured scan with a simulated one, or two directories of them frame by frame."""
+    """Compare a measured scan with a simulated one, or many of them frame by frame."""
     hush(quiet)
     placement = placement_of(placed)
-    if measured.is_dir() != simulated.is_dir():
-        file = measured if measured.is_dir() else simulated
-        raise InputError("is a directory, the other side is not", file=file, fix="name two files or two directories")
     if json is not None:
-        check_writable(json, option="--json", besides=(measured, simulated, ideal, model))
-    from lidarcheck.formats import load_ideal, load_scan
+        check_writable(json, option="--json", besides=files_given(measured, simulated, ideal, model))
+    from lidarcheck.cases.source import frames_in, ideal_of, scan_of
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.model import load_model
 
     sensor_model = None if model is None else load_model(model)
-    if measured.is_dir():
-        compare_frames(measured, simulated, ideal, sensor_model, json, placement)
+    with stage("reading"):
+        sides = frames_in(measured), frames_in(simulated)
+    if measured.is_dir() or max(map(len, sides)) > 1:
+        compare_frames(*sides, ideal, sensor_model, json, placement)
         return 0
     with stage("reading"):
-        scene = None if ideal is None else load_ideal(ideal)
-        scans = load_scan(measured, placement), load_scan(simulated)
+        scene = None if ideal is None else ideal_of(ideal)
+        scans = scan_of(sides[0][0], placement), scan_of(sides[1][0])
     with stage("comparing"):
         for said in geometry_notes(*scans, scene, measured, simulated):
             note(said)

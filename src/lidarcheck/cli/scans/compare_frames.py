@@ -1,72 +1,52 @@
-"""`lidarcheck compare` of two directories: frame after frame, the KPIs over all of them."""
+"""`lidarcheck compare` of many frames: one after another, the KPIs over all of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.cli.core.outputs import json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, note, number_text, progress, table
-from lidarcheck.errors import InputError
 
 if TYPE_CHECKING:
+    from lidarcheck.cases.source import FrameFile
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.kpi.over_frames import FrameKpi
     from lidarcheck.model import Model
     from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["compare_frames", "geometry_notes", "pairs_of"]
+__all__ = ["compare_frames", "geometry_notes"]
 
-SUFFIXES = (".txt", ".csv", ".pcd", ".las", ".laz", ".ply", ".parquet")
 COLUMNS = columns("KPI", "of", "frames", "median", "5 %", "95 %", "unit", right=("frames", "median", "5 %", "95 %"))
 
 
-def pairs_of(measured: Path, simulated: Path) -> list[tuple[Path, Path]]:
-    """The frames of two directories that have the same name but for its ending, in the order of the names.
-
-    `InputError` where a frame of one has none in the other, or two have one name.
-    """
-    sides = [_frames(directory) for directory in (measured, simulated)]
-    for mine, theirs, directory in ((sides[0], sides[1], simulated), (sides[1], sides[0], measured)):
-        alone = sorted(set(mine) - set(theirs))
-        if alone:
-            what = f"has no frame beside it in {directory}"
-            more = f", nor have {len(alone) - 1} more" if len(alone) > 1 else ""
-            raise InputError(f"{what}{more}", file=mine[alone[0]], fix="give the frames the same names on both sides")
-    return [(sides[0][name], sides[1][name]) for name in sorted(sides[0])]
-
-
-def _frames(directory: Path) -> dict[str, Path]:
-    found: dict[str, Path] = {}
-    for path in sorted(directory.iterdir()):
-        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
-            if other := found.get(path.stem):
-                raise InputError(f"is named as {other.name}", file=path, fix="keep one of the two")
-            found[path.stem] = path
-    if not found:
-        raise InputError("holds no frame", file=directory, fix=f"name a directory of {', '.join(SUFFIXES)} files")
-    return found
-
-
 def compare_frames(
-    measured: Path, simulated: Path, ideal: Path | None, model: Model | None, json: str | None, placement: Placement
+    measured: Sequence[FrameFile],
+    simulated: Sequence[FrameFile],
+    ideal: Path | None,
+    model: Model | None,
+    json: str | None,
+    placement: Placement,
 ) -> None:
-    """Compare the frames of two directories, each read and forgotten; `ideal`: of all, or a directory with one each."""
-    from lidarcheck.formats import load_ideal, load_scan
+    """Compare the frames of two sides, each read and forgotten; `ideal`: of all, or one for each."""
+    from lidarcheck.cases.partners import paired
+    from lidarcheck.cases.source import frames_in, ideal_of, scan_of
     from lidarcheck.kpi.compare import compare
     from lidarcheck.kpi.over_frames import OverFrames
 
-    pairs = pairs_of(measured, simulated)
-    scenes = None if ideal is None or not ideal.is_dir() else dict(pairs_of(measured, ideal))
-    common = load_ideal(ideal) if ideal is not None and scenes is None else None
+    pairs = list(zip(measured, paired(measured, simulated), strict=True))
+    ideals = [] if ideal is None else frames_in(ideal)
+    scenes = paired(measured, ideals) if len(ideals) > 1 else []
+    common = ideal_of(ideals[0]) if len(ideals) == 1 else None
     together, each = OverFrames(), []
     with progress("comparing") as show:
         for done, (one, other) in enumerate(pairs):
             show(done, len(pairs), one.name)
-            scene = load_ideal(scenes[one]) if scenes is not None else common
-            files = {"measured": one, "simulated": other}
-            scans = load_scan(one, placement), load_scan(other)
-            said = geometry_notes(*scans, scene, one, other)
+            scene = ideal_of(scenes[done]) if scenes else common
+            files = {"measured": str(one), "simulated": str(other)}
+            scans = scan_of(one, placement), scan_of(other)
+            said = geometry_notes(*scans, scene, Path(str(one)), Path(str(other)))
             found = compare(*scans, scene, model=model, files=files)
             together.add(found)
             each.append({"measured": str(one), "simulated": str(other), **found.to_dict(), "geometry": said})
