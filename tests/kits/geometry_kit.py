@@ -9,7 +9,7 @@ from lidarcheck.sensor import beam_directions
 
 
 def right_table(rows: int = 3000, *, seed: int = 0, decimals: int = 4, near_m: float = 3.0, **columns: object) -> Table:
-    """Echoes, one a beam, on beams spread over the sensor, at ranges of whole centimetres, rounded to so many decimals."""
+    """Echoes, one a beam, spread over the sensor, at ranges of whole centimetres, rounded to so many decimals."""
     rng = np.random.default_rng(seed)
     layer, point = np.divmod(rng.choice(500 * 940, rows, replace=False), 940)
     layer, point = layer + 10, point + 10
