@@ -17,6 +17,7 @@ from lidarcheck.cases.checks import frame_fault, scene_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
+from lidarcheck.formats.frames import SeveralFrames, one_frame
 from lidarcheck.formats.geometry import pooled
 from lidarcheck.formats.geometry.keys import PlacementKeys
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
@@ -226,7 +227,7 @@ class _Damaged(Exception):
 
 def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex) -> tuple[IdealScan, Scan]:
     try:
-        tables = [read_table(directory / path) for path in (entry.ideal, entry.measured)]
+        tables = [one_frame(read_table(directory / path)) for path in (entry.ideal, entry.measured)]
         if _is_exchanged(*tables):
             what = f"frame {number}: {entry.ideal} holds echoes and {entry.measured} an ideal scan"
             raise lines.fault(("frames", number, "ideal"), what, fix="exchange `ideal` and `measured`")
@@ -235,7 +236,7 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex) ->
         scan = _with_features(_known_beams(scan_from_table(tables[1], entry.placement), ideal, file), file)
         return judged_beams(ideal, scan)
     except InputError as error:
-        if error.file == str(lines.file):
+        if error.file == str(lines.file) or isinstance(error, SeveralFrames):
             raise
         raise _Damaged(error) from error
 

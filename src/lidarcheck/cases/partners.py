@@ -6,7 +6,7 @@ import re
 from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 
-from lidarcheck.cases.source import FrameFile, PathLike, each_frame
+from lidarcheck.cases.source import FrameFile
 from lidarcheck.errors import InputError, UsageError
 
 __all__ = ["beside", "paired"]
@@ -38,12 +38,14 @@ def paired(frames: Sequence[FrameFile], others: Sequence[FrameFile]) -> list[Fra
     return _matched(mine, theirs, "give the frames the same names or numbers on both sides")
 
 
-def beside(groups: Sequence[Sequence[FrameFile]], others: Sequence[PathLike], option: str) -> list[FrameFile]:
-    """For each frame of each group its partner among what `option` names: one thing for all groups, or one for each.
+def beside(groups: Sequence[Sequence[FrameFile]], found: Sequence[Sequence[FrameFile]], option: str) -> list[FrameFile]:
+    """For each frame of each group its partner among those that `option` names: one group for all, or one for each.
 
-    One thing that holds a single frame is the partner of all. `UsageError` for another number of things.
+    A group of a single frame is the partner of all. Where everything named is a single frame, they come back
+    as they are, in their order, for the command to count. `UsageError` for another number of groups.
     """
-    found = each_frame(others)
+    if all(len(group) == 1 for group in (*groups, *found)):
+        return [one[0] for one in found]
     if len(found) == len(groups):
         return [other for group, one in zip(groups, found, strict=True) for other in _for_group(group, one)]
     together = [frame for group in groups for frame in group]

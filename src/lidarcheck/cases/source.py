@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.frames import Frames, frames_of, one_frame
+from lidarcheck.formats.frames import Frames, SeveralFrames, frames_of, one_frame
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.ideals import ideal_from_table
 from lidarcheck.formats.recognise import FORMATS, read_table
@@ -24,6 +24,7 @@ from lidarcheck.scan import IdealScan, Scan
 
 __all__ = [
     "FrameFile",
+    "Named",
     "PathLike",
     "each_frame",
     "files_in",
@@ -44,7 +45,7 @@ MOST_LOOKED_INTO = 8
 each is one frame, and is refused when it is read and is not: to read a thousand files twice takes too long."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrameFile:
     """A frame: a file of its own, or with `frames` the one of number `index` in a file of several.
 
@@ -54,7 +55,10 @@ class FrameFile:
     path: Path
     frames: Frames = field(default_factory=Frames)
     index: int = 0
-    held: list[Table] = field(default_factory=list, compare=False, repr=False)
+    held: list[Table] = field(default_factory=list, repr=False)
+
+    def __fspath__(self) -> str:
+        return str(self.path)
 
     def __str__(self) -> str:
         return f"{self.path}#{self.label}" if len(self.frames) > 1 else str(self.path)
@@ -91,6 +95,10 @@ class FrameFile:
         return self.held.pop() if self.held else one_frame(read_table(self.path))
 
 
+Named = FrameFile | Path
+"""A frame as functions take it that read it: a path is a file of one frame."""
+
+
 def scan_of(frame: FrameFile | PathLike, placement: Placement = AS_IT_IS) -> Scan:
     """The echoes of a frame, placed as declared."""
     return scan_from_table(_table(frame), placement)
@@ -123,7 +131,7 @@ def each_frame(given: Iterable[PathLike]) -> list[list[FrameFile]]:
     alone = [found == [place] for place, found in zip(places, files, strict=True)]
     look = sum(alone) <= MOST_LOOKED_INTO
     return [
-        frames_of_file(found[0]) if single and look else [FrameFile(file) for file in found]
+        _looked_into(found[0]) if single and look else [FrameFile(file) for file in found]
         for found, single in zip(files, alone, strict=True)
     ]
 
@@ -133,6 +141,16 @@ def frames_of_file(file: Path, by: str | None = None) -> list[FrameFile]:
     held = [read_table(file)]
     frames = frames_of(held[0], by)
     return [FrameFile(file, frames, index, held) for index in range(len(frames))]
+
+
+def _looked_into(file: Path) -> list[FrameFile]:
+    """The frames of a file; what is wrong with it is for its reader to say, behind what is wrong with the command."""
+    try:
+        return frames_of_file(file)
+    except SeveralFrames:
+        raise
+    except InputError:
+        return [FrameFile(file)]
 
 
 def natural(path: Path) -> tuple[list[tuple[int, str]], str]:

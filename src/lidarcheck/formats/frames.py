@@ -28,7 +28,7 @@ from lidarcheck.formats.semantic_ply import is_semantic
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.times import FRAME_COLUMNS
 
-__all__ = ["FRAME_COLUMNS", "TIME_COLUMNS", "Frames", "frames_of", "one_frame", "split_command"]
+__all__ = ["FRAME_COLUMNS", "TIME_COLUMNS", "Frames", "SeveralFrames", "frames_of", "one_frame", "split_command"]
 
 TIME_COLUMNS = ("timestamp", "time_stamp", "gps_time", "Time", "t", "offset_time")
 """Times of one echo each, as sensors' drivers name them; the absolute ones first."""
@@ -38,7 +38,11 @@ RETURN_COLUMNS = ("EchoNumber", "ReturnType", "return_type")
 WAYS = ("frame", "time", "order")
 
 
-@dataclass(frozen=True)
+class SeveralFrames(InputError):
+    """A file holds several frames where one is wanted, or frames that nothing tells apart."""
+
+
+@dataclass(frozen=True, eq=False)
 class Frames:
     """The frames of a table. `rows`: of each frame, ascending; None stands for all rows of the only one.
 
@@ -101,7 +105,7 @@ def one_frame(table: Table) -> Table:
     found = frames_of(table)
     if len(found) > 1:
         what = f"holds {len(found)} frames, told apart {found.how}, where one is wanted"
-        raise InputError(what, file=table.path, fix=f"split it: {split_command(table.path)}")
+        raise SeveralFrames(what, file=table.path, fix=f"split it: {split_command(table.path)}")
     return table
 
 
@@ -262,7 +266,7 @@ def _copies(table: Table, key: IndexArray) -> BoolArray:
     return copies
 
 
-def _not_told_apart(table: Table, repeats: Repeats, by: str | None) -> InputError:
+def _not_told_apart(table: Table, repeats: Repeats, by: str | None) -> SeveralFrames:
     row = int(np.flatnonzero(repeats.previous >= 0)[0])
     first = int(repeats.previous[row])
     words: list[Any] = [f"{name.lower()} {table.columns[name][row]:g}" for name in _spelled(table, BEAM_COLUMNS)]
@@ -273,7 +277,8 @@ def _not_told_apart(table: Table, repeats: Repeats, by: str | None) -> InputErro
     what = f"{', '.join(words)} stands here again after {where}: these are several frames, and "
     what += f"{told.get(by, 'the order of the rows does not tell')} them apart"
     fix = f"name a column that does: {split_command(table.path, 'COLUMN')}"
-    return table.fault(what, row=row, fix=fix)
+    fault = table.fault(what, row=row, fix=fix)
+    return SeveralFrames(fault.what, file=fault.file, line=fault.line, fix=fix)
 
 
 def _spelled(table: Table, names: Sequence[str]) -> list[str]:

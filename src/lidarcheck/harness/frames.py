@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from lidarcheck.cases.source import FrameFile, Named, ideal_of
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats import load_ideal, save_scan
 from lidarcheck.formats.atomic import write_bytes, write_text
@@ -51,7 +52,7 @@ class _Source(NamedTuple):
 
 
 class _Task(NamedTuple):
-    ideal: Path
+    ideal: Named
     frame: int
     place: Path
 
@@ -63,7 +64,7 @@ class FrameBatch:
     `suffix`: of the files, which says their format. `scene`: what the ideal scans were cast from, if known.
     """
 
-    ideals: Sequence[Path]
+    ideals: Sequence[Named]
     model: Model
     out: Path
     count: int | None = None
@@ -81,7 +82,7 @@ class FrameBatch:
         if self.model.external is not None and (self.count or 1) > 1:
             fix = "leave out --frames, or give an ideal scan for each frame"
             raise UsageError("an external model does not know frames: all would be the same", fix=fix)
-        seen: dict[str, Path] = {}
+        seen: dict[str, Named] = {}
         for ideal in self.ideals:
             other = seen.setdefault(ideal.stem, ideal)
             if other is not ideal:
@@ -120,7 +121,7 @@ class FrameBatch:
     def _packed(self, left: Sequence[_Task]) -> Iterator[tuple[Any, ...]]:
         """The tasks with what they need; an ideal scan that there are many frames of goes to each worker once."""
         setup = Shared((self.model, None if self.scene is None else self.scene.scene))
-        only = Shared(load_ideal(self.ideals[0])) if len(self.ideals) == 1 and left else None
+        only = Shared(ideal_of(self.ideals[0])) if len(self.ideals) == 1 and left else None
         for task in left:
             yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity, self.device
 
@@ -156,7 +157,7 @@ class FrameBatch:
         }
         if self.device != "cpu":
             mine = {"device": self.device, **mine}
-        ideals = {path.stem: _hash_of([path]) for path in self.ideals}
+        ideals = {one.stem: _hash_of_ideal(one) for one in self.ideals}
         found = self._found()
         if found is None:
             return {**mine, "ideals": ideals}
@@ -200,7 +201,17 @@ def _hash_of(files: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
-def _source(path: Path) -> _Source:
+def _hash_of_ideal(ideal: Named) -> str:
+    """Of the file; of a frame in a file of several also which it is."""
+    file = _hash_of([Path(ideal)])
+    return f"{file} {ideal.label}" if isinstance(ideal, FrameFile) and len(ideal.frames) > 1 else file
+
+
+def _source(ideal: Named) -> _Source | IdealScan:
+    """An ideal scan to send: a file as it is, of a file of several the frame."""
+    if isinstance(ideal, FrameFile) and len(ideal.frames) > 1:
+        return ideal_of(ideal)
+    path = Path(ideal)
     try:
         return _Source(str(path), path.read_bytes())
     except OSError as error:

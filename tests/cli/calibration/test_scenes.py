@@ -9,6 +9,8 @@ import pytest
 
 from lidarcheck.cli import main
 from lidarcheck.formats import load_scan, save_ideal, save_scan
+from lidarcheck.formats.recognise import read_table
+from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.model import save_model, simulate
 from lidarcheck.scenes.files.file import builtin_path, load_scene
 from scene_kit import hits_of, ideal_of, measured, model_of, scene_of
@@ -191,7 +193,7 @@ def test_merged_vehicles_stand_beside_each_other(here, capsys):
     assert "4 m to the right" in out
     assert "from above" in out
     assert "Simulated is 0 for the real ones" in err
-    both = load_scan("both.pcd")
+    both = scan_from_table(read_table("both.pcd"))  # two frames on purpose
     real = both.extra["Simulated"] == 0
     assert both.y_m[~real].mean() - both.y_m[real].mean() == pytest.approx(-4.0, abs=1e-4)
     assert both.y_m[~real].max() < both.y_m[real].min()

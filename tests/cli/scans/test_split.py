@@ -124,16 +124,18 @@ def test_what_cannot_be_split_is_one_line(frames, words, what, capsys):
 def test_commands_that_take_one_frame_name_the_command(frames, capsys):
     merge(frames, "drive.pcd", number="Frame")
     merge([read_table("ideal.txt")] * 2, "ideals.txt", number="Frame")
-    for words in (
-        ["vehicles", "merge", "drive.pcd", "real/frame_0.pcd", "--out", "both.pcd"],
-        ["simulate", "ideals.txt", "--model", "model.toml", "--out", "one.pcd"],
-    ):
+    for words, file in (
+        (["vehicles", "merge", "drive.pcd", "real/frame_0.pcd", "--out", "both.pcd"], "drive.pcd"),
+        (["vehicles", "merge", "real/frame_0.pcd", "real/frame_1.pcd", "--ideal", "ideals.txt", "--vehicle", "car",
+          "--out", "both.pcd"], "ideals.txt"),
+    ):  # fmt: skip
         assert main(words) == 2
-        file = next(word for word in words if word in ("drive.pcd", "ideals.txt"))
         error = capsys.readouterr().err
         assert f"error: {file}: holds" in error
         assert f"split it: lidarcheck split {file} --out {Path(file).stem}_frames" in error
         assert error.count("\n") == 1
+    assert main(["simulate", "ideals.txt", "--model", "model.toml", "--out", "one.pcd"]) == 2
+    assert "ideals.txt holds several frames, and --out one.pcd is one file" in capsys.readouterr().err
 
 
 def test_compare_takes_a_merged_file_for_many_frames(frames, capsys):

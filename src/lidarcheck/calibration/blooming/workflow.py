@@ -15,9 +15,9 @@ from lidarcheck.calibration.blooming.fit import FreeLight, TableFit, fit_table
 from lidarcheck.calibration.blooming.operator import Nodes, light_of_table, nodes_of, spread
 from lidarcheck.calibration.blooming.response import FEATURES, Response, response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light, target_in_scan
+from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.effects.base import Curve, Effect, make, with_role
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.lut import Axis, LutFile, LutTable
 from lidarcheck.formats.settings import Settings, default_settings
@@ -53,9 +53,9 @@ standard deviation up to which data that several rows share tell of each."""
 class BloomingMeasurement:
     """A measured scan or profile, where its target stands, its ideal scan (None where not known), what is declared."""
 
-    path: Path
+    path: Named
     distance_m: float | None = None
-    ideal: Path | None = None
+    ideal: Named | None = None
     placement: Placement = AS_IT_IS
 
 
@@ -169,7 +169,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             raise InputError(f"is a {profile_axis(measured.path)} profile", file=name, fix=f"{axis} ones are asked for")
         signal = _needed_signal(bench, name)
         return read_profile(measured.path, bench.sensor, signal_at_1m=signal, distance_m=measured.distance_m)
-    scan = load_scan(measured.path, measured.placement)
+    scan = scan_of(measured.path, measured.placement)
     check_variant(scan, bench.sensor, name)
     missing = [column for column in ("PEAK", "AREA", "WIDTH") if column in scan.defaulted]
     if missing:
@@ -185,7 +185,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             what = f"the target's S is {target.signal.max():.3g} at {target.distance_m:.1f} m, which does not bloom"
             raise InputError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
         return cells_of_scan(scan, target, axis, name=name)
-    light, _ = _light_of(load_ideal(measured.ideal), bench.model)
+    light, _ = _light_of(ideal_of(measured.ideal), bench.model)
     target = bright_beams(light, axis, bench.bright_signal, measured.distance_m, name)
     own = own_light(light, target, axis, bench.bright_signal)
     return cells_of_scan(scan, target, axis, own=own, name=name)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from lidarcheck.calibration.ghosts.data import check_expected
 from lidarcheck.calibration.ghosts.workflow import GhostScan, find_ghosts
+from lidarcheck.cases.source import Named, scan_of
 from lidarcheck.errors import InputError
-from lidarcheck.formats import load_scan, save_scan
+from lidarcheck.formats import save_scan
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import above_saturation, other_variant
 from lidarcheck.model import load_model, simulate
@@ -20,7 +21,7 @@ from lidarcheck.sensor import Sensor
 __all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
 
 
-def dataset_names(scans: Sequence[Path]) -> list[str]:
+def dataset_names(scans: Sequence[Named]) -> list[str]:
     """A name for each dataset: that of its file without suffix, numbered where several have the same."""
     stems = [path.name.split(".")[0] or path.name for path in scans]
     seen: dict[str, int] = {}
@@ -51,7 +52,7 @@ def load_ghost_model(path: Path) -> Model:
 
 
 def find_in(
-    path: Path,
+    path: Named,
     name: str,
     *,
     ideal: IdealScan | None = None,
@@ -61,7 +62,7 @@ def find_in(
     placement: Placement = AS_IT_IS,
 ) -> GhostScan:
     """What a scan, placed as declared, shows. `InputError` where it is not what the ideal scan and the model say."""
-    scan = load_scan(path, placement)
+    scan = scan_of(path, placement)
     sensor = None if model is None else model.sensor
     _check_variant(path, scan, sensor)
     view = None if ideal is None else _view(ideal)
@@ -70,7 +71,7 @@ def find_in(
         if ideal is not None and model is not None:
             check_expected(found, ideal, model)
     except InputError as error:
-        raise InputError(error.what, file=path, line=error.line, fix=error.fix) from error
+        raise InputError(error.what, file=str(path), line=error.line, fix=error.fix) from error
     return found
 
 
@@ -82,16 +83,16 @@ def find_simulated(
     return find_ghosts(scan, name=f"the simulation of {found.name}", sensor=found.sensor, above=bright)
 
 
-def _check_variant(path: Path, scan: Scan, sensor: Sensor | None) -> None:
+def _check_variant(path: Named, scan: Scan, sensor: Sensor | None) -> None:
     """Refuse a scan of another variant than the model's."""
     if sensor is None or "PEAK" in scan.defaulted or not len(scan):
         return
-    fault = above_saturation(scan, sensor, path)
+    fault = above_saturation(scan, sensor, str(path))
     if fault is not None:
         raise fault
     other = other_variant([scan], sensor)
     if other:
-        raise InputError(other, file=path, fix="name the model of the variant that measured")
+        raise InputError(other, file=str(path), fix="name the model of the variant that measured")
 
 
 def _view(ideal: IdealScan) -> tuple[int, int, int, int]:

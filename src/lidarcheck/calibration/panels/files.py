@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame, same_scene
-from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan
@@ -19,9 +19,9 @@ _SEEDS = 2**64
 
 
 def arrangements_of(
-    measured: Sequence[Path],
-    ideals: list[Path],
-    simulated: list[Path],
+    measured: Sequence[Named],
+    ideals: Sequence[Named],
+    simulated: Sequence[Named],
     model: Model | None,
     seed: int,
     placement: Placement = AS_IT_IS,
@@ -32,7 +32,7 @@ def arrangements_of(
     """
     real = [_frame(path, placement) for path in measured]
     if len(ideals) < 2:
-        scene = load_ideal(ideals[0]) if ideals else None
+        scene = ideal_of(ideals[0]) if ideals else None
         made = (
             [_frame(path) for path in simulated] if scene is None or model is None else _made(scene, model, seed, real)
         )
@@ -46,11 +46,11 @@ def arrangements_of(
         yield Arrangement(scene, [real[i] for i in members], made)
 
 
-def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
+def _scenes(ideals: Sequence[Named]) -> list[tuple[IdealScan, list[int]]]:
     """The scenes that differ, each with the numbers of its ideal scans."""
     scenes: list[tuple[IdealScan, list[int]]] = []
     for i, path in enumerate(ideals):
-        one = load_ideal(path)
+        one = ideal_of(path)
         members = next((members for other, members in scenes if same_scene(one, other)), None)
         if members is None:
             scenes.append((one, [i]))
@@ -59,8 +59,8 @@ def _scenes(ideals: list[Path]) -> list[tuple[IdealScan, list[int]]]:
     return scenes
 
 
-def _frame(path: Path, placement: Placement = AS_IT_IS) -> PanelFrame:
-    return PanelFrame(str(path), partial(load_scan, path, placement))
+def _frame(path: Named, placement: Placement = AS_IT_IS) -> PanelFrame:
+    return PanelFrame(str(path), partial(scan_of, path, placement))
 
 
 def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[PanelFrame]) -> list[PanelFrame]:
@@ -69,10 +69,10 @@ def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[PanelFrame])
     return [PanelFrame(f"simulated, seed {s}", partial(simulate, scene, model, seed=s)) for s in seeds]
 
 
-def provenance(origin: Mapping[str, Sequence[Path]], command: str, seed: int | None = None) -> dict[str, str]:
+def provenance(origin: Mapping[str, Sequence[Named]], command: str, seed: int | None = None) -> dict[str, str]:
     """The files with the beginnings of their SHA-256, and the command."""
     said = {
-        kind: ", ".join(f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}" for path in paths)
+        kind: ", ".join(f"{path} {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]}" for path in paths)
         for kind, paths in origin.items()
         if paths
     }

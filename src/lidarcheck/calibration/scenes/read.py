@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from pathlib import Path
 
 from lidarcheck.calibration.scenes.checks import check_scene
 from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
 from lidarcheck.cases.same_scene import check_scene_of
-from lidarcheck.formats import load_ideal, load_scan
+from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
@@ -22,11 +21,11 @@ _log = logging.getLogger(__name__)
 
 
 def read_frame(
-    measured: Path,
-    ideal: Path,
+    measured: Named,
+    ideal: Named,
     *,
     model: Model | None = None,
-    simulated: Path | None = None,
+    simulated: Named | None = None,
     scene: Caster | None = None,
     scene_name: str = "",
     seed: int = 0,
@@ -39,32 +38,32 @@ def read_frame(
 
     `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
     """
-    scan, meets = load_scan(measured, placement), load_ideal(ideal)
+    scan, meets = scan_of(measured, placement), ideal_of(ideal)
     _belong(scan, meets, measured, str(ideal))
     if scene is not None:
         check_scene(meets, scene, scene_name, str(ideal))
     if model is not None:
         if model.external is None:
-            check_variant(scan, model.sensor, measured)
+            check_variant(scan, model.sensor, str(measured))
         files = {"file": str(measured), "ideal_file": str(ideal)}
         return simulated_frame(scan, meets, model, seed=seed, number=number, scene=scene, **files)
     if simulated is None:
         raise ValueError("neither a model nor a simulated frame")
-    shown = load_scan(simulated)
-    check_variants(scan, shown, measured)
+    shown = scan_of(simulated)
+    check_variants(scan, shown, str(measured))
     _belong(scan, shown, measured, str(simulated))
     return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
 
 
-def _belong(scan: Scan, shown: IdealScan | Scan, measured: Path, name: str) -> None:
+def _belong(scan: Scan, shown: IdealScan | Scan, measured: Named, name: str) -> None:
     """Refuse what does not show the same scene, and warn of what may not."""
-    doubt = check_scene_of(scan, shown, measured, name)
+    doubt = check_scene_of(scan, shown, str(measured), name)
     if doubt:
         _log.warning(doubt)
 
 
 def provenance_of(
-    frames: Sequence[tuple[Path, Path]], model: Model | None, simulated: Sequence[Path] = (), *, seed: int = 0
+    frames: Sequence[tuple[Named, Named]], model: Model | None, simulated: Sequence[Named] = (), *, seed: int = 0
 ) -> dict[str, str]:
     """What a comparison of measured frames with their ideal scans is made from, in words."""
     files = {f"frame {i}": f"{measured}, ideal {ideal}" for i, (measured, ideal) in enumerate(frames, 1)}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from lidarcheck.calibration.vehicles.compare import Pair
 from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
+from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.errors import UsageError
-from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model, simulate
@@ -25,9 +25,9 @@ def check_model(model: Model | None, variant: str | None) -> None:
 
 
 def read_pair(
-    real: Path,
-    simulated: Path | None,
-    ideal: Path | None,
+    real: Named,
+    simulated: Named | None,
+    ideal: Named | None,
     model: Model | None,
     *,
     distance_m: float | None = None,
@@ -44,32 +44,32 @@ def read_pair(
     `placement`: what is declared of the real frame's file.
     `InputError` names the file that another variant has measured.
     """
-    scan = load_scan(real, placement)
-    meets = load_ideal(ideal) if ideal is not None else None
+    scan = scan_of(real, placement)
+    meets = ideal_of(ideal) if ideal is not None else None
     other = str(simulated) if simulated is not None else str(model.file if model is not None else "")
     if simulated is not None:
-        shown = load_scan(simulated)
+        shown = scan_of(simulated)
     elif model is not None and meets is not None:
         if model.external is None:
-            check_variant(scan, model.sensor, real)
+            check_variant(scan, model.sensor, str(real))
         shown = simulate(meets, model, seed=seed, frame=number)
     else:
         raise UsageError(f"{real} has nothing to be compared with", fix="give a simulated frame, or an ideal scan")
     if variant is not None:
         for side, file in ((scan, str(real)), (shown, other)):
             check_variant(side, Sensor.of(variant), file, "variant")
-    check_variants(scan, shown, real)
+    check_variants(scan, shown, str(real))
     own = CutSource(meets, object_id, box, distance_m, str(real))
     return Pair(scan, shown, own, CutSource(meets, object_id, box, distance_m, other), meets)
 
 
 def provenance_of(
-    real: Sequence[Path], simulated: Sequence[Path], ideal: Sequence[Path], model: Path | None, *, seed: int = 0
+    real: Sequence[Named], simulated: Sequence[Named], ideal: Sequence[Named], model: Path | None, *, seed: int = 0
 ) -> dict[str, str]:
     """What a comparison is made from, in words."""
     files = {"real": _listed(real), "simulated": _listed(simulated) if simulated else f"{model}, seed {seed}"}
     return files | ({"ideal": _listed(ideal)} if ideal else {})
 
 
-def _listed(files: Sequence[Path]) -> str:
+def _listed(files: Sequence[Named]) -> str:
     return ", ".join(map(str, files))

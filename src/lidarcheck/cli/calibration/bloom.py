@@ -40,7 +40,8 @@ MODEL, UNDO = "model.toml", ".undo"
 Scans = Annotated[
     list[str],
     Parameter(
-        help="Scans of a retro-reflecting target, or profiles as CSV; FILE@DISTANCE names the target's distance [m]."
+        help="Scans of a retro-reflecting target, or profiles as CSV; FILE@DISTANCE names the target's distance [m]; "
+        "a folder, a file of several frames, or a pattern in quotes stands for a scan each."
     ),
 ]
 AxisName = Annotated[

@@ -12,6 +12,7 @@ from lidarcheck.errors import InputError, UsageError
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells
     from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, ModelSide
+    from lidarcheck.cases.source import FrameFile, Named
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
 
@@ -34,20 +35,26 @@ FREE = ("pulse", "tail", "brightness")
 def measured_of(
     scans: Sequence[str], ideals: Sequence[Path] | None, placed: Placed | None = None
 ) -> list[BloomingMeasurement]:
-    """The measurements that the arguments name, each with its ideal scan and what is declared of its file."""
+    """The measurements that the arguments name, a frame each, with its ideal scan and what is declared of its file."""
     placement = placement_of(placed)
+    from lidarcheck.calibration.blooming.csv import is_profile
     from lidarcheck.calibration.blooming.workflow import BloomingMeasurement
+    from lidarcheck.cases.partners import beside
+    from lidarcheck.cases.source import FrameFile, each_frame
 
-    if ideals and len(ideals) not in (1, len(scans)):
-        raise UsageError(
-            f"{len(scans)} scans and {len(ideals)} ideal scans", fix="give one --ideal for each scan, or one for all"
-        )
-    found = []
-    for number, text in enumerate(scans):
-        path, distance_m = _at_distance(text)
-        ideal = None if not ideals else ideals[number if len(ideals) > 1 else 0]
-        found.append(BloomingMeasurement(path, distance_m, ideal, placement))
-    return found
+    named = [_at_distance(text) for text in scans]
+    profiles = {path for path, _ in named if is_profile(path)}
+    frames = iter(each_frame(path for path, _ in named if path not in profiles))
+    groups = [[FrameFile(path)] if path in profiles else next(frames) for path, _ in named]
+    measured = [(frame, distance_m) for group, (_, distance_m) in zip(groups, named, strict=True) for frame in group]
+    others: Sequence[FrameFile | None] = [None] * len(measured)
+    if ideals:
+        found = beside(groups, each_frame(ideals), "ideal")
+        others = found * len(measured) if len(found) == 1 else found
+        if len(others) != len(measured):
+            what = f"{len(measured)} scans and {len(others)} ideal scans"
+            raise UsageError(what, fix="give one --ideal for each scan, or one for all")
+    return [BloomingMeasurement(*one, other, placement) for one, other in zip(measured, others, strict=True)]
 
 
 def _at_distance(text: str) -> tuple[Path, float | None]:
@@ -152,8 +159,8 @@ def table_of(lut: Any, axis: Axis, file: Path) -> Any:
     return lut.tables[axis]
 
 
-def provenance_of(model: Path, files: Sequence[Path]) -> dict[str, str]:
+def provenance_of(model: Path, files: Sequence[Named]) -> dict[str, str]:
     """What a result is made from."""
     import hashlib
 
-    return {str(path): f"sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}" for path in [model, *files]}
+    return {str(path): f"sha256 {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]}" for path in [model, *files]}

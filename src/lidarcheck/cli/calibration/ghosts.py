@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFile, Placed, Quiet, Seed, placement_of
-from lidarcheck.cli.core.outputs import check_twice
+from lidarcheck.cli.core.options import MANY, Flag, JsonFile, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.outputs import check_twice, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
+    from lidarcheck.cases.source import FrameFile, Named
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["find", "fit"]
 
 MODEL = "model.toml"
-Scans = Annotated[tuple[Path, ...], Parameter(help="Measured scans, one a dataset, in any format that `info` knows.")]
+Scans = Annotated[tuple[Path, ...], Parameter(help=f"Measured scans, a file a dataset{MANY}.")]
 Many = Parameter(consume_multiple=True, negative=(), show_default=False)
 
 
@@ -59,17 +60,19 @@ def find(
     """Find signs and their ghosts, and leave nothing else."""
     hush(quiet)
     placement = placement_of(placed)
-    _check_numbers(scans, ideal=ideal, simulated=simulated)
-    _check_options(scans, range_m, bright, ideal, model, simulated)
+    _check_options(bright, ideal, model, simulated)
     from lidarcheck.calibration.ghosts.files import dataset_names, stripped_files, stripped_name
     from lidarcheck.figures.pages.ghosts import find_document, find_page
 
-    check_places(out, json, (*scans, *ideal, *simulated, model), [stripped_name(n) for n in dataset_names(scans)])
+    with stage("reading"):
+        frames, ideals, shown = _frames(scans, range_m, ideal=ideal, simulated=simulated)
+    names = [stripped_name(name) for name in dataset_names(frames)]
+    check_places(out, json, files_given(*scans, *ideal, *simulated, model), names)
 
-    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
-    found = _found(scans, scenes, sensor_model, range_m, bright, placement)
-    others = _simulated(found, simulated, scenes, sensor_model, bright, seed)
-    page = find_page(found, others, _provenance(scans, ideal, simulated, model, seed), steps=steps)
+    sensor_model, scenes = _model_of(model), _ideals_of(ideals)
+    found = _found(frames, scenes, sensor_model, range_m, bright, placement)
+    others = _simulated(found, shown, scenes, sensor_model, bright, seed)
+    page = find_page(found, others, _provenance(frames, ideals, shown, model, seed), steps=steps)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
     files = stripped_files({one.name: one.stripped() for one in found})
     finish(page, document, out=out, json=json, plot=plot, files=files)
@@ -97,51 +100,55 @@ def fit(
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)
     placement = placement_of(placed)
-    _check_numbers(scans, ideal=ideal)
-    check_twice(scans)
-    _check_options(scans, (), bright, ideal, model, ())
-    check_places(out, json, (*scans, *ideal, model), [MODEL])
+    _check_options(bright, ideal, model, ())
+    check_places(out, json, files_given(*scans, *ideal, model), [MODEL])
     from lidarcheck.calibration.ghosts.fit import fit_ghosts
     from lidarcheck.figures.pages.ghost_fit import fit_document, fit_page
     from lidarcheck.model.files.write import write_model
 
-    sensor_model, scenes = _model_of(model), _ideals_of(ideal)
+    with stage("reading"):
+        frames, ideals, _ = _frames(scans, (), ideal=ideal)
+    check_twice(frames)
+    sensor_model, scenes = _model_of(model), _ideals_of(ideals)
     assert sensor_model is not None
-    found = _found(scans, scenes, sensor_model, (), bright, placement)
+    found = _found(frames, scenes, sensor_model, (), bright, placement)
     with stage("fitting"):
         fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
     others = _simulated(found, (), scenes, fitted.model, bright, seed)
-    page = fit_page(fitted, others, _provenance(scans, ideal, (), model, seed))
+    page = fit_page(fitted, others, _provenance(frames, ideals, (), model, seed))
     files = {MODEL: lambda place: write_model(model, fitted.model, place)}
     finish(page, fit_document(fitted), out=out, json=json, plot=plot, files=files)
     note(f"{out / MODEL}: the model with retro_ghost")
     return 0
 
 
-def _check_numbers(scans: Sequence[Path], **others: Sequence[Path]) -> None:
-    """As many ideal or simulated scans as scans."""
+def _frames(
+    scans: Sequence[Path], range_m: Sequence[float], *, ideal: Sequence[Path] = (), simulated: Sequence[Path] = ()
+) -> tuple[list[FrameFile], list[FrameFile], list[FrameFile]]:
+    """The frames of the scans, and as many ideal and simulated ones, none where none is given."""
+    from lidarcheck.cases.partners import beside
+    from lidarcheck.cases.source import each_frame
+
     if not scans:
         raise UsageError("no scan was given", fix="name one scan or more, before the options")
-    for option, paths in others.items():
-        if paths and len(paths) != len(scans):
-            what = f"there are {len(scans)} scans and {len(paths)} files for --{option}"
+    groups = each_frame(scans)
+    frames = [frame for group in groups for frame in group]
+    ideals = beside(groups, each_frame(ideal), "ideal") if ideal else []
+    shown = beside(groups, each_frame(simulated), "simulated") if simulated else []
+    for option, found in (("ideal", ideals), ("simulated", shown)):
+        if found and len(found) != len(frames):
+            what = f"there are {len(frames)} scans and {len(found)} files for --{option}"
             raise UsageError(what, fix=f"give --{option} one for each scan, in the same order, behind the scans")
-
-
-def _check_options(
-    scans: Sequence[Path],
-    range_m: Sequence[float],
-    bright: float | None,
-    ideal: Sequence[Path],
-    model: Path | None,
-    simulated: Sequence[Path],
-) -> None:
-    if range_m and len(range_m) not in (1, len(scans)):
-        what = f"there are {len(scans)} scans and {len(range_m)} ranges for --range-m"
+    if range_m and len(range_m) not in (1, len(frames)):
+        what = f"there are {len(frames)} scans and {len(range_m)} ranges for --range-m"
         raise UsageError(what, fix="give one for all, or one for each scan")
     for value in range_m:
         if not 0.5 <= value <= 300.0:
             raise UsageError(f"--range-m {value:g} is out of range", fix="use 0.5 to 300 m")
+    return frames, ideals, shown
+
+
+def _check_options(bright: float | None, ideal: Sequence[Path], model: Path | None, simulated: Sequence[Path]) -> None:
     if bright is not None and not 0.0 < bright <= 1e9:
         raise UsageError(f"--bright {bright:g} is out of range", fix="use a number above 0, up to 1e9")
     if ideal and model is None:
@@ -158,15 +165,16 @@ def _model_of(path: Path | None) -> Model | None:
     return None if path is None else load_ghost_model(path)
 
 
-def _ideals_of(paths: Sequence[Path]) -> list[IdealScan]:
-    from lidarcheck.formats import load_ideal
+def _ideals_of(frames: Sequence[FrameFile]) -> list[IdealScan]:
+    from lidarcheck.cases.source import ideal_of
 
     with stage("reading ideal scans"):
-        return [load_ideal(path) for path in paths]
+        read = {frame: ideal_of(frame) for frame in dict.fromkeys(frames)}  # one of all is read once
+        return [read[frame] for frame in frames]
 
 
 def _found(
-    scans: Sequence[Path],
+    scans: Sequence[FrameFile],
     ideals: Sequence[IdealScan],
     model: Model | None,
     range_m: Sequence[float],
@@ -190,7 +198,7 @@ def _found(
 
 def _simulated(
     found: Sequence[GhostScan],
-    paths: Sequence[Path],
+    paths: Sequence[FrameFile],
     ideals: Sequence[IdealScan],
     model: Model | None,
     bright: float | None,
@@ -199,12 +207,12 @@ def _simulated(
     """The same search in simulated scans: those of `paths`, or of the ideal scans; none without either."""
     from lidarcheck.calibration.ghosts.files import find_simulated
     from lidarcheck.calibration.ghosts.workflow import find_ghosts
-    from lidarcheck.formats import load_scan
+    from lidarcheck.cases.source import scan_of
 
     others = []
     for i, one in enumerate(found):
         if paths:
-            others.append(find_ghosts(load_scan(paths[i]), name=str(paths[i]), sensor=one.sensor, above=bright))
+            others.append(find_ghosts(scan_of(paths[i]), name=str(paths[i]), sensor=one.sensor, above=bright))
         elif ideals and model is not None:
             with stage(f"simulating {one.name}"):
                 others.append(find_simulated(one, ideals[i], model, bright=bright, seed=seed))
@@ -212,8 +220,13 @@ def _simulated(
 
 
 def _provenance(
-    scans: Sequence[Path], ideal: Sequence[Path], simulated: Sequence[Path], model: Path | None, seed: int
+    scans: Sequence[Named], ideal: Sequence[Named], simulated: Sequence[Named], model: Path | None, seed: int
 ) -> dict[str, str]:
-    given = {"scans": scans, "ideal scans": ideal, "simulated scans": simulated, "model": [model] if model else []}
+    given: dict[str, Sequence[Named]] = {
+        "scans": scans,
+        "ideal scans": ideal,
+        "simulated scans": simulated,
+        "model": [model] if model else [],
+    }
     files = {name: ", ".join(str(path) for path in paths) for name, paths in given.items() if paths}
     return files | {"seed": str(seed), "command": shlex.join(["lidarcheck", *sys.argv[1:]])}

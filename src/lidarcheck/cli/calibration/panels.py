@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, Whole, placement_of
-from lidarcheck.cli.core.outputs import check_twice, check_writable
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, Whole, placement_of
+from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
@@ -21,6 +21,7 @@ from lidarcheck.figures.files.result_folder import drawing_ahead
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.samples import PanelSamples
     from lidarcheck.calibration.panels.workflow import PanelsResult
+    from lidarcheck.cases.source import FrameFile, Named
 
 __all__ = ["panels"]
 
@@ -33,12 +34,12 @@ def _two(values: tuple[float, float]) -> str:
 
 
 def panels(
-    *measured: Annotated[Path, Parameter(help="Frames of the real sensor, one file each, of a scene at rest.")],
+    *measured: Annotated[Path, Parameter(help=f"Frames of the real sensor, of a scene at rest: a file each{MANY}.")],
     ideal: Annotated[
         Files | None,
-        Parameter(help="What the beams meet: one ideal scan for all frames, or one for each frame."),
+        Parameter(help="What the beams meet: one ideal scan for all frames, or one for each frame, named as these."),
     ] = None,
-    simulated: Annotated[Files | None, Parameter(help="Frames of the model, one file each, any number.")] = None,
+    simulated: Annotated[Files | None, Parameter(help=f"Frames of the model, any number: a file each{MANY}.")] = None,
     model: Annotated[
         Path | None, Parameter(help="Simulate as many frames as were measured with this model; names materials.")
     ] = None,
@@ -85,12 +86,18 @@ def panels(
     settings = PanelSettings(
         range, size, trim_layers, trim_points, trim_m, floor_m, roof_m, clearance_m, max_incidence, window_m, expect
     )
-    ideals, frames = list(ideal or ()), list(simulated or ())
-    _check_arguments(measured, ideals, frames, model)
+    if not measured:
+        raise UsageError("no measured frame is given", fix="name one file or more before the options")
     target_format(f"panel.{format}")
-    read = [*measured, *ideals, *frames, *([] if model is None else [model])]
-    _check_places(out, json, read)
+    _check_places(out, json, files_given(*measured, *(ideal or ()), *(simulated or ()), model))
+    from lidarcheck.cases.partners import beside
+    from lidarcheck.cases.source import each_frame
 
+    groups = each_frame(measured)
+    real = [frame for group in groups for frame in group]
+    ideals = list(dict.fromkeys(beside(groups, each_frame(ideal), "ideal"))) if ideal else []
+    frames = [frame for group in each_frame(simulated or ()) for frame in group]
+    _check_arguments(real, ideals, frames, model)
     from lidarcheck.calibration.panels.files import arrangements_of, provenance
     from lidarcheck.calibration.panels.workflow import characterise
     from lidarcheck.figures.pages.panels import document, page
@@ -100,9 +107,14 @@ def panels(
         sensor_model = None if model is None else load_model(model)
         names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
         with progress("panels:") as show:
-            arrangements = arrangements_of(measured, ideals, frames, sensor_model, seed, placement)
+            arrangements = arrangements_of(real, ideals, frames, sensor_model, seed, placement)
             result = characterise(arrangements, settings, materials=names, progress=show)
-        origin = {"measured": measured, "ideal": ideals, "simulated": frames, "model": [model] if model else []}
+        origin: dict[str, Sequence[Named]] = {
+            "measured": real,
+            "ideal": ideals,
+            "simulated": frames,
+            "model": [model] if model else [],
+        }
         made = provenance(origin, shlex.join(["lidarcheck", *sys.argv[1:]]), seed if model else None)
         saved = Folder(lambda place: _save(result, place, format), _SAVED)
         finish(page(result, made), document(result), out=out, json=json, plot=plot, folders={DIRECTORY: saved})
@@ -110,9 +122,9 @@ def panels(
     return 0
 
 
-def _check_arguments(measured: Sequence[Path], ideals: list[Path], frames: list[Path], model: Path | None) -> None:
-    if not measured:
-        raise UsageError("no measured frame is given", fix="name one file or more before the options")
+def _check_arguments(
+    measured: Sequence[FrameFile], ideals: list[FrameFile], frames: list[FrameFile], model: Path | None
+) -> None:
     if len(ideals) > 1 and len(ideals) != len(measured):
         what = f"{len(ideals)} ideal scans for {len(measured)} measured frames"
         raise UsageError(what, fix="give --ideal one file for all frames, or one for each, in their order")
@@ -127,9 +139,9 @@ def _check_arguments(measured: Sequence[Path], ideals: list[Path], frames: list[
         )
     check_twice(measured)
     check_twice(frames)
-    for path in (*measured, *ideals, *frames):
-        if not path.exists():
-            raise InputError("there is no such file", file=path, fix="check the name and the directory")
+    for frame in (*measured, *ideals, *frames):
+        if not frame.path.exists():
+            raise InputError("there is no such file", file=frame.path, fix="check the name and the directory")
 
 
 def _check_places(out: Path, json: str | None, read: list[Path]) -> None:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, placement_of
-from lidarcheck.cli.core.outputs import check_twice, check_writable
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.scenes.frame import SceneFrame
+    from lidarcheck.cases.source import FrameFile
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.model import Model
     from lidarcheck.scenes.files.file import SceneFile
@@ -52,8 +53,11 @@ Names = Annotated[list[str], Parameter(converter=_names, negative=())]
 
 
 def compare(
-    *measured: Annotated[Path, Parameter(help="The frames of the real sensor.")],
-    ideal: Annotated[Files, Parameter(help="What the beams meet, one for each frame.")],
+    *measured: Annotated[Path, Parameter(help=f"The frames of the real sensor, a file each{MANY}.")],
+    ideal: Annotated[
+        Files,
+        Parameter(help="What the beams meet, one for each frame: files in their order, or a folder, named as these."),
+    ],
     model: Annotated[Path | None, Parameter(help="The sensor model, TOML, to simulate the frames with.")] = None,
     simulated: Annotated[Files | None, Parameter(help="Simulated frames, in the place of --model.")] = None,
     effects: Annotated[
@@ -81,8 +85,8 @@ def compare(
     hush(quiet)
     placement = placement_of(placed)
     grid = _sectors(sectors)
-    _check_arguments(measured, ideal, model, simulated, effects, without, scene)
-    inputs = (*measured, *ideal, *(simulated or ()), model)
+    _check_arguments(measured, model, simulated, effects, without)
+    inputs = files_given(*measured, *ideal, *(simulated or ()), model)
     if out is not None:
         check_out_dir(out, besides=inputs)
     if json is not None:
@@ -94,46 +98,59 @@ def compare(
 
     check_grouping(by)
     with stage("reading"):
+        real, ideals, shown = _sides(measured, ideal, simulated or ())
         sensor_model = None if model is None else _model(model, effects, without)
         scene_file = _scene(scene)
         names = {} if scene_file is None else dict(scene_file.scene.names)
         materials = {} if sensor_model is None else {n: m.name for n, m in sensor_model.materials.items()}
-    frames = _frames(measured, ideal, simulated or (), sensor_model, scene_file, scene or "", seed, placement)
+    frames = _frames(real, ideals, shown, sensor_model, scene_file, scene or "", seed, placement)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
-    files = provenance_of(list(zip(measured, ideal, strict=True)), sensor_model, simulated or (), seed=seed)
+    files = provenance_of(list(zip(real, ideals, strict=True)), sensor_model, shown, seed=seed)
     finish(page(result, files), result.to_dict(), out=out, json=json, plot=plot)
     return 0
 
 
 def _check_arguments(
     measured: Sequence[Path],
-    ideal: Sequence[Path],
     model: Path | None,
     simulated: Sequence[Path] | None,
     effects: Sequence[str] | None,
     without: Sequence[str] | None,
-    scene: str | None,
 ) -> None:
     """Refuse what does not fit together, before anything is read."""
     if not measured:
         raise UsageError(
             "no measured frame is named", fix="lidarcheck scenes compare real.pcd --ideal ideal.txt --model M"
         )
-    if len(ideal) != len(measured):
-        raise UsageError(f"{len(measured)} measured frames and {len(ideal)} ideal scans", fix="give an ideal scan each")
     if (model is None) == (simulated is None):
         what = "neither --model nor --simulated is given" if model is None else "--model stands beside --simulated"
         raise UsageError(what, fix="give the one or the other")
-    if simulated is not None and len(simulated) != len(measured):
-        raise UsageError(f"{len(measured)} measured frames and {len(simulated)} simulated", fix="give one each")
     if simulated is not None and (effects is not None or without):
         raise UsageError(
             "--effects and --without choose what a model does", fix="give --model in the place of --simulated"
         )
     if effects is not None and without:
         raise UsageError("--effects stands beside --without", fix="give the one or the other")
-    check_twice((*measured, *ideal, *(simulated or ())))
+
+
+def _sides(
+    measured: Sequence[Path], ideal: Sequence[Path], simulated: Sequence[Path]
+) -> tuple[list[FrameFile], list[FrameFile], list[FrameFile]]:
+    """The measured frames, as many ideal scans, and as many simulated frames, none where none is named."""
+    from lidarcheck.cases.partners import beside
+    from lidarcheck.cases.source import each_frame
+
+    groups = each_frame(measured)
+    real = [frame for group in groups for frame in group]
+    ideals = beside(groups, each_frame(ideal), "ideal")
+    shown = beside(groups, each_frame(simulated), "simulated") if simulated else []
+    if len(ideals) != len(real):
+        raise UsageError(f"{len(real)} measured frames and {len(ideals)} ideal scans", fix="give an ideal scan each")
+    if shown and len(shown) != len(real):
+        raise UsageError(f"{len(real)} measured frames and {len(shown)} simulated", fix="give one each")
+    check_twice((*real, *dict.fromkeys(ideals), *shown))
+    return real, ideals, shown
 
 
 def _model(path: Path, effects: Sequence[str] | None, without: Sequence[str] | None) -> Model:
@@ -160,9 +177,9 @@ def _scene(name: str | None) -> SceneFile | None:
 
 
 def _frames(
-    measured: Sequence[Path],
-    ideal: Sequence[Path],
-    simulated: Sequence[Path],
+    measured: Sequence[FrameFile],
+    ideal: Sequence[FrameFile],
+    simulated: Sequence[FrameFile],
     model: Model | None,
     scene: SceneFile | None,
     scene_name: str,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, named
-from lidarcheck.cli.core.options import Files, JsonFile, Placed, Quiet, Seed, Several, Whole, placement_of
+from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, frames_of, named
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, Several, Whole, placement_of
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -17,6 +17,7 @@ from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import Pair
     from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
+    from lidarcheck.cases.source import FrameFile
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.scan import IdealScan
 
@@ -34,12 +35,12 @@ Boxes = Annotated[
 
 
 def compare(
-    *real: Annotated[str, Parameter(help="The real sensor's frames, FILE or FILE@DISTANCE.")],
+    *real: Annotated[str, Parameter(help=f"The real sensor's frames, FILE or FILE@DISTANCE{MANY}.")],
     vehicle: Annotated[str, Parameter(help="car, van or truck.")],
     simulated: Annotated[
         list[str] | None,
         Several,
-        Parameter(help="The model's frames, one for each real one."),
+        Parameter(help="The model's frames, one for each real one, in their order or named as these."),
     ] = None,
     model: Annotated[Path | None, Parameter(help="Simulate with this model in the place of --simulated.")] = None,
     ideal: Annotated[
@@ -59,10 +60,10 @@ def compare(
     """Compare a vehicle at several distances, real against simulated."""
     hush(quiet)
     placement = placement_of(placed)
-    reals, shown = [named(text) for text in real], [named(text) for text in simulated or ()]
-    ideals, cuts = ideal or [], boxes(box or [])
+    cuts = boxes(box or [])
+    reals, shown, ideals = _frames(real, simulated or (), ideal or ())
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
-    inputs = [*(r.path for r in reals), *(s.path for s in shown), *ideals, model]
+    inputs = [*(Path(r.path) for r in reals), *(Path(s.path) for s in shown), *map(Path, ideals), model]
     from lidarcheck.figures.files.vehicle_sheet import SHEET, save_distances
 
     check_places(out, json, inputs, [SHEET])
@@ -83,11 +84,26 @@ def compare(
     return 0
 
 
+def _frames(
+    real: Sequence[str], simulated: Sequence[str], ideal: Sequence[Path]
+) -> tuple[list[NamedFrame], list[NamedFrame], list[FrameFile]]:
+    """The real frames, and the simulated ones and ideal scans beside them; none where none is named."""
+    from lidarcheck.cases.partners import beside
+    from lidarcheck.cases.source import each_frame
+
+    sides = [frames_of([named(text) for text in side]) for side in (real, simulated)]
+    groups, shown = ([[frame for frame, _ in group] for group in side] for side in sides)
+    named_of = {frame: own for side in sides for group in side for frame, own in group}
+    made = [named_of[frame] for frame in beside(groups, shown, "simulated")] if simulated else []
+    ideals = beside(groups, each_frame(ideal), "ideal") if ideal else []
+    return [named_of[frame] for group in groups for frame in group], made, ideals
+
+
 def _read_pairs(
     real: Sequence[NamedFrame],
     simulated: Sequence[NamedFrame],
     model: Path | None,
-    ideal: Sequence[Path],
+    ideal: Sequence[FrameFile],
     variant: str | None,
     object_: int | None,
     box: Sequence[CutBox],
@@ -153,7 +169,7 @@ def merge(
     placement = placement_of(placed)
     files, places = [named(real), named(simulated)], boxes(box or [])
     check_merge(files, out, vehicle, ideal, object_, places, x, y)
-    inputs = [*(file.path for file in files), ideal]
+    inputs = [*(Path(file.path) for file in files), ideal]
     check_writable(out, option="--out", besides=inputs)
     if json is not None:
         check_writable(json, option="--json", besides=[*inputs, out])

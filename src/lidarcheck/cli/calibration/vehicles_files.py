@@ -12,14 +12,15 @@ from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.cut import CutBox
+    from lidarcheck.cases.source import FrameFile, Named
 
-__all__ = ["NamedFrame", "boxes", "check_compare", "check_merge", "named"]
+__all__ = ["NamedFrame", "boxes", "check_compare", "check_merge", "frames_of", "named"]
 
 
 class NamedFrame(NamedTuple):
-    """A file, and the distance that its name says."""
+    """A file or a frame in it, and the distance that its name says."""
 
-    path: Path
+    path: Named
     distance_m: float | None
 
 
@@ -35,6 +36,17 @@ def named(text: str) -> NamedFrame:
     from lidarcheck.calibration.vehicles.kinds import distance_in_name
 
     return NamedFrame(Path(text), distance_in_name(Path(text)))
+
+
+def frames_of(files: Sequence[NamedFrame]) -> list[list[tuple[FrameFile, NamedFrame]]]:
+    """The frames of each file, folder or pattern, at the distance that it says, or else the frame's own name."""
+    from lidarcheck.calibration.vehicles.kinds import distance_in_name
+    from lidarcheck.cases.source import each_frame
+
+    return [
+        [(frame, NamedFrame(frame, file.distance_m or distance_in_name(frame.path))) for frame in group]
+        for file, group in zip(files, each_frame(file.path for file in files), strict=True)
+    ]
 
 
 def _number(text: str) -> float:
@@ -67,7 +79,7 @@ def check_compare(
     real: Sequence[NamedFrame],
     simulated: Sequence[NamedFrame],
     model: Path | None,
-    ideal: Sequence[Path],
+    ideal: Sequence[Named],
     variant: str | None,
     object_: int | None,
     box: Sequence[CutBox],

@@ -6,19 +6,23 @@ import contextlib
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lidarcheck.cli.core.terminal import emit
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
 
+if TYPE_CHECKING:
+    from lidarcheck.cases.source import FrameFile
+
 __all__ = ["alone", "as_it_was", "check_twice", "check_writable", "files_given", "json_text", "write_result"]
 
 
-def check_twice(files: Iterable[Path]) -> None:
+def check_twice(files: Iterable[Path | FrameFile]) -> None:
     """Refuse a file that is named twice: it would count as two measurements."""
     seen: set[str] = set()
     for file in files:
-        place = os.path.realpath(file)
+        place = os.path.realpath(str(file))  # of a frame in a file of several with its number
         if place in seen:
             raise UsageError(f"{file} is named twice", fix="name each file once")
         seen.add(place)

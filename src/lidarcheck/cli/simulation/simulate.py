@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import MANY, Jobs, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler
@@ -15,6 +16,7 @@ from lidarcheck.cli.simulation.simulate_frames import MOST_FRAMES, simulate_fram
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
+    from lidarcheck.cases.source import FrameFile
     from lidarcheck.model import Model
     from lidarcheck.model.fidelity import Device, Fidelity
     from lidarcheck.scenes.files.file import SceneFile
@@ -23,9 +25,9 @@ __all__ = ["simulate"]
 
 
 def simulate(
-    ideal: Annotated[Path, Parameter(help="What each fired beam meets, in any format that `info` knows.")],
+    ideal: Annotated[Path, Parameter(help=f"What each fired beam meets, in any format that `info` knows{MANY}.")],
     /,
-    *more: Annotated[Path, Parameter(name="MORE", help="Further ideal scans, a file each.")],
+    *more: Annotated[Path, Parameter(name="MORE", help="Further ideal scans, likewise.")],
     model: Annotated[Path, Parameter(help="The sensor model, TOML.")],
     out: Annotated[
         Path,
@@ -66,21 +68,35 @@ def simulate(
     hush(quiet)
     from lidarcheck.cli.simulation.scene import find_scene
 
-    if more or frames is not None:
+    with stage("reading"):
+        ideals = _ideals((ideal, *more), out)
+    if len(ideals) > 1 or frames is not None or ideal.is_dir():
         found = None if scene is None else find_scene(scene)
         return simulate_frames(
-            (ideal, *more), model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
+            ideals, model, out, scene=found, seed=seed, count=frames, suffix=format or "parquet", jobs=jobs,
             scheduler=scheduler, fidelity=fidelity, device=device,
         )  # fmt: skip
     for option, value in {"--format": format, "--scheduler": scheduler}.items():
         if value is not None:
             raise UsageError(f"{option} is for many frames", fix="add --frames N, or name several ideal scans")
     found = None if scene is None else find_scene(scene)
-    return _one(ideal, model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity, device=device)
+    return _one(ideals[0], model, out, scene=found, seed=seed, jobs=jobs, fidelity=fidelity, device=device)
+
+
+def _ideals(given: Sequence[Path], out: Path) -> list[FrameFile]:
+    """The ideal scans; refused where one file is to hold the echoes of several that one name stands for."""
+    from lidarcheck.cases.source import SUFFIXES, each_frame
+
+    groups = each_frame(given)
+    several = next((file for file, group in zip(given, groups, strict=True) if len(group) > 1), None)
+    if several is not None and out.suffix.lower() in SUFFIXES and not out.is_dir():
+        what = f"{several} holds several frames, and --out {out} is one file"
+        raise UsageError(what, fix="name a directory for --out, where each is written to a file")
+    return [frame for group in groups for frame in group]
 
 
 def _one(
-    ideal: Path,
+    ideal: FrameFile,
     model: Path,
     out: Path,
     *,
@@ -90,7 +106,8 @@ def _one(
     fidelity: Fidelity,
     device: Device,
 ) -> int:
-    from lidarcheck.formats import load_ideal, save_scan
+    from lidarcheck.cases.source import ideal_of
+    from lidarcheck.formats import save_scan
     from lidarcheck.formats.recognise import target_format
     from lidarcheck.model import load_model
     from lidarcheck.model import simulate as run
@@ -98,12 +115,12 @@ def _one(
     from lidarcheck.workers import one_blas_thread
 
     target_format(out)
-    check_writable(out, option="--out", besides=(ideal, model))
+    check_writable(out, option="--out", besides=(ideal.path, model))
     sensor_model = load_model(model)
     check_device(device, fidelity, sensor_model)
     check_writable(out, option="--out", besides=_read(sensor_model, scene))
     with stage(f"reading {ideal.name}"):
-        beams_meet = load_ideal(ideal)
+        beams_meet = ideal_of(ideal)
     with progress("simulating") as show, one_blas_thread():
         scan = run(
             beams_meet,

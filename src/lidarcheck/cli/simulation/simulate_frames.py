@@ -12,6 +12,7 @@ from lidarcheck.cli.core.workers import workers
 from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
+    from lidarcheck.cases.source import Named
     from lidarcheck.model.fidelity import Device, Fidelity
     from lidarcheck.scenes.files.file import SceneFile
 
@@ -21,7 +22,7 @@ MOST_FRAMES = 1_000_000
 
 
 def simulate_frames(
-    ideals: Sequence[Path],
+    ideals: Sequence[Named],
     model: Path,
     out: Path,
     *,
