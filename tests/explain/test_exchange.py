@@ -7,7 +7,7 @@ import pytest
 
 from explain_core_kit import PANEL, WALL, case, model
 from lidarcheck.cases.case import Case
-from lidarcheck.cases.split import Split, exchanged
+from lidarcheck.cases.split import Split, Unseen, exchanged
 from lidarcheck.effects import make
 from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.steps import Workflow
@@ -69,5 +69,5 @@ def test_what_selects_instead_is_what_the_fit_lacks_least() -> None:
         return dataclasses.replace(frame, ideal=ideal)
 
     fit = (only(0, PANEL), only(1, WALL), only(2, PANEL))
-    found = exchanged(Split(fit, (only(3, PANEL),), (only(4, WALL), only(5, PANEL))))  # type: ignore[arg-type]
+    found = exchanged(Split(fit, (only(3, PANEL),), Unseen([only(4, WALL), only(5, PANEL)])))  # type: ignore[arg-type, list-item]
     assert found.numbers() == {"fit": (1, 2, 3), "select": (0,), "verify": (4, 5)}

@@ -9,14 +9,18 @@ import pytest
 
 from explain_core_kit import case, frames, model, ripple
 from lidarcheck.cases.case import Case
+from lidarcheck.cases.frame import Frame
+from lidarcheck.cases.split import Unseen
 from lidarcheck.effects import catalogue, empirical_terms, make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain import steps as workflow_steps
+from lidarcheck.explain import workflow
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import PROGRESS, ignore_progress
 from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.explain.report.model_diff import write_model
+from lidarcheck.explain.report.text import report_text
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.explain.steps import Workflow
@@ -138,23 +142,59 @@ def test_too_few_frames_are_refused() -> None:
         explain(case(model(), model(), 2), seed=1)
 
 
-@pytest.mark.long
-def test_a_name_that_does_not_carry_over_to_unseen_frames_is_withdrawn() -> None:
-    """The last two frames, which verify, lack what the others have: a name for these closes nothing there."""
-    off, right = (case(m, model(), 6) for m in (model(make("range_offset", {"offset_m": OFFSET_M})), model()))
-    opposite = case(model(make("range_offset", {"offset_m": -OFFSET_M})), model(), 6)
-    held = set(explain(right, seed=1).split["verify"])
-    mixed = tuple(opposite.frames[i] if i in held else off.frames[i] for i in range(6))
-    found = explain(dataclasses.replace(off, frames=mixed), seed=1, exclude=AT_REST)
-    assert found.verdict == "unknown"
-    assert [one.name for one in found.findings] == ["unknown"]
-    names, terms = (step.words for step in found.steps if step.name == "withdrawn")
-    assert "range_offset" in names
-    # A description of the other frames' ranges takes these even farther away.
-    assert "range" in terms
-    assert "the gap is larger with it" in terms
-    assert found.model.effects == ()
-    assert found.gap.after == found.gap.before
+def with_unseen(given: Case, other: Case, seed: int = 1) -> Case:
+    """The case with the measurements of another one where it verifies."""
+    held = Workflow(given.model, seed, (), WorkerPool(), ignore_progress).split(given).verify.numbers
+    mixed = (other.frames[i] if i in held else given.frames[i] for i in range(len(given.frames)))
+    return dataclasses.replace(given, frames=tuple(mixed))
+
+
+def said(found: Explanation) -> str:
+    """All that is decided: names, numbers, terms, the written model, what else was tried."""
+    report = found.to_dict()
+    kept = ("effects", "not_testable", "where", "candidates", "split")
+    return json.dumps([{key: report[key] for key in kept}, str(found.model.effects), str(found.model.materials)])
+
+
+def test_the_unseen_frames_change_one_word_and_nothing_else(offset_case: Case, named: Explanation) -> None:
+    """Garbage in the frames that verify: no names, forms and numbers move; the word does, and both figures are said."""
+    garbage = case(
+        model(make("range_offset", {"offset_m": -3.0 * OFFSET_M}), make("signal_gain", {"gain": 0.3})), model()
+    )
+    found = explain(with_unseen(offset_case, garbage), seed=1, exclude=AT_REST)
+    assert said(found) == said(named)
+    assert (named.verdict, found.verdict) == ("explained", "unknown")
+    assert found.gap.closed_span[1] < 0.5 < named.gap.closed_span[1]
+    assert found.closed_seen == named.closed_seen
+    assert found.closed_seen is not None
+    assert found.closed_seen > 0.6
+    words = report_text(found, width=100)
+    assert words.startswith("UNKNOWN: range_offset was found, but less than half of the gap closes")
+    assert f"{100.0 * found.closed_seen:.0f} %" in words
+    assert f"{100.0 * found.gap.closed:.0f} %" in words
+
+
+def test_what_has_no_name_is_described_without_the_unseen_frames(alien: Explanation) -> None:
+    right = case(model(), model())
+    found = explain(with_unseen(case(model(), model(), changed=ripple), right), seed=1)
+    assert said(found) == said(alien)
+
+
+def test_the_unseen_frames_are_looked_at_once(offset_case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the last step but the word; what was found by then is what is said."""
+    looks: list[int] = []
+    look = Unseen.look
+    run = Workflow(offset_case.model, 1, AT_REST, WorkerPool(), ignore_progress)
+
+    def counted(self: Unseen) -> tuple[Frame, ...]:
+        looks.append(len(run.steps))
+        return look(self)
+
+    monkeypatch.setattr(Unseen, "look", counted)
+    found = workflow._explain(offset_case, run)
+    assert looks == [len(run.steps) - 1]
+    assert run.steps[-1].name == "verification"
+    assert found.verdict == "explained"
 
 
 # Describing what has no name

@@ -14,7 +14,7 @@ from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.observed.kernels import areas_between
-from lidarcheck.inference.wasserstein import PARTS, Scale, gap_of
+from lidarcheck.inference.wasserstein import PARTS, Scale, _closed_span, gap_of
 
 OFFSET = make("range_offset", {"offset_m": 0.08})
 DIM = make("signal_gain", {"gain": 0.6})
@@ -214,3 +214,17 @@ def test_a_trial_passes_by_its_gain_on_both_kinds_of_frames_and_its_size() -> No
     assert not FittedCandidate(
         "signal_gain", 1, Fit((small,), (x,), 1.0, np.zeros((1, 3))), 500.0, 1.0, 500.0, 0.0
     ).passes
+
+
+def test_what_closes_has_an_interval() -> None:
+    """Beams drawn anew move both gaps alike, and another measurement the one that is left; of a gap that may be chance
+    any share may close."""
+    drawn, still = np.linspace(-0.05, 0.05, 17), np.zeros(6)
+    before, after = (np.concatenate([[value], value + drawn]) for value in (1.1, 0.6))
+    low, high = _closed_span(before, after, 0.1, still)
+    assert low < 0.5 < high
+    assert high - low == pytest.approx(0.5 / 0.95 - 0.5 / 1.05, abs=0.02)
+    wider = _closed_span(before, after, 0.1, np.linspace(-0.1, 0.1, 6))
+    assert wider[0] < low < high < wider[1]
+    assert _closed_span(before, after, 1.2, still) == (-1.0, 1.0)
+    assert _closed_span(before, 0.1 + 0.0 * after, 0.1, still) == (1.0, 1.0)

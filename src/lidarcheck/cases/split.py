@@ -13,7 +13,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import UsageError
 
-__all__ = ["Split", "exchanged", "split_frames"]
+__all__ = ["Split", "Unseen", "exchanged", "split_frames"]
 
 _ROLES = ("fit", "verify", "fit", "select", "fit", "verify")
 """The roles of frames in order of their distances: of six, three fit, one selects and two verify."""
@@ -27,17 +27,34 @@ _OF_VERIFY = 0.5
 Roles = npt.NDArray[np.str_]
 
 
+class Unseen:
+    """Frames that are kept back: they can be looked at once, so that nothing is chosen by what they show."""
+
+    def __init__(self, frames: Sequence[Frame]) -> None:
+        self.numbers = tuple(frame.number for frame in frames)
+        """The frames' numbers as in the case's file."""
+        self._frames: tuple[Frame, ...] | None = tuple(frames)
+
+    def look(self) -> tuple[Frame, ...]:
+        """The frames, once; `RuntimeError` the second time, which is a mistake in the program."""
+        if self._frames is None:
+            raise RuntimeError("the frames of the verification have been looked at already")
+        found, self._frames = self._frames, None
+        return found
+
+
 @dataclass(frozen=True)
 class Split:
-    """Frames by what they are for."""
+    """Frames by what they are for; those that verify are kept back until all has been decided."""
 
     fit: tuple[Frame, ...]
     select: tuple[Frame, ...]
-    verify: tuple[Frame, ...]
+    verify: Unseen
 
     def numbers(self) -> Mapping[str, tuple[int, ...]]:
         """The frames' numbers as in the case's file."""
-        return {name: tuple(f.number for f in getattr(self, name)) for name in ("fit", "select", "verify")}
+        fit, select = (tuple(frame.number for frame in frames) for frames in (self.fit, self.select))
+        return {"fit": fit, "select": select, "verify": self.verify.numbers}
 
     def words(self) -> str:
         """In a sentence."""
@@ -58,17 +75,17 @@ def split_frames(frames: Sequence[Frame]) -> Split:
     order = sorted(frames, key=lambda f: (f.median_range_m, f.number))
     roles = _ROLES_OF_FEW if len(frames) < _FEW else _ROLES
     dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
-    parts = ([f for f, role in zip(order, dealt, strict=True) if role == name] for name in ("fit", "select", "verify"))
-    return Split(*(tuple(sorted(part, key=lambda f: f.number)) for part in parts))
+    by_role = {name: [f for f, role in zip(order, dealt, strict=True) if role == name] for name in _ROLES_OF_FEW}
+    fit, select, verify = (tuple(sorted(part, key=lambda f: f.number)) for part in by_role.values())
+    return Split(fit, select, Unseen(verify))
 
 
 def exchanged(split: Split) -> Split:
     """The select frames take part in the fit, and as many of its frames select in their place: those that the fit lacks
-    least, by the materials that the other frames have in view."""
-    frames = (*split.fit, *split.select, *split.verify)
-    in_view, ways = _in_view(frames), []
+    least, by the materials that they have in view."""
+    in_view, ways = _in_view((*split.fit, *split.select)), []
     for chosen in itertools.combinations(range(len(split.fit)), len(split.select)):
-        roles = np.array(["fit"] * (len(split.fit) + len(split.select)) + ["verify"] * len(split.verify))
+        roles = np.array(["fit"] * (len(split.fit) + len(split.select)))
         roles[[*chosen]] = "select"
         ways.append((_unlike(roles, in_view), chosen))
     _, chosen = min(ways)
@@ -107,5 +124,7 @@ def _unlike(roles: Roles, in_view: FloatArray) -> float:
     """What part of the beams of the other frames, and half of that of those to verify, meets what those of the fit do
     not."""
     fit = in_view[roles == "fit"].mean(axis=0)
-    others, verify = in_view[roles != "fit"].mean(axis=0), in_view[roles == "verify"].mean(axis=0)
-    return float(np.maximum(others - fit, 0.0).sum() + _OF_VERIFY * np.maximum(verify - fit, 0.0).sum())
+    lacking = [
+        np.maximum(in_view[of].mean(axis=0) - fit, 0.0).sum() for of in (roles != "fit", roles == "verify") if of.any()
+    ]
+    return float(np.dot(lacking, (1.0, _OF_VERIFY)[: len(lacking)]))

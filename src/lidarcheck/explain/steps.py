@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lidarcheck.cases.split import Split, exchanged, split_frames
+from lidarcheck.cases.split import Split, Unseen, exchanged, split_frames
 from lidarcheck.effects.base import catalogue
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.answer import (
@@ -25,23 +25,23 @@ from lidarcheck.explain.decision.beam_closure import closure_by_beam
 from lidarcheck.explain.decision.closure import Closure, closure, not_testable, shows_in_select_alone
 from lidarcheck.explain.decision.equivalence import Polished, Rival, contest, rivals
 from lidarcheck.explain.decision.findings import is_doubtful
+from lidarcheck.explain.decision.idle import idle_names, without_idle
+from lidarcheck.explain.decision.last_word import Verified, verified
 from lidarcheck.explain.decision.late_forms import late_words
-from lidarcheck.explain.decision.model_check import widening
 from lidarcheck.explain.decision.needless import without_any, without_needless
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
 from lidarcheck.explain.report.explanation import ProgressCallback, SearchStep, Standout, StepCallback
-from lidarcheck.explain.report.wording import standouts
+from lidarcheck.explain.report.wording import closed_words, standouts
 from lidarcheck.explain.search.alternatives import other_ways, try_alternatives, with_fewer_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
-from lidarcheck.explain.search.search import backward, find_effects, without
+from lidarcheck.explain.search.search import backward, find_effects
 from lidarcheck.explain.search.second_look import second_look
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes, located_probes
 from lidarcheck.explain.search.trial import select_distance
-from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.simulator import Simulator
-from lidarcheck.inference.wasserstein import Scale, gap_of
+from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
 
@@ -65,6 +65,7 @@ class Workflow:
     on_progress: ProgressCallback
     on_step: StepCallback = ignore_step
     checkpoint: Checkpoint | None = None
+    calibrates: bool = True
     steps: list[SearchStep] = field(default_factory=list)
     described: list[Description] = field(default_factory=list)
 
@@ -161,8 +162,21 @@ class Workflow:
         accepted = search.fit
         others = self.find_rivals(bench, search, closed)
         last = self.polish(seen, search, closed, others)
+        if last is not None and (fewer := self.leave_out_idle(bench, search, last)) is not None:
+            return self.judge(bench, seen, fewer)
         simpler = self.leave_out_again(bench, seen, search) if search.fit is not accepted else None
         return simpler or (search, self.decide(bench, seen, search, closed, last))
+
+    def leave_out_idle(self, bench: SearchData, search: Search, last: Polished) -> Search | None:
+        """The search without effects of no strength, and such as do not pay on the select frames; None where there is
+        none."""
+        idle = idle_names(bench, search.fit, last)
+        for at, why in idle.items():
+            self.did("idle", f"{search.fit.names()[at]}: {why}")
+        if not idle:
+            return None
+        names = (*search.idle, *(search.fit.names()[at] for at in idle))
+        return Search(search.first, without_idle(bench, search.fit, idle), search.trials, idle=names)
 
     def leave_out_again(self, bench: SearchData, seen: Scale, search: Search) -> tuple[Search, Answer] | None:
         """The same without names that a rival in its new place has made needless; None where it needs them all."""
@@ -175,23 +189,6 @@ class Workflow:
             return None
         self.did("left out again", f"{', '.join(found.fit.names())}: beside the rival no more is needed")
         return found, answer
-
-    def leave_out(
-        self, bench: SearchData, seen: Scale, search: Search, answer: Answer, gap: Gap
-    ) -> tuple[Search, Answer]:
-        """The same without a name, not the most important, with which the gap is wider on the frames that no fit has
-        seen, if the others explain the case as well."""
-        wider = widening(gap, [one.name for one in answer.findings[1:]])
-        at = next((i for i, name in enumerate(search.fit.names()) if name in wider), None)
-        if at is None:
-            return search, answer
-        name, fewer = search.fit.names()[at], without(bench.simulator, search.fit, at)
-        found, simpler = self.judge(bench, seen, Search(search.first, fewer, search.trials))
-        if simpler.verdict != "explained":
-            self.did("kept", f"{name}: on unseen frames the gap is wider with it, but too much is open without")
-            return search, answer
-        self.did("withdrawn", f"{name}: on frames that no fit has seen, the gap is wider with it")
-        return found, simpler
 
     def close(self, bench: SearchData, seen: Scale, search: Search) -> tuple[Search, Closure]:
         """Whether little is left open, by the summaries of the select frames or beam by beam."""
@@ -271,28 +268,27 @@ class Workflow:
         self.on_progress("unknown", 1, 1)
         return answer_with_terms(bench, search, left, self.described[0])
 
-    def withdraw(self, bench: SearchData, seen: Scale, search: Search, answer: Answer, gap: Gap) -> Answer:
-        """Names that do not close the gap are not given: what is missing is unknown."""
+    def withhold(self, bench: SearchData, seen: Scale, search: Search, answer: Answer) -> Answer:
+        """Names that do not close the gap on the frames seen are not given: what is missing is unknown."""
+        if closes(answer):
+            return answer
         names = ", ".join(finding.name for finding in answer.findings)
-        self.did("withdrawn", f"{names}: with these, {objection(answer, gap)}")
-        found = self._unknown(bench, seen, search, 1.0 - gap.closed)
+        self.did("withdrawn", f"{names}: with these, {objection(answer)}")
+        found = self._unknown(bench, seen, search, 1.0 - (answer.closed or 0.0))
         self.did("unknown", found.words)
         return found
 
-    def drop(self, answer: Answer, fewer: Answer) -> Answer:
-        """The answer without its last stage, empirical terms or small errors put right, which widens the gap there."""
-        self.did("withdrawn", f"{answer.stages[-1][0]}: on frames that no fit has seen, the gap is larger with it")
-        return fewer
+    def verify(self, unseen: Unseen, answer: Answer) -> Verified:
+        """The gap before, after each effect, and its floor, on frames that nothing above has seen: the one look at
+        them, which may change the word of the verdict, and nothing else."""
+        scale = Scale.of(unseen.look(), self.model, 2 * self.seed + 3)
 
-    def verify(self, split: Split, answer: Answer) -> Gap:
-        """The gap before, after each effect, and its floor, on frames that nothing above has seen."""
-        scale = Scale.of(split.verify, self.model, 2 * self.seed + 3)
-        names = ("before", *(name for name, _ in answer.stages[1:]))
-
-        def on_progress(i: int, n: int, gap: float) -> None:
+        def on_progress(names: Sequence[str], i: int, n: int, gap: float) -> None:
             self.on_progress("verification", i, n)
-            self.on_step(SearchStep("gap", f"{gap:.3f} {'with ' if i > 1 else ''}{names[i - 1]}"))
+            self.on_step(SearchStep("gap", f"{gap:.3f} {f'with {names[i - 1]}' if i > 1 else 'before'}"))
 
-        gap = gap_of(scale, answer.stages, on_progress, self.pool)
-        self.did("verification", f"gap {gap.before.value:.3f} before, {gap.after.value:.3f} after")
-        return gap
+        found = verified(scale, answer, self.calibrates, on_progress, self.pool)
+        self.did("verification", f"gap {found.gap.before.value:.3f} before, {found.gap.after.value:.3f} after")
+        if found.verdict != answer.verdict:
+            self.did("last word", f"{found.verdict}: {closed_words(answer.closed, found.gap)}")
+        return found

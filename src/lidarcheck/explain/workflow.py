@@ -6,12 +6,7 @@ import contextlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lidarcheck.explain.decision.answer import (
-    CALIBRATION,
-    closes,
-    explanation_of,
-)
-from lidarcheck.explain.decision.model_check import widening
+from lidarcheck.explain.decision.answer import explanation_of
 from lidarcheck.explain.progress import ignore_progress, ignore_step
 from lidarcheck.explain.report.explanation import Explanation, ProgressCallback, StepCallback
 from lidarcheck.explain.steps import Workflow
@@ -37,12 +32,14 @@ def explain(
     on_progress: ProgressCallback | None = None,
     on_step: StepCallback | None = None,
     checkpoint: Checkpoint | None = None,
+    calibrate: bool = True,
 ) -> Explanation:
     """Explain a case; the same case and seed give the same answer, whoever works: `jobs` processes, or a `pool`.
 
     `exclude`: effects that are not to be named. `on_progress` hears (step, done, of), `on_step` what
     is found, in words, as soon as it is there. `checkpoint` keeps what was done, so that
-    an interrupted run goes on. `UsageError` where there are fewer than three frames.
+    an interrupted run goes on. Without `calibrate` nothing but the effects that are named changes in the model; usual
+    errors are forgiven all the same. `UsageError` where there are fewer than three frames.
     """
     own = Processes(jobs, _wake)
     with one_blas_thread(), own if pool is None else contextlib.nullcontext(pool) as workers, _threads(workers):
@@ -56,6 +53,7 @@ def explain(
                 on_progress or ignore_progress,
                 on_step or ignore_step,
                 checkpoint,
+                calibrate,
             ),
         )
 
@@ -74,7 +72,7 @@ def _wake() -> None:
 
 
 def _explain(case: Case, run: Workflow) -> Explanation:
-    """The method, a step a line."""
+    """The method, a step a line. Frames that verify are looked at in `verify` alone, when all is decided."""
     split = run.split(case)
     split, bench = run.exchange_frames(split, run.measure_residuals_and_floor(split))
     where = run.find_where(bench)
@@ -85,18 +83,7 @@ def _explain(case: Case, run: Workflow) -> Explanation:
     search = run.leave_out_needless(bench, seen, search)
     search, answer = run.judge(bench, seen, search)
     search, answer = run.take_another_way(bench, seen, screened, search, answer)
+    answer = run.withhold(bench, seen, search, answer)
     untestable = run.list_untestable(bench, screened)
-    gap = run.verify(split, answer)
-    fewer, simpler = run.leave_out(bench, seen, search, answer, gap)
-    if simpler is not answer:
-        search, answer, gap = fewer, simpler, run.verify(split, simpler)
-    if not closes(answer, gap):
-        answer = run.withdraw(bench, seen, search, answer, gap)
-        gap = run.verify(split, answer)
-    if answer.verdict == "unknown" and gap.after.value > gap.before.value:
-        answer = run.drop(answer, answer.without_terms())
-        gap = run.verify(split, answer)
-    if widening(gap, [CALIBRATION]):
-        answer = run.drop(answer, answer.without_calibration())
-        gap = run.verify(split, answer)
-    return explanation_of(case, split, bench, where, search, answer, untestable, gap, run.seed, run.steps)
+    verified = run.verify(split.verify, answer)
+    return explanation_of(case, split, bench, where, search, answer, untestable, verified, run.seed, run.steps)

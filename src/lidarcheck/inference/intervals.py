@@ -36,7 +36,8 @@ class Gap:
 
     `before`, `after`, `floor` (what a perfect model is expected to leave), each with its interval;
     the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
-    the floor.
+    the floor. `closed_span`: the ends of the 90 % interval of `closed`, cut off at -1 and 1; all of that where
+    the gap before may be chance.
     """
 
     before: Interval
@@ -44,6 +45,7 @@ class Gap:
     floor: Interval
     by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     waterfall: tuple[tuple[str, Interval], ...] = ()
+    closed_span: tuple[float, float] = (-1.0, 1.0)
 
     @property
     def closed(self) -> float:

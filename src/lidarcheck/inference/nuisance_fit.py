@@ -14,7 +14,7 @@ from lidarcheck.inference.nuisances import LIMIT, Nuisance, at, axes_of
 from lidarcheck.inference.optimiser import Point, damped_step, descend, jacobian_at, normal_equations
 from lidarcheck.inference.simulator import Simulator
 
-__all__ = ["fit_nuisance"]
+__all__ = ["fit_nuisance", "nuisance_spread"]
 
 
 _DAMPINGS, _DAMPING = (1.0, 3.0, 10.0), 0.05
@@ -31,6 +31,13 @@ def fit_nuisance(simulator: Simulator, now: Fit, *, rounds: int = 2) -> Fit:
     return replace(now, distance=simulator.distance(end.shown), shown=end.shown, nuisance=descent.nuisance(end.x))
 
 
+def nuisance_spread(simulator: Simulator, now: Fit) -> dict[str | int, float]:
+    """How sure each nuisance beside a fit's effects is: its standard deviation in its usual errors, at most 1, since a
+    usual error is known before; by axis as `axes_of` has them."""
+    descent = _NuisanceDescent(simulator, now)
+    return dict(zip(descent.axes, descent.spread().tolist(), strict=True))
+
+
 class _NuisanceDescent:
     """Towards the measurement in the nuisances, each in its usual errors and within its limits.
 
@@ -42,28 +49,34 @@ class _NuisanceDescent:
 
     def __init__(self, simulator: Simulator, now: Fit) -> None:
         self.simulator, effects = simulator, now.effects()
-        self._axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
+        self.axes = axes_of([int(i) for i in np.unique(simulator.beams.material_id) if i >= 0], effects)
         self._gain = all(effect.role != "gain" for effect in effects)
         self._model = now.model(simulator.model)
 
     def nuisance(self, x: FloatArray) -> Nuisance:
         """The nuisance at a point."""
-        return at(self._axes, x, gain=self._gain)
+        return at(self.axes, x, gain=self._gain)
 
     def start(self) -> Point:
         """Where nothing is off, and the slopes there.
 
         What is not looked at is left out of the covariance too: given all the rest, the others alone would say little.
         """
-        x = np.zeros(len(self._axes))
+        x = np.zeros(len(self.axes))
         shown = self._shows(x)
-        self._rows = _where_seen(self.simulator, self._axes)
+        self._rows = _where_seen(self.simulator, self.axes)
         self._metric: Metric = self.simulator.bare.of_rows(self._rows)
         self._jacobian = jacobian_at(self._shows, x, shown, _LENGTHS)[self._rows]
         return Point(x, shown, self.simulator.distance(shown, metric=self.simulator.bare), x)
 
     def _shows(self, x: FloatArray, seeds: int | None = None) -> FloatArray:
         return self.simulator.shows(self._model, seeds, nuisance=self.nuisance(x))
+
+    def spread(self) -> FloatArray:
+        """The standard deviation along each axis by the slopes where nothing is off, shape (n_axes,)."""
+        self.start()
+        curvature, _ = normal_equations(self._metric, self._jacobian, np.zeros(len(self._jacobian)))
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(curvature + np.eye(len(curvature))))))
 
     def look(self, now: Point, step: FloatArray) -> Point:
         """See `Objective.look`; the distance is with what the nuisances cost."""

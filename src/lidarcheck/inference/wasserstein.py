@@ -29,7 +29,7 @@ from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["PARTS", "Scale", "excesses", "gap_of"]
+__all__ = ["PARTS", "Scale", "excesses", "gap_of", "left_by"]
 
 
 PARTS = (*FEATURES, "detected", "other echoes")
@@ -206,6 +206,16 @@ def excesses(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = No
     return [*(pool or WorkerPool()).map(Scale.excess, ((scale.shared, model) for model in models))]
 
 
+def left_by(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = None) -> list[float]:
+    """The gap beyond the noise that each of some models leaves which differ by little, as `gap_of` counts it; the noise
+    of all is the last one's."""
+    own = scale.simulated(models[-1], _FIRST_GAP_FLOOR, _FLOORS)
+    tasks = ((scale.shared, model, _FIRST_GAP, _SEEDS) for model in models)
+    shown = [*(pool or WorkerPool()).map(Scale.simulated, tasks)]
+    noise = np.mean([scale.distance(other, shown[-1]) for other in own], axis=0)
+    return [float(np.abs(scale.distance(scale.measured, one) - noise).mean()) for one in shown]
+
+
 def gap_of(
     scale: Scale,
     stages: Sequence[tuple[str, Model]],
@@ -237,7 +247,24 @@ def gap_of(
         name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(lowest[j])) for j, name in enumerate(PARTS)
     }
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
-    return Gap(totals[0], totals[-1], floor, by_feature, waterfall)
+    again = np.abs(chance[-1] - noise).mean(axis=1) - _by_chance(chance[-1]).mean()
+    span = _closed_span(parts[0].mean(axis=1), parts[-1].mean(axis=1), floor.value, again)
+    return Gap(totals[0], totals[-1], floor, by_feature, waterfall, span)
+
+
+def _closed_span(before: FloatArray, after: FloatArray, floor: float, again: FloatArray) -> tuple[float, float]:
+    """The ends of the 90 % interval of the share of the gap above the floor that closes, cut off at -1 and 1.
+
+    `before` and `after` (1 + drawn,): the gap as it is and with beams drawn anew, the same ones in both. `again`
+    (n_floors,): by how much more or less another measurement would differ from the last model if that were the truth.
+    Where a gap before is no larger than the floor, whatever closes is chance, and the share may be anything.
+    """
+    before, after = (one[0] + one[1:] - one[1:].mean() for one in (before, after))
+    above = np.repeat(before - floor, len(again))
+    closed = (np.repeat(before - after, len(again)) - np.tile(again, len(before))) / np.where(above > 0.0, above, 1.0)
+    ends = (np.where(above > 0.0, closed, nothing) for nothing in (-np.inf, np.inf))
+    low, high = (float(np.quantile(one, at, method="nearest")) for one, at in zip(ends, ENDS, strict=True))
+    return max(low, -1.0), min(high, 1.0)
 
 
 def _by_chance(own: FloatArray) -> FloatArray:

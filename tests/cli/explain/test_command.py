@@ -1,5 +1,6 @@
 """`lidarcheck explain` around its workflow, which is a stand-in here: files, refusals, interruption, progress."""
 
+import dataclasses
 import json
 import re
 import sys
@@ -14,7 +15,7 @@ from lidarcheck.cli import main
 from lidarcheck.cli.explain.files import write_together
 from lidarcheck.cli.explain.watch import JsonLines, Pace, clock_text, watched
 from lidarcheck.errors import InputError
-from lidarcheck.explain.report.explanation import Progress, SearchStep
+from lidarcheck.explain.report.explanation import Calibrated, Progress, SearchStep
 from lidarcheck.explain.report.text import report_text, verdict_sentence
 from lidarcheck.model import load_model
 
@@ -45,7 +46,11 @@ class Workflow:
         self.answer = explanation
         self.fails = None
 
-    def explain(self, case, *, seed=0, exclude=(), jobs=1, pool=None, on_progress=None, on_step=None, checkpoint=None):
+    def explain(
+        self, case, *, seed=0, exclude=(), jobs=1, pool=None, on_progress=None, on_step=None, checkpoint=None,
+        calibrate=True,
+    ):  # fmt: skip
+        self.calibrates = calibrate
         self.calls.append({"seed": seed, "exclude": exclude, "jobs": jobs, "kept": checkpoint.get("split")})
         on_progress("split", 1, 1)
         if on_step is not None:
@@ -304,6 +309,27 @@ def test_verdicts_in_words(made):
     unknown = verdict_sentence(explanation(case, "unknown", ("fog", "unknown")))
     assert unknown.startswith("UNKNOWN: ")
     assert "Beside it: fog." in unknown
+    found = dataclasses.replace(explanation(case, "unknown", ("fog",)), closed_seen=0.98)
+    found = dataclasses.replace(found, gap=dataclasses.replace(found.gap, closed_span=(0.1, 0.35)))
+    assert verdict_sentence(found) == (
+        "UNKNOWN: fog was found, but less than half of the gap closes: 98 % of the gap closes on the frames "
+        "that chose, 97 % (10 to 35 %) on those that nothing has seen. The rest is something else."
+    )
+
+
+def test_the_share_of_what_is_calibrated_is_told_apart(made):
+    numbers = (Calibrated("materials.1.reflectance", 0.17, 0.16, 0.15, 0.18, 0.015),)
+    found = dataclasses.replace(explanation(load_case(made)), calibrated=numbers)
+    assert "of the gap on frames that no fit has seen, 2 % of it by what is calibrated besides." in verdict_sentence(
+        found
+    )
+
+
+@pytest.mark.parametrize(("options", "calibrates"), [([], True), (["--no-nuisances"], False)])
+def test_nothing_is_calibrated_where_that_is_asked(case, workflow, options, calibrates):
+    assert main(["explain", "case", "--out", "found", "-q", *options]) == 0
+    assert workflow.calibrates is calibrates
+    assert main(["explain", "--benchmark", "2", "--no-nuisances"]) == 2
 
 
 def test_pace_knows_the_rest_from_the_steps_shares():

@@ -176,21 +176,21 @@ def test_names_that_explain_less_by_no_more_than_chance_are_rivals(
     bench: SearchData, gain: float, less: float, found: int
 ) -> None:
     """However small a part of what the accepted one explains that is."""
-    both = ((name, size) for name, size in (("range_offset", gain), ("range_scale", less)))
+    both = ((name, size) for name, size in (("range_offset", gain), ("pulse_shape", less)))
     trials = [replace(trial(bench, name, size), select_after=1000.0) for name, size in both]
     assert len(rivals(bench, trials[0].fit, trials, lambda *_: None)) == found
 
 
 @pytest.mark.parametrize(
     ("explained", "left", "found"),
-    [(500.0, 1000.0, ["range_scale"]), (90.0, 1000.0, []), (500.0, 100.0, [])],
+    [(500.0, 1000.0, ["pulse_shape"]), (90.0, 1000.0, []), (500.0, 100.0, [])],
     ids=["overlooked", "explained less", "little is left"],
 )
 def test_a_name_that_explained_more_in_an_earlier_round_is_tried_where_much_is_left(
     bench: SearchData, explained: float, left: float, found: list[str]
 ) -> None:
     """Beside the first effect, whose fit has taken up a part of its own, it explained less than the second one."""
-    first, second, other = (trial(bench, name, 600.0) for name in ("signal_gain", "range_offset", "range_scale"))
+    first, second, other = (trial(bench, name, 600.0) for name in ("signal_gain", "range_offset", "pulse_shape"))
     both = fit(bench.simulator, [*first.fit.probes, *second.fit.probes], [*first.fit.x, *second.fit.x], rounds=1)
     now = replace(both, distance=bench.simulator.floor_distance + left)
     second = replace(second, fit=both, round=2, gain=200.0, select_after=900.0)
@@ -205,6 +205,53 @@ def test_a_rival_that_is_far_in_an_effect_s_place_is_not_judged_and_told(bench: 
     assert found.fit is now
     assert found.compared == {}
     assert found.behind == {"range_offset": {"range_scale": 900.0}}
+
+
+@pytest.mark.parametrize(("less", "found"), [(600.0, ["range_scale"]), (300.0, [])])
+@pytest.mark.parametrize("round_", [1, 2])
+def test_what_is_taken_for_a_name_is_compared_with_it_whichever_came_first(
+    bench: SearchData, round_: int, less: float, found: list[str]
+) -> None:
+    """The catalogue says that an offset and a scale are taken for each other; half as much must have been explained."""
+    own = trial(bench, "range_offset", 1000.0)
+    other = replace(trial(bench, "range_scale", less), round=round_, select_before=1000.0, select_after=1000.0 - less)
+    own = replace(own, select_before=1000.0, select_after=0.0)
+    assert [one.name for one in rivals(bench, own.fit, [own, other], lambda *_: None)] == found
+
+
+@pytest.mark.parametrize("accepted", ["range_offset", "range_scale"])
+@pytest.mark.parametrize(("other", "alike"), [(0.1, True), (0.9, False)])
+def test_what_these_data_cannot_tell_apart_is_shown_with_what_would(
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, accepted: str, other: float, alike: bool
+) -> None:
+    """An offset and a scale that leave as much, whichever was accepted; and all that was tried stands in the report."""
+    rival = "range_scale" if accepted == "range_offset" else "range_offset"
+    found = judged_as(bench, monkeypatch, accepted, {accepted: (0.1, 0.001), rival: (other, 0.001)})
+    assert found.fit.names() == (accepted,)
+    assert found.equals[accepted] == ((rival,) if alike else ())
+    [told] = found.rivals
+    assert (told.names, told.gap) == ((rival,), other)
+    assert ("one target at two ranges far apart" in told.why_not) == alike
+
+
+def test_a_name_that_lost_its_place_is_compared_in_its_turn(bench: SearchData, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion is nearer by its summaries and leaves no less to speak of: the offset stays in sight."""
+    verdicts = {"motion": (0.095, 0.001), "range_offset": (0.1, 0.001)}
+    found = judged_as(bench, monkeypatch, "range_offset", verdicts, {"motion": 700.0})
+    assert found.fit.names() == ("motion",)
+    assert found.equals["motion"] == ("range_offset",)
+    assert [told.names for told in found.rivals] == [("range_offset",)]
+
+
+def test_what_is_far_stands_in_the_report_with_the_reason(bench: SearchData) -> None:
+    scale = Scale.of(bench.select.frames, model(), 5)
+    now, far, usual = (fitted(bench.simulator, name) for name in ("range_offset", "range_scale", "signal_gain"))
+    others = [Rival("range_scale", 0, far, 900.0, False), Rival("signal_gain", 0, usual, 20.0, False, True)]
+    found = contest(scale, model(), now, others, 7).rivals
+    assert [(told.names, told.score) for told in found] == [(("signal_gain",), -10.0), (("range_scale",), -450.0)]
+    assert [told.why_not for told in found] == [
+        "it is no more than a usual error", "its summaries are farther than those with range_offset",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "found"), [("range_offset", ["range_offset"]), ("walk_error", [])])

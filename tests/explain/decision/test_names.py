@@ -1,8 +1,5 @@
 """An effect must be what its name says: dirt is local, rain has drops; and small errors put right must help."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -10,7 +7,7 @@ from explain_core_kit import frames, model
 from lidarcheck.effects import Effect, make
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain import steps as workflow_steps
-from lidarcheck.explain.decision.answer import CALIBRATION, Answer
+from lidarcheck.explain.decision.answer import Answer
 from lidarcheck.explain.decision.model_check import Open
 from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.report.explanation import Finding
@@ -20,7 +17,6 @@ from lidarcheck.explain.search.starts import fixed_probes
 from lidarcheck.explain.search.trial import tried
 from lidarcheck.explain.steps import Workflow
 from lidarcheck.inference.effect_fit import Fit
-from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import PARTS
 from lidarcheck.workers import WorkerPool
@@ -68,55 +64,6 @@ def fit_of(*names: str) -> Fit:
     """A fit of such effects where they begin."""
     probes = tuple(next(one for one in fixed_probes([name]) if not one.variant) for name in names)
     return Fit(probes, tuple(one.start() for one in probes), 1.0, np.zeros((1, 3)))
-
-
-def test_what_an_answer_is_without() -> None:
-    own, named, tuned = model(), model(HAZE), model(DRIZZLE)
-    finding = Finding("fog", {}, 0.9, (), "", "", (HAZE,))
-    stages = (("", own), ("fog", named), (CALIBRATION, tuned))
-    assert Answer("explained", (finding,), stages, "").without_calibration().stages == stages[:-1]
-    terms = Answer("unknown", (finding,), (("", own), ("empirical: loss", named)), "").without_terms()
-    assert [model_ for _, model_ in terms.stages] == [own, own]
-    assert terms.findings[0].effects == ()
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "simpler", "left"),
-    [
-        (0.3, 0.4, "explained", ["walk_error"]),
-        (0.3, 0.4, "unknown", ["walk_error", "vibration"]),
-        (0.3, 0.2, "explained", ["walk_error", "vibration"]),
-        (1.1, 0.2, "explained", ["walk_error", "vibration"]),
-    ],
-    ids=["it widens the gap", "without it all is unknown", "it helps", "the most important one is left"],
-)
-def test_a_name_that_widens_the_gap_is_left_out(
-    first: float, second: float, simpler: str, left: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = ["walk_error", "vibration"]
-    both = fit_of(*names)
-    alone = replace(both, probes=both.probes[:1], x=both.x[:1])
-    found = [Finding(name, {}, 0.9, (), "", "", ()) for name in names]
-    asked = []
-
-    def judged(self: Workflow, bench: object, seen: object, search: Search) -> tuple[Search, Answer]:
-        asked.append(search.fit.names())
-        return search, Answer(simpler, tuple(found[: len(search.fit.names())]), (), "")
-
-    monkeypatch.setattr(Workflow, "judge", judged)
-    monkeypatch.setattr(
-        workflow_steps, "without", lambda simulator, fit, at: alone if at == 1 else pytest.fail("the wrong one")
-    )
-    steps = tuple((name, Interval(v, v, v)) for name, v in zip(names, (first, second), strict=True))
-    gap = Gap(*(Interval(v, v, v) for v in (1.0, second, 0.1)), waterfall=steps)
-    run, search = Workflow(model(), 0, (), WorkerPool(), ignore_progress), Search(both, both)
-    answer = Answer("explained", tuple(found), (), "")
-    bench = SimpleNamespace(simulator=None)
-    search, answer = run.leave_out(bench, None, search, answer, gap)  # type: ignore[arg-type]
-    assert [one.name for one in answer.findings] == left == list(search.fit.names())
-    assert asked == ([("walk_error",)] if second > first else [])
-    said = {1: ["withdrawn"], 2: ["kept"] if asked else []}
-    assert [step.name for step in run.steps] == said[len(left)]
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,14 @@
 
 import dataclasses
 import json
+import math
 
 import pytest
 
 from explain_kit import explanation, write_case
 from lidarcheck.cases.case import case_model, load_case
 from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.explain.report.explanation import Alternative, Calibrated
 from lidarcheck.explain.report.load import changed_since, load_explanation
 from lidarcheck.explain.report.model_diff import model_diff, write_model
 from lidarcheck.explain.report.text import report_text
@@ -47,6 +49,39 @@ def test_it_says_again_what_it_said(left, verdict, names):
     diff = model_diff(case.model, found.model)
     assert model_diff(case.model, again.model) == diff
     assert report_text(again, diff=diff) == report_text(found, diff=diff)
+
+
+def test_what_is_calibrated_and_what_else_was_tried_is_said_again(left, tmp_path):
+    case, found, _ = left()
+    numbers = (
+        Calibrated("materials.1.reflectance", 0.17, 0.169, 0.16, 0.18, 0.015),
+        Calibrated("x", 1.0, 2.0, 1.5, 3.0),
+    )
+    others = (
+        Alternative(("rain", "walk_error"), -40.5, 0.2, "farther"),
+        Alternative(("rain",), -400.0, math.nan, "far"),
+    )
+    found = dataclasses.replace(found, calibrated=numbers, rivals=others, closed_seen=0.98)
+    (tmp_path / "report.json").write_text(json.dumps(found.to_dict()))
+    again = load_explanation(tmp_path / "report.json", tmp_path / "model.toml", case.model)
+    assert again.to_dict() == found.to_dict()
+    text = report_text(again, width=100)
+    assert "materials.1.reflectance  0.17 -> 0.169  (0.16 ... 0.18)  1.5 % of the gap" in text
+    assert "- rain and walk_error: score -40, leaves 0.2 of the gap on the frames seen; farther" in text
+    assert text.index("Calibrated besides") > text.index("What is missing")
+
+
+def test_a_report_of_an_earlier_version_is_read(left, tmp_path):
+    case, found, _ = left()
+    old = found.to_dict()
+    for name in ("calibrated", "rivals"):
+        del old[name]
+    del old["gap"]["closed_seen"]
+    del old["gap"]["intervals"]["closed"]
+    (tmp_path / "report.json").write_text(json.dumps(old))
+    again = load_explanation(tmp_path / "report.json", tmp_path / "model.toml", case.model)
+    assert (again.calibrated, again.rivals, again.closed_seen) == ((), (), None)
+    assert again.gap.closed == found.gap.closed
 
 
 def test_what_is_no_report_is_refused_in_a_line(left, tmp_path):

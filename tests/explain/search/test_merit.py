@@ -133,6 +133,6 @@ def test_numbers_and_nuisances_are_fitted_in_turn_while_that_brings_much(
     left = iter(distances)
     monkeypatch.setattr(trials, "finished", lambda simulator, now: now)
     monkeypatch.setattr(trials, "fit_nuisance", lambda simulator, now: replace(now, distance=next(left)))
-    monkeypatch.setattr(trials, "_there", lambda select, before, found: found)
+    monkeypatch.setattr(trials, "on_select", lambda select, before, found: found)
     simulator: Any = None
     assert trials.to_the_end(simulator, simulator, np.zeros((1, 3)), NOTHING).distance == ends_at  # type: ignore[attr-defined]

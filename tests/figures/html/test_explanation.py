@@ -10,7 +10,7 @@ import pytest
 from explain_report_kit import AFTER, MODEL, FakeCase, candidate, case, explanation, findings, gap, odd_frames
 from html_kit import Page
 from lidarcheck.errors import InputError
-from lidarcheck.explain.report.explanation import Finding, SearchStep
+from lidarcheck.explain.report.explanation import Alternative, Calibrated, Finding, SearchStep
 from lidarcheck.figures.html.explanation import explanation_html, verify_pictures, write_html
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.sensor import Material
@@ -91,6 +91,26 @@ def test_unknown_says_so_and_marks_what_is_empirical(street):
         "fog (or rain) is missing in the model, and something that no catalogue has"
         in Page(explanation_html(both, street)).text
     )
+
+
+def test_names_that_do_not_hold_elsewhere_stay_with_both_figures(street):
+    span = dataclasses.replace(gap("explained"), closed_span=(0.1, 0.35))
+    found = explanation("unknown", findings=findings("explained"), gap=span, closed_seen=0.98)
+    words = Page(explanation_html(found, street)).text
+    assert "? Fog (or rain) and layer_gain were found, but most is unknown" in words
+    assert "98 % of the gap closes on the frames that chose, 99 % (10 to 35 %) on those that nothing has seen" in words
+
+
+def test_what_is_calibrated_and_other_explanations_have_tables(street):
+    numbers = (Calibrated("materials.1.reflectance", 0.17, 0.169, 0.16, 0.18, 0.015),)
+    others = (Alternative(("rain", "layer_gain"), -40.5, math.nan, "farther than with fog"),)
+    words = Page(explanation_html(explanation(calibrated=numbers, rivals=others), street)).text
+    assert "Calibrated besides" in words
+    assert "materials.1.reflectance" in words
+    assert "1.5 %" in words
+    assert "Other explanations" in words
+    assert "farther than with fog" in words
+    assert "Calibrated besides" not in Page(explanation_html(explanation(), street)).text
 
 
 def test_every_picture_is_there_and_has_words(page):

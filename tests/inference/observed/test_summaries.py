@@ -261,11 +261,11 @@ def cheap_frames(distances: list[float]) -> list[Frame]:
 def test_the_split_deals_every_frame_once_over_all_distances(count: int) -> None:
     given = cheap_frames(random.Random(count).sample(range(5, 100), count))
     split = split_frames(given)
-    dealt = [f.number for role in (split.fit, split.select, split.verify) for f in role]
+    dealt = [number for numbers in split.numbers().values() for number in numbers]
     assert sorted(dealt) == list(range(count))
     assert split.select
-    assert split.verify
-    assert len(split.fit) >= len(split.verify) >= len(split.select)
+    assert split.verify.numbers
+    assert len(split.fit) >= len(split.verify.numbers) >= len(split.select)
     assert len(split.fit) == (2 if count == 4 else (count + 1) // 2 if count > 4 else 1)
     rank = {f.number: i for i, f in enumerate(sorted(given, key=lambda f: f.ideal.distance_m[0]))}
     ranks = sorted(rank[f.number] for f in split.fit)
@@ -274,13 +274,21 @@ def test_the_split_deals_every_frame_once_over_all_distances(count: int) -> None
     assert all(b - a <= 3 for a, b in itertools.pairwise(ranks))
     words = split.words()
     assert all(str(number) in words for number in range(count))
-    assert split.numbers()["verify"] == tuple(f.number for f in split.verify)
+    assert split.numbers()["verify"] == tuple(f.number for f in split.verify.look())
+
+
+def test_the_frames_that_verify_are_looked_at_once() -> None:
+    split = split_frames(cheap_frames([10.0, 20.0, 30.0]))
+    assert len(split.verify.look()) == 1
+    with pytest.raises(RuntimeError, match="looked at already"):
+        split.verify.look()
+    assert split.numbers()["verify"] == split.verify.numbers
 
 
 def test_the_split_depends_on_the_scenes_alone() -> None:
     given = cheap_frames([30.0, 0.0, 10.0, 10.0, 50.0, 20.0, 40.0])
     split = split_frames(given)
-    assert split_frames(given[::-1]) == split
+    assert split_frames(given[::-1]).numbers() == split.numbers()
     measured = simulate(street(0), model(), seed=1)
     other = split_frames([dataclasses.replace(f, measured=measured, time_s=9.0) for f in given])
     assert other.numbers() == split.numbers()
@@ -296,11 +304,11 @@ def test_the_frames_of_the_fit_have_in_view_what_the_others_have() -> None:
             for f, m in zip(cheap_frames(distances), materials, strict=True)
         ]
         split = split_frames(given)
-        return split, [{materials[f.number] for f in part} for part in (split.fit, split.select, split.verify)]
+        return split, [{materials[number] for number in numbers} for numbers in split.numbers().values()]
 
     split, (fit, _, _) = dealt(places)
     assert fit == {1, 2, 3}
-    assert [len(part) for part in (split.fit, split.select, split.verify)] == [3, 1, 2]
+    assert [len(numbers) for numbers in split.numbers().values()] == [3, 1, 2]
     alike = split_frames(cheap_frames(distances))
     assert dealt([5] * 6)[0].numbers() == alike.numbers()
     assert split.numbers() != alike.numbers()

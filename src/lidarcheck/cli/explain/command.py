@@ -51,6 +51,14 @@ def explain(
     ] = None,
     json: JsonFile | None = None,
     no_html: Annotated[bool, Flag, Parameter(name="--no-html", help="Write no report.html.")] = False,
+    no_nuisances: Annotated[
+        bool,
+        Flag,
+        Parameter(
+            name="--no-nuisances",
+            help="Write nothing into the model but the effects that are named: reflectances and pose stay as they are.",
+        ),
+    ] = False,
     benchmark: Annotated[
         int | None,
         Parameter(converter=up_to(MOST_CASES), help="Run so many cases in which an effect is hidden instead."),
@@ -72,6 +80,7 @@ def explain(
     hush(quiet)
     if benchmark is not None:
         others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
+        others |= {"--no-nuisances": no_nuisances}
         others |= {"--progress": progress_as == "json", "--scheduler": scheduler}
         _refuse_beside("--benchmark", others)
         from lidarcheck.cli.explain.benchmark import benchmark as run
@@ -88,7 +97,7 @@ def explain(
     loaded = _checked(case, out, json, into)
     with workers(scheduler, jobs) as pool, _interruptible(out):
         watch = _watched(quiet, progress_as == "json")
-        found = _explained(loaded, out, seed, names, jobs, watch, no_html, pool)
+        found = _explained(loaded, out, seed, names, jobs, watch, no_html, pool, not no_nuisances)
     _show(found, loaded, json)
     note(f"{out}: {REPORT}, {MODEL}{'' if no_html else f', {PAGE}'}")
     if into is not None:
@@ -175,6 +184,7 @@ def _explained(
     watch: Any,
     no_html: bool,
     pool: WorkerPool | None,
+    calibrate: bool,
 ) -> Explanation:
     """Run the workflow, going on where an interrupted run stopped, and write what it found."""
     from lidarcheck.explain.workflow import explain as run
@@ -195,6 +205,7 @@ def _explained(
                 on_progress=on_progress,
                 on_step=on_step,
                 checkpoint=checkpoint,
+                calibrate=calibrate,
             )
         with stage("writing"):
             _write(found, loaded, out, no_html)

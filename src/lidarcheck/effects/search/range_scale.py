@@ -28,6 +28,10 @@ SPEC = SearchSpec(
     order=7,
     amounts=("fraction",),
     groups=frozenset({"ranges"}),
+    confused_with={
+        "walk_error": "panels of 10 % and 80 % at one range",
+        "motion": "a scene at rest, the sensor at rest",
+    },
     kinds_alike=True,  # over a range of a bin
     may_stay={"range": (0.04, 0.15)},
     watched_by=("range_residual_per_metre", "range_residual_mean"),

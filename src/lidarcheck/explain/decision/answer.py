@@ -1,46 +1,45 @@
-"""What is said of a case, before and after the frames that no fit has seen were asked."""
+"""What is said of a case by the frames of the fit and the selection."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lidarcheck.explain.decision.calibration import calibrated, entries
 from lidarcheck.explain.decision.closure import Closure
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.decision.findings import candidates_table, findings_of
 from lidarcheck.explain.decision.inner_echoes import shows_inside
 from lidarcheck.explain.decision.late_forms import with_finer_forms, with_forms_of_beams
 from lidarcheck.explain.decision.mirror_images import only_images_stay
-from lidarcheck.explain.decision.model_check import Open, calibrated, carries_over
+from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.decision.range_trends import ranges_follow
 from lidarcheck.explain.decision.recurring import recurs
 from lidarcheck.explain.decision.split_echoes import only_edges_stay
 from lidarcheck.explain.empirical.description import Description
-from lidarcheck.explain.report.explanation import Explanation, Finding, SearchStep, Standout
+from lidarcheck.explain.report.explanation import Alternative, Calibrated, Explanation, Finding, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.formats.geometry import words
-from lidarcheck.inference.intervals import Gap
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
 
 if TYPE_CHECKING:
     from lidarcheck.cases.case import Case
     from lidarcheck.cases.split import Split
+    from lidarcheck.explain.decision.last_word import Verified
 
-__all__ = ["CALIBRATION", "Answer", "answer_with_names", "answer_with_terms", "closes", "explanation_of", "objection"]
-
-CALIBRATION = "gain, reflectances and pose"
-"""The last stage of an explained model: small errors put right."""
+__all__ = ["Answer", "answer_with_names", "answer_with_terms", "closes", "explanation_of", "objection"]
 
 
 @dataclass(frozen=True)
 class Answer:
     """The verdict with its findings, and the models from the case's own to the explained one, effect by effect; of
-    names also what is open with these on the frames seen, which of them `recurring` speaks against, and whether
-    `inside` speaks against all."""
+    names also what is open with these on the frames seen, which of them `recurring` speaks against, whether `inside`
+    speaks against all, and the `rivals` that were tried in their places. `calibrated`: what was fitted besides, and
+    `calibrating`: the models from that of the names alone on with one more of these each."""
 
     verdict: str
     findings: tuple[Finding, ...]
@@ -49,41 +48,38 @@ class Answer:
     open: Open | None = None
     recurring: tuple[str, ...] = ()
     inside: bool = False
+    calibrated: tuple[Calibrated, ...] = ()
+    calibrating: tuple[Model, ...] = ()
+    rivals: tuple[Alternative, ...] = ()
 
-    def without_terms(self) -> Answer:
-        """The same without its empirical terms."""
-        finding = replace(self.findings[0], effects=())
-        stages = (self.stages[0], ("empirical: no term helps", self.stages[0][1]))
-        return replace(self, findings=(finding,), stages=stages)
-
-    def without_calibration(self) -> Answer:
-        """The same with the small errors left as they are."""
-        return replace(self, stages=tuple(stage for stage in self.stages if stage[0] != CALIBRATION))
+    @property
+    def closed(self) -> float | None:
+        """The share of the gap that the names close on the frames seen; None where there is no name."""
+        if self.open is None:
+            return None
+        before, after, _ = self.open.mean_of(PARTS)
+        return min(1.0 - after / before, 1.0) if before > 0.0 else 0.0
 
 
-def closes(answer: Answer, gap: Gap | None = None) -> bool:
-    """Whether the named effects, if there are any, close the gap on the frames seen; with `gap` on the mean of these
-    and of those that no fit has seen. Not where what strikes at random is the same in every frame, nor where echoes
-    stay in the midst of surfaces of which a view that looks elsewhere has none."""
+def closes(answer: Answer) -> bool:
+    """Whether the named effects, if there are any, close the gap on the frames seen. Not where what strikes at random
+    is the same in every frame, nor where echoes stay in the midst of surfaces of which a view that looks elsewhere has
+    none."""
     if answer.open is None:
         return True
     if answer.recurring or answer.inside:
         return False
-    names = [finding.name for finding in answer.findings]
-    return carries_over(answer.open if gap is None else answer.open.beside(gap), names)
+    return carries_over(answer.open, [finding.name for finding in answer.findings])
 
 
-def objection(answer: Answer, gap: Gap | None = None) -> str:
-    """What speaks against the named effects, in words: on the frames seen, or with `gap` on those no fit has seen."""
+def objection(answer: Answer) -> str:
+    """What speaks against the named effects on the frames seen, in words."""
     if answer.recurring:
         places = "the same columns in every frame, beside bright targets, or on one material"
         return f"{' and '.join(answer.recurring)} would strike {places}"
     if answer.inside:
         return "echoes stay in the midst of surfaces, where no edge is"
-    if gap is None:
-        return "too much stays open on the frames seen"
-    part = f"too little closes, {100.0 * gap.closed:.0f} % of the gap" if gap.closed >= 0.0 else "the gap is wider"
-    return f"{part} on frames that no fit has seen"
+    return "too much stays open on the frames seen"
 
 
 def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Closure, last: Polished) -> Answer:
@@ -98,15 +94,15 @@ def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Cl
         for effect in finding.effects:
             model = model.with_(effect)
         stages.append((finding.name, model))
-    there, after, noise_after = calibrated(seen, model, last.last.nuisance, bench.pool)
-    if there is not model:
-        stages.append((CALIBRATION, there))
+    put_right = calibrated(seen, model, last.last.nuisance, bench.pool)
+    there = put_right.model
+    besides, calibrating = entries(last.simulator, last.last, model, put_right)
     recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.pool))
     images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.simulator, last.last)
     edges = only_edges_stay(seen, there, float(before.mean()))
-    open_ = Open(before, after, noise, noise_after, images, following, edges)
+    open_ = Open(before, put_right.left, noise, put_right.noise, images, following, edges)
     inside = shows_inside(seen, there, [finding.name for finding in findings])
-    return Answer("explained", findings, tuple(stages), "", open_, recurring, inside)
+    return Answer("explained", findings, tuple(stages), "", open_, recurring, inside, besides, calibrating, last.rivals)
 
 
 def answer_with_terms(bench: SearchData, search: Search, left: float, found: Description) -> Answer:
@@ -129,17 +125,17 @@ def explanation_of(
     search: Search,
     answer: Answer,
     untestable: Mapping[str, str],
-    gap: Gap,
+    verified: Verified,
     seed: int,
     steps: Sequence[SearchStep],
 ) -> Explanation:
     """Everything together."""
     return Explanation(
-        verdict=answer.verdict,
+        verdict=verified.verdict,
         findings=answer.findings,
         not_testable=untestable,
-        gap=gap,
-        model=answer.stages[-1][1],
+        gap=verified.gap,
+        model=verified.model,
         steps=tuple(steps),
         where=where,
         candidates=candidates_table(bench, search, answer.verdict, answer.findings),
@@ -148,4 +144,7 @@ def explanation_of(
         hashes=dict(case.hashes),
         left_out=dict(case.left_out),
         geometry=words(case.geometry),
+        closed_seen=answer.closed,
+        calibrated=verified.calibrated,
+        rivals=answer.rivals,
     )

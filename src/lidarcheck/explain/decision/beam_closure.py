@@ -75,5 +75,6 @@ def _open(own: Judged) -> float:
 
 def _promising(search: Search) -> list[Fit]:
     """The first round's fits that gain enough, the best of each name."""
-    enough = (trial for trial in search.trials if trial.round == 1 and trial.gain > trial.needed)
+    asked = (trial for trial in search.trials if trial.round == 1 and trial.name not in search.idle)
+    enough = (trial for trial in asked if trial.gain > trial.needed)
     return [trial.fit for trial in best_of_each_name(enough, by=lambda trial: trial.gain)[:_MOST]]

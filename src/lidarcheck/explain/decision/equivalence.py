@@ -12,15 +12,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lidarcheck.effects.search import Probe, search_spec
+from lidarcheck.explain.report.explanation import Alternative
+from lidarcheck.explain.report.wording import measurement
 from lidarcheck.explain.search.merit import CHANCE, FittedCandidate, accepted, best_of_each_name
 from lidarcheck.explain.search.refine import Judged, judged, polished
+from lidarcheck.explain.search.related import is_confused
 from lidarcheck.explain.search.selection import SearchData
 from lidarcheck.explain.search.trial import select_distance
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.nuisance_fit import fit_nuisance
 from lidarcheck.inference.nuisances import is_usual_error
 from lidarcheck.inference.simulator import Simulator
-from lidarcheck.inference.wasserstein import Scale
+from lidarcheck.inference.wasserstein import Scale, excesses
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
 from lidarcheck.workers.threads import done_by
@@ -34,11 +37,13 @@ _MOST = 3
 """So many names beside the accepted one are looked at, those that explain most."""
 _MOST_OVERLOOKED = 2
 """So many names of earlier rounds are tried in an effect's place."""
+_HALF = 0.5
+"""So large a part of the accepted one's merit brings a name that is taken for it into the comparison."""
 _NEAR, _NEAR_PART = 300.0, 0.06
 """A rival's distance is larger by no more than this, or this part of what it explains."""
-_MOST_EQUAL = 2
-_MARGIN = 2.0
-"""Names whose gaps differ by less than so many standard deviations of the floor are not told apart."""
+_MARGIN, _NO_WORTH = 2.0, 0.03
+"""Names whose gaps differ by less than so many standard deviations of the floor, or by less than this part of the
+whole gap, which no name would be worth that closes no more, are not told apart."""
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
 _LESS = 0.8
@@ -51,20 +56,21 @@ more than this part, too."""
 @dataclass(frozen=True)
 class Rival:
     """Another effect in the place of an accepted one: its name, that one's place, the fit, how much farther it is, and
-    whether it is near enough to be that one's equal."""
+    whether it is near enough to be that one's equal; not where it is no more than a usual error."""
 
     name: str
     place: int
     fit: Fit
     farther: float
     near: bool = True
+    usual: bool = False
 
 
 @dataclass(frozen=True)
 class Polished:
     """The winner of a contest: its fit, the lab around its model with the last fit there, each effect's equals, all
     that were compared with it beam by beam, and the gap that it left there; `behind`: how much farther all is with
-    another name in an effect's place, of those that are not near."""
+    another name in an effect's place, of those that are not near; `rivals`: all that were tried, for the report."""
 
     fit: Fit
     simulator: Simulator
@@ -73,16 +79,20 @@ class Polished:
     compared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     left: float = np.inf
     behind: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    rivals: tuple[Alternative, ...] = ()
 
 
 def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], on_progress: Told) -> list[Rival]:
     """The effects that explained nearly as much as an accepted one, in its place; the nearest first.
 
-    Where more than chance is left, also those that explained more in an earlier round than it did in its own: beside
-    another effect whose fit has taken up a part of theirs, they explain less than they do when all is fitted together.
+    So are those that the catalogue says are taken for it, whenever they explained half as much: what these data cannot
+    tell apart is said, whichever of both came first. Where more than chance is left, also those that explained more in
+    an earlier round than it did in its own: beside another effect whose fit has taken up a part of theirs, they explain
+    less than they do when all is fitted together.
     """
     names = now.names()
     asked = [(place, trial) for place, name in enumerate(names) for trial in _near(name, names, trials)]
+    asked += [(place, trial) for place, name in enumerate(names) for trial in _lookalikes(name, names, trials)]
     asked += [(place, trial) for place, probe in enumerate(now.probes) for trial in _siblings(probe, trials)]
     if now.distance - bench.simulator.floor_distance > CHANCE:
         asked += [(place, trial) for place, name in enumerate(names) for trial in _overlooked(name, names, trials)]
@@ -93,7 +103,7 @@ def rivals(bench: SearchData, now: Fit, trials: Sequence[FittedCandidate], on_pr
         farther = distance - best
         near = farther < max(_NEAR, _NEAR_PART * trial.merit)
         usual = is_usual_error(swapped.effects()[place], swapped.nuisance)
-        found.append(Rival(trial.name, place, swapped, farther, near and not usual))
+        found.append(Rival(trial.name, place, swapped, farther, near and not usual, usual))
         on_progress("equivalence", len(found), len(asked))
     return sorted(found, key=lambda one: one.farther)
 
@@ -107,6 +117,17 @@ def _near(name: str, names: Sequence[str], trials: Sequence[FittedCandidate]) ->
     least = min(_NEAR_MERIT * last.merit, last.merit - CHANCE)
     others = (t for t in trials if t.round == last.round and t.name not in names)
     return best_of_each_name(t for t in others if t.merit > least)[:_MOST]
+
+
+def _lookalikes(name: str, names: Sequence[str], trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
+    """The best trial of each other name that the catalogue says is taken for this one, of any round, that explained
+    half as much and is not near by its merit anyway."""
+    last = accepted(name, trials)
+    if last is None:
+        return []
+    known = {*names, *(one.name for one in _near(name, names, trials))}
+    alike = (t for t in trials if t.name not in known and t.merit > _HALF * last.merit and is_confused(name, t.name))
+    return best_of_each_name(alike)
 
 
 def _siblings(probe: Probe, trials: Sequence[FittedCandidate]) -> list[FittedCandidate]:
@@ -155,7 +176,7 @@ def contest(
     A rival takes an accepted effect's place only where it is nearer by more than chance, and much nearer if it can do
     all that one does and more, or if its summaries are farther; or, if it is such a one's special case, where it is not
     much farther, and so an imitation with much nearer summaries. Those that chance may make
-    as near are its equals, at most two. The same effect of another kind stands for it where it is nearer.
+    as near are its equals. The same effect of another kind stands for it where it is nearer.
     `known`: the accepted effects where they were judged already.
     """
     names = now.names()
@@ -163,30 +184,64 @@ def contest(
         name: {one.name: one.farther for one in others if one.place == k and not one.near and one.name != name}
         for k, name in enumerate(names)
     }
-    others = [one for one in others if one.near]
-    if not others:
+    near = [one for one in others if one.near]
+    if not near:
         simulator, last = polished(scale.frames, model, now, seed) if known is None else (known.simulator, known.last)
-        return Polished(now, simulator, last, {}, behind=behind)
-    fits = [*([now] if known is None else []), *(one.fit for one in others[:_MOST])]
+        return Polished(now, simulator, last, {}, behind=behind, rivals=rows(now, others, {}, {}))
+    fits = [*([now] if known is None else []), *(one.fit for one in near)]
     found = [*done_by(pool or WorkerPool(), judged, ((scale.shared, model, one, seed) for one in fits))]
     own = known or found.pop(0)
-    both = list(zip(others[:_MOST], found, strict=True))
+    both = list(zip(near, found, strict=True))
     now, own = _of_its_kind(now, own, both)
-    others = [one for one in others if one.name != names[one.place]]
     rest = [(one, its) for one, its in both if one.name != names[one.place]]
     if not rest:
-        return Polished(now, own.simulator, own.last, {}, left=own.left, behind=behind)
-    gaps = {one.name: its.left for one, its in rest}
+        told = rows(now, others, {}, {})
+        return Polished(now, own.simulator, own.last, {}, left=own.left, behind=behind, rivals=told)
+    [(whole, _)] = excesses(scale, [model])
+    gaps = {(one.place, one.name): its.left for one, its in rest}
+    margin = max(_MARGIN * own.chance, _NO_WORTH * whole)
     best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
-    most = own.left + _MARGIN * own.chance
-    equals = {name: _equals(others, k, name, gaps, most) for k, name in enumerate(names)}
     if not _takes_its_place(best.name, its, names[best.place], own):
+        equals = {name: _equals(k, name, gaps, own.left + margin) for k, name in enumerate(names)}
         compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(names)}
-        return Polished(now, own.simulator, own.last, equals, compared, own.left, behind)
-    most = its.left + _MARGIN * own.chance
-    near = _equals([one for one in others if one is not best], best.place, best.name, gaps, most)
-    beaten = (names[best.place], *(one.name for one, _ in rest if one.place == best.place and one is not best))
-    return Polished(best.fit, its.simulator, its.last, {best.name: near}, {best.name: beaten}, its.left)
+        told = rows(now, others, gaps, equals)
+        return Polished(now, own.simulator, own.last, equals, compared, own.left, behind, told)
+    # What it takes the place of is compared with it in its turn.
+    beaten = Rival(names[best.place], best.place, now, -best.farther)
+    gaps = {at: left for at, left in gaps.items() if at[0] == best.place and at[1] != best.name}
+    gaps[best.place, beaten.name] = own.left
+    equals = {best.name: _equals(best.place, best.name, gaps, its.left + margin)}
+    compared = {best.name: tuple(name for _, name in gaps)}
+    told = rows(best.fit, [beaten, *(one for one in others if one is not best)], gaps, equals, best.farther)
+    return Polished(best.fit, its.simulator, its.last, equals, compared, its.left, rivals=told)
+
+
+def rows(
+    now: Fit,
+    others: Sequence[Rival],
+    gaps: Mapping[tuple[int, str], float],
+    equals: Mapping[str, Sequence[str]],
+    farther: float = 0.0,
+) -> tuple[Alternative, ...]:
+    """The rivals as the report has them, the best score first, each name in a place once; `farther`: how much farther
+    the fit itself is than what they were compared with."""
+    found: dict[tuple[str, ...], Alternative] = {}
+    for one in sorted(others, key=lambda one: one.farther):
+        name = now.names()[one.place]
+        names = tuple(one.name if k == one.place else other for k, other in enumerate(now.names()))
+        if one.name == name or names in found:
+            continue
+        score, gap = 0.5 * (farther - one.farther), gaps.get((one.place, one.name), np.nan)
+        if one.name in equals.get(name, ()):
+            why = f"these data cannot tell it from {name}; this would: {measurement(name, one.name)}"
+        elif one.usual:
+            why = "it is no more than a usual error"
+        elif not np.isnan(gap):
+            why = f"beam by beam it leaves more of the gap than {name}, or can do all that {name} does and more"
+        else:
+            why = f"its summaries are farther than those with {name}"
+        found[names] = Alternative(names, float(score), float(gap), why)
+    return tuple(found.values())
 
 
 def _of_its_kind(now: Fit, own: Judged, both: Sequence[tuple[Rival, Judged]]) -> tuple[Fit, Judged]:
@@ -230,11 +285,8 @@ def _beyond_floor(one: Judged) -> float:
     return one.last.distance - one.simulator.floor_distance
 
 
-def _equals(
-    others: Sequence[Rival], place: int, winner: str, gaps: Mapping[str, float], most: float
-) -> tuple[str, ...]:
+def _equals(place: int, winner: str, gaps: Mapping[tuple[int, str], float], most: float) -> tuple[str, ...]:
     """The names of the rivals in a place whose gaps are no larger, the smallest first; not those of which the winner
     is a special case, which are near because they can do what it does."""
-    near = [one.name for one in others if one.place == place and gaps.get(one.name, np.inf) < most]
-    near = [name for name in near if search_spec(winner).special_case_of != name]
-    return tuple(sorted(near, key=lambda name: gaps[name])[:_MOST_EQUAL])
+    near = [(left, name) for (at, name), left in gaps.items() if at == place and left < most]
+    return tuple(name for _, name in sorted(near) if search_spec(winner).special_case_of != name)

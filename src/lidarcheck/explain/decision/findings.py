@@ -13,7 +13,7 @@ from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.decision.equivalence import Polished
 from lidarcheck.explain.report.explanation import Candidate, Finding
-from lidarcheck.explain.report.wording import standouts
+from lidarcheck.explain.report.wording import measurement, standouts
 from lidarcheck.explain.search.merit import FittedCandidate
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.inference.effect_fit import Fit, with_effects
@@ -95,13 +95,7 @@ def _rounded(value: float) -> float:
 
 def separating(name: str, equal: Sequence[str]) -> str:
     """The measurement that would tell an effect from those that these data cannot tell from it."""
-    return "; ".join(f"from {other}: {_measurement(name, other)}" for other in equal)
-
-
-def _measurement(one: str, other: str) -> str:
-    """The measurement that separates two effects, as one of them says."""
-    said = search_spec(one).confused_with.get(other) or search_spec(other).confused_with.get(one)
-    return said or "panels over more ranges, materials and angles"
+    return "; ".join(f"from {other}: {measurement(name, other)}" for other in equal)
 
 
 def candidates_table(

@@ -1,8 +1,7 @@
-"""The last judgements beam by beam: which small errors to put right, and whether the named effects close the gap."""
+"""The last judgement beam by beam: whether the named effects close the gap."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +11,10 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.search.related import are_related
-from lidarcheck.inference.intervals import Gap
-from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.observations import FEATURES
-from lidarcheck.inference.wasserstein import PARTS, Scale
-from lidarcheck.model.spec import Model
-from lidarcheck.workers import WorkerPool
+from lidarcheck.inference.wasserstein import PARTS
 
-__all__ = ["Open", "calibrated", "carries_over", "widening"]
+__all__ = ["Open", "carries_over"]
 
 
 _LEAST_CLOSED, _LEAST_CLOSED_EDGES, _LEAST_CLOSED_RELATED, _SURE = 0.4, 0.25, 0.85, 3.0
@@ -51,10 +46,6 @@ noise: effects that strike at random strike elsewhere in every frame."""
 _SCATTER, _SCATTER_LEAST = 3.0, 0.1
 """Of effects that strike at random, one measurement is as far from the model without them as two of the model with them
 are from each other, more or less: no more than so many times as far, and so much."""
-_HALF_AS_MANY = 0.5 * np.sqrt(1.0 + 2.0)
-"""The noise on the mean of what these frames say and half as many others, in that of these."""
-_WIDER = 0.03
-"""An effect that widens the gap by this part of what was open without it does not help there."""
 
 
 @dataclass(frozen=True)
@@ -73,47 +64,11 @@ class Open:
     following: bool = False
     edges: bool = False
 
-    def beside(self, gap: Gap) -> Open:
-        """The mean of these frames and of others, of which the gap is known."""
-        unseen = np.array([gap.by_feature[part] for part in PARTS])  # before, after and floor of each
-        there = np.maximum(unseen[:, :2] - unseen[:, 2:], 0.0)
-        before, after = (self.before + there[:, 0]) / 2.0, (self.after + there[:, 1]) / 2.0
-        noise, noise_after = _HALF_AS_MANY * self.noise, _HALF_AS_MANY * self.noise_after
-        return dataclasses.replace(self, before=before, after=after, noise=noise, noise_after=noise_after)
-
     def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
         """The means over some parts, and their standard deviation by chance."""
         of = [PARTS.index(part) for part in parts]
         chance = max(noise[:, of].mean(axis=1).std(ddof=1) for noise in (self.noise, self.noise_after))
         return float(self.before[of].mean()), float(self.after[of].mean()), float(chance)
-
-
-def calibrated(seen: Scale, model: Model, off: Nuisance, pool: WorkerPool) -> tuple[Model, FloatArray, FloatArray]:
-    """The model with the small errors put right that were fitted beside the effects, of reflectances, or of the pose
-    too, whichever comes nearest; what that leaves of each of `PARTS`, shape (n_parts,), and draws of its noise.
-
-    An ideal scan says too little of edges to turn its beams by a part of one: of a pose's error it can be nearer that
-    each beam stays on the surface that it meets.
-    """
-    tables = dataclasses.replace(off, yaw=0.0, pitch=0.0)
-    ways = [model, *([tables.calibrated(model)] if tables.words() else [])]
-    posed = [] if off.still else [off.calibrated(model, own_surface=own) for own in (False, True)]
-    found = [*pool.map(Scale.excess_by_part, ((seen.shared, way) for way in (*ways, *posed)))]
-    chance = float(found[0][1].mean(axis=1).std(ddof=1))
-    # Two angles that are fitted come a little nearer whatever the pose is.
-    left = [excess.mean() + chance * (i >= len(ways)) for i, (excess, _) in enumerate(found)]
-    best = int(np.argmin(left))
-    return (*ways, *posed)[best], *found[best]
-
-
-def widening(gap: Gap, names: Sequence[str]) -> list[str]:
-    """Those of the names whose effects leave a wider gap than there was without them, beyond a little chance."""
-    values = [gap.before.value, *(one.value for _, one in gap.waterfall)]
-    found = []
-    for (name, _), before, after in zip(gap.waterfall, values[:-1], values[1:], strict=True):
-        if name in names and after - before > _WIDER * max(before - gap.floor.value, 0.0):
-            found.append(name)
-    return found
 
 
 def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:

@@ -12,6 +12,8 @@ from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.spec import Model
 
 __all__ = [
+    "Alternative",
+    "Calibrated",
     "Candidate",
     "Explanation",
     "Finding",
@@ -87,6 +89,32 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class Calibrated:
+    """A number of the case's model that was fitted besides the names, within usual errors: `name` as
+    `materials.5.reflectance`, what it was, its value with its 90 % interval, and the share of the gap above the floor
+    that it closes on the frames that verify (NaN where there is no such gap)."""
+
+    name: str
+    was: float
+    value: float
+    low: float
+    high: float
+    gap_share: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Other names in the place of those given: `score`, by how much nearer the summaries of the frames seen are with
+    them (half the difference of the distances, as of log densities; below 0 they are farther), the `gap` that they
+    leave there beam by beam (NaN where that was not asked), and why they are not the answer."""
+
+    names: tuple[str, ...]
+    score: float
+    gap: float
+    why_not: str
+
+
+@dataclass(frozen=True, slots=True)
 class SearchStep:
     """What one step of the workflow did, in words."""
 
@@ -114,6 +142,8 @@ class Explanation:
     `split`: which frames (numbers as in the case's file, from 0) were used to fit, to select and to verify.
     `not_testable`: effects that these scenes cannot show, with the reason. `left_out`: damaged frames and why.
     `geometry`: whether X, Y, Z were checked against the beams, in words.
+    `closed_seen`: share of the gap that the names close on the frames that they were chosen by; None without names.
+    `calibrated`: what was fitted besides the names. `rivals`: other names that were tried in their places.
     """
 
     verdict: str
@@ -129,6 +159,9 @@ class Explanation:
     hashes: Mapping[str, str]
     left_out: Mapping[str, str] = field(default_factory=dict)
     geometry: str = ""
+    closed_seen: float | None = None
+    calibrated: tuple[Calibrated, ...] = ()
+    rivals: tuple[Alternative, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """report.json."""
@@ -142,15 +175,34 @@ class Explanation:
                 "floor": self.gap.floor.value,
                 "closed": self.gap.closed,
                 "intervals": {
-                    name: [getattr(self.gap, name).low, getattr(self.gap, name).high]
-                    for name in ("before", "after", "floor")
+                    **{
+                        name: [getattr(self.gap, name).low, getattr(self.gap, name).high]
+                        for name in ("before", "after", "floor")
+                    },
+                    "closed": [*self.gap.closed_span],
                 },
+                "closed_seen": self.closed_seen,
                 "by_feature": {
                     name: dict(zip(("before", "after", "floor"), values, strict=True))
                     for name, values in self.gap.by_feature.items()
                 },
                 "waterfall": [{"effect": name, **one.to_dict()} for name, one in self.gap.waterfall],
             },
+            "calibrated": [
+                {
+                    "name": c.name,
+                    "was": c.was,
+                    "value": c.value,
+                    "low": c.low,
+                    "high": c.high,
+                    "gap_share": _known(c.gap_share),
+                }
+                for c in self.calibrated
+            ],
+            "rivals": [
+                {"names": list(r.names), "score": r.score, "gap": _known(r.gap), "why_not": r.why_not}
+                for r in self.rivals
+            ],
             "why_not_testable": dict(self.not_testable),
             "steps": [{"step": one.name, "found": one.words} for one in self.steps],
             "where": [
@@ -164,7 +216,7 @@ class Explanation:
                     "gain": c.gain,
                     "needed": c.needed,
                     "pull": c.pull,
-                    "closed": None if math.isnan(c.closed) else c.closed,
+                    "closed": _known(c.closed),
                     "verdict": c.verdict,
                     "equivalent_to": list(c.equivalent_to),
                     "start": c.start,
@@ -177,3 +229,8 @@ class Explanation:
             "left_out": dict(self.left_out),
             "geometry": self.geometry,
         }
+
+
+def _known(value: float) -> float | None:
+    """None for what is not known, of which JSON has no number."""
+    return None if math.isnan(value) else value

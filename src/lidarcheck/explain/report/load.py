@@ -11,7 +11,15 @@ from typing import Any
 
 from lidarcheck.effects.base import find
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
+from lidarcheck.explain.report.explanation import (
+    Alternative,
+    Calibrated,
+    Candidate,
+    Explanation,
+    Finding,
+    SearchStep,
+    Standout,
+)
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
@@ -66,6 +74,15 @@ def _explanation(document: Mapping[str, Any], before: Model, after: Model) -> Ex
         hashes=dict(document["hashes"]),
         left_out=dict(document["left_out"]),
         geometry=str(document.get("geometry", "")),
+        # Reports of earlier versions lack what follows.
+        closed_seen=document["gap"].get("closed_seen"),
+        calibrated=tuple(
+            Calibrated(**{**one, "gap_share": _value(one["gap_share"])}) for one in document.get("calibrated", ())
+        ),
+        rivals=tuple(
+            Alternative(tuple(one["names"]), float(one["score"]), _value(one["gap"]), str(one["why_not"]))
+            for one in document.get("rivals", ())
+        ),
     )
 
 
@@ -96,9 +113,14 @@ def _gap(one: Mapping[str, Any]) -> Gap:
         name: (float(v["before"]), float(v["after"]), float(v["floor"])) for name, v in one["by_feature"].items()
     }
     waterfall = tuple((str(w["effect"]), Interval(w["value"], w["low"], w["high"])) for w in one["waterfall"])
-    return Gap(before, after, floor, features, waterfall)
+    low, high = one["intervals"].get("closed", (-1.0, 1.0))  # not in reports of earlier versions
+    return Gap(before, after, floor, features, waterfall, (float(low), float(high)))
 
 
 def _candidate(one: Mapping[str, Any]) -> Candidate:
-    closed = math.nan if one["closed"] is None else float(one["closed"])
-    return Candidate(**{**one, "closed": closed, "equivalent_to": tuple(one["equivalent_to"])})
+    return Candidate(**{**one, "closed": _value(one["closed"]), "equivalent_to": tuple(one["equivalent_to"])})
+
+
+def _value(number: float | None) -> float:
+    """NaN for what was not known."""
+    return math.nan if number is None else float(number)

@@ -6,7 +6,8 @@ import math
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding
+from lidarcheck.explain.report.explanation import Alternative, Calibrated, Candidate, Explanation, Finding
+from lidarcheck.explain.report.wording import closed_words
 from lidarcheck.inference.intervals import Gap, Interval
 
 __all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
@@ -30,8 +31,10 @@ def report_sections(explanation: Explanation, *, width: int = 80, diff: Sequence
     sections = {
         "Verdict": _paragraph(verdict_sentence(explanation), width, "").split("\n"),
         "What is missing": [line for i, finding in findings for line in _finding(i, finding, width)],
+        "Calibrated besides": _calibrated(explanation.calibrated, width),
         "Gap on frames that no fit has seen": _gap(explanation.gap, width),
         "Where model and measurement disagree": _places(explanation, width),
+        "Other explanations": _rivals(explanation.rivals, width),
         "Candidates": _candidates(explanation.candidates, width),
         "Not testable on these scenes": _named(explanation.not_testable.items(), width),
         "Left out": _named(explanation.left_out.items(), width),
@@ -54,7 +57,13 @@ def verdict_sentence(explanation: Explanation) -> str:
         )
     if explanation.verdict == "explained":
         what, them = ("one effect is", "it") if len(names) == 1 else (f"{len(names)} effects are", "them")
-        return f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}."
+        calibrated = [one.gap_share for one in explanation.calibrated if math.isfinite(one.gap_share)]
+        of_it = f", {_percent(sum(calibrated))} of it by what is calibrated besides" if calibrated else ""
+        return f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}{of_it}."
+    if names and len(names) == len(explanation.findings):
+        found = f"{_and(names)} {'was' if len(names) == 1 else 'were'} found"
+        both = closed_words(explanation.closed_seen, explanation.gap)
+        return f"UNKNOWN: {found}, but less than half of the gap closes: {both}. The rest is something else."
     beside = f" Beside it: {_and(names)}." if names else ""
     return (
         "UNKNOWN: something is missing that no effect of the catalogue makes. The model that is written carries an "
@@ -80,6 +89,28 @@ def _finding(number: int, finding: Finding, width: int) -> list[str]:
 
 def _labelled(label: str, words: str, width: int) -> list[str]:
     return _paragraph(f"{label}: {words}", width, "   ", "     ").split("\n") if words else []
+
+
+def _calibrated(numbers: Sequence[Calibrated], width: int) -> list[str]:
+    """What was fitted besides the names, and the share of the gap that each closes."""
+    if not numbers:
+        return []
+    names = max(len(one.name) for one in numbers)
+    lines = ["Within usual errors, and no finding; --no-nuisances leaves these as they were."]
+    for one in numbers:
+        share = f"  {100.0 * one.gap_share:.1f} % of the gap" if math.isfinite(one.gap_share) else ""
+        span = f"({_number(one.low)} ... {_number(one.high)})"
+        lines.append(f"{one.name.ljust(names)}  {_number(one.was)} -> {_number(one.value)}  {span}{share}")
+    return [part for line in lines for part in textwrap.wrap(line, width, subsequent_indent="    ")]
+
+
+def _rivals(rivals: Sequence[Alternative], width: int) -> list[str]:
+    """Other names that were tried in the place of those given: how they score against these, and why not them."""
+    lines = []
+    for one in rivals:
+        left = f", leaves {_number(one.gap)} of the gap on the frames seen" if math.isfinite(one.gap) else ""
+        lines.append(f"- {_and(one.names)}: score {one.score:+.0f}{left}; {one.why_not}")
+    return [part for line in lines for part in textwrap.wrap(line, width, subsequent_indent="  ")]
 
 
 def _gap(gap: Gap, width: int) -> list[str]:

@@ -16,6 +16,8 @@ PRICE, _PRICE_PART = 6.0, 0.003
 _UNSEEN, _HARMLESS = 0.08, 0.02
 """An effect that moves the select frames by less than this part of its gain cannot show there; it may make them worse
 by that part."""
+_PART = 0.05
+"""Select frames that come nearer by this part of the gain bear it out."""
 _FEW_EDGES, _HARMLESS_THERE = 0.3, 0.1
 """The same of footprints where edges may be anywhere: a frame has few."""
 _TO_THE_BETTER = 0.5
@@ -75,26 +77,32 @@ class FittedCandidate:
     def passes(self) -> bool:
         """Whether it explains more than chance, more than 5 %, holds on frames that it was not fitted to, and is more
         than a usual error."""
-        holds = self._holds(self.select_before - self.select_after, self.select_change)
-        if not holds and self.along_edges is not None:
+        own = next(e for e in self.fit.effects() if e.name == self.name)
+        return self.gain > self.needed and self.holds and not is_usual_error(own, self.fit.nuisance)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the select frames bear out what it explains on those of the fit."""
+        borne_out = _holds(self.gain, self.select_before - self.select_after, self.select_change)
+        if not borne_out and self.along_edges is not None:
             better, change = self.along_edges
             few = change < _FEW_EDGES * self.gain and better > -_HARMLESS_THERE * self.gain
-            holds = few or self._holds(better, change)
-        if not holds and self.own is not None:
+            borne_out = few or _holds(self.gain, better, change)
+        if not borne_out and self.own is not None:
             # Half as many packets may be lost in one frame as in others, which brings it no nearer.
-            holds = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
-        if not holds and not search_spec(self.name).at_edges:
+            borne_out = abs(self.select_after - self.own) < _AS_FAR * self.own and self.gain > _TWICE * self.needed
+        if not borne_out and not search_spec(self.name).at_edges:
             near = self.select_after < self.select_floor + _ALL_CLOSED * CHANCE
-            holds = near and self.gain > _FOUR_TIMES * self.needed
-        own = next(e for e in self.fit.effects() if e.name == self.name)
-        return self.gain > self.needed and holds and not is_usual_error(own, self.fit.nuisance)
+            borne_out = near and self.gain > _FOUR_TIMES * self.needed
+        return borne_out
 
-    def _holds(self, better: float, change: float) -> bool:
-        """Whether select frames that come so much nearer, and are moved so far, bear the gain out."""
-        # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
-        unseen = change < _UNSEEN * self.gain and better > -_HARMLESS * self.gain
-        # They may show it weakly: then most of what it changes there must be to the better.
-        return better > 0.05 * self.gain or better > _TO_THE_BETTER * change or unseen
+
+def _holds(gain: float, better: float, change: float) -> bool:
+    """Whether select frames that come so much nearer, and move so far, bear out a gain on the frames of the fit."""
+    # Frames without a sign cannot show a ghost: where nothing was to be seen, it must only do no harm.
+    unseen = change < _UNSEEN * gain and better > -_HARMLESS * gain
+    # They may show it weakly: then most of what it changes there must be to the better.
+    return better > _PART * gain or better > _TO_THE_BETTER * change or unseen
 
 
 def accepted(name: str, trials: Sequence[FittedCandidate]) -> FittedCandidate | None:

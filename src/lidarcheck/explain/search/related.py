@@ -6,7 +6,7 @@ import math
 
 from lidarcheck.effects.search import Probe, search_spec
 
-__all__ = ["are_related", "enough_for", "is_special_case"]
+__all__ = ["are_related", "enough_for", "is_confused", "is_special_case"]
 
 _NEARLY_ALL, _MOST = 0.85, 0.75
 """A special case that explains this part of what the other does is the better name. A view that wanders also follows
@@ -17,6 +17,12 @@ truly at random, a motion explained 0.09 and 0.42."""
 def are_related(one: str, other: str) -> bool:
     """Whether two effects change the same features in the same way."""
     return one != other and not search_spec(one).groups.isdisjoint(search_spec(other).groups)
+
+
+def is_confused(one: str, other: str) -> bool:
+    """Whether one of two effects says that it is taken for the other, or that the other may imitate it."""
+    said = (set(search_spec(a).confused_with) | set(search_spec(a).imitated_by) for a in (one, other))
+    return any(b in names for b, names in zip((other, one), said, strict=True))
 
 
 def is_special_case(name: str, other: Probe) -> bool:

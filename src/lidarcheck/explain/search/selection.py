@@ -104,7 +104,7 @@ class Search:
 
     `first`: before any effect, with the nuisances fitted where they may be all that is wrong. `own`: how the accepted
     effects were judged beam by beam, where they were; `beside`: how those were beside which the second look found the
-    last one.
+    last one. `idle`: names that were left out for good, since where all is fitted they do nothing.
     """
 
     first: Fit
@@ -112,6 +112,7 @@ class Search:
     trials: list[FittedCandidate] = field(default_factory=list)
     own: Judged | None = None
     beside: Judged | None = None
+    idle: tuple[str, ...] = ()
 
 
 def start_fit(simulator: Simulator, *, nuisances: bool | None = None) -> Fit:

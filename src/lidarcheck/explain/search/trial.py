@@ -16,7 +16,16 @@ from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["TO_THE_END", "finished", "own_distance", "select_distance", "select_shown", "to_the_end", "tried"]
+__all__ = [
+    "TO_THE_END",
+    "finished",
+    "on_select",
+    "own_distance",
+    "select_distance",
+    "select_shown",
+    "to_the_end",
+    "tried",
+]
 
 Tried = tuple[Fit, float, float, tuple[float, float] | None, float | None]
 
@@ -49,7 +58,7 @@ def tried(simulator: Simulator, select: Simulator, now: Fit, before: FloatArray,
             found = min((found, fit_nuisance(simulator, first)), key=lambda one: one.distance)
     if found.possible and not _is_what_it_says(simulator, now, found):
         found = replace(found, distance=np.inf)
-    return _there(select, before, found)
+    return on_select(select, before, found)
 
 
 def _is_what_it_says(simulator: Simulator, now: Fit, found: Fit) -> bool:
@@ -66,7 +75,7 @@ def _is_what_it_says(simulator: Simulator, now: Fit, found: Fit) -> bool:
     return simulator.distance(without) - found.distance > _NAMED_PART * gain
 
 
-def _there(select: Simulator, before: FloatArray, found: Fit) -> Tried:
+def on_select(select: Simulator, before: FloatArray, found: Fit) -> Tried:
     """The fit, how far it is on the select frames, how far it moves them, by how much it brings them nearer and moves
     them wherever edges are, for a footprint, and how far they would be from themselves, for losses."""
     if not found.possible:
@@ -92,7 +101,7 @@ def to_the_end(simulator: Simulator, select: Simulator, before: FloatArray, now:
         if not again.distance < end.distance - _MUCH:
             break
         end = again
-    return _there(select, before, end)
+    return on_select(select, before, end)
 
 
 def select_distance(select: Simulator, at: Fit) -> float:

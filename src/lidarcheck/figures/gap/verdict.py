@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lidarcheck.explain.report.explanation import Explanation, Finding
+from lidarcheck.explain.report.wording import closed_words
 from lidarcheck.figures.words import amount
 
 __all__ = ["Verdict", "verdict_of"]
@@ -34,6 +35,12 @@ def verdict_of(explanation: Explanation) -> Verdict:
     missing = f"{_list([_named(one) for one in known])} {'is' if len(known) == 1 else 'are'} missing in the model"
     if explanation.verdict == "explained":
         return Verdict(missing if known else "The gap is explained", sentence, "good")
+    if known and len(known) == len(explanation.findings):
+        found = (
+            f"{_list([_named(one) for one in known])} {'was' if len(known) == 1 else 'were'} found, but most is unknown"
+        )
+        both = closed_words(explanation.closed_seen, gap)
+        return Verdict(found[0].upper() + found[1:], f"Less than half of the gap closes: {both}. {sentence}", "plain")
     besides = f"{missing}, and something that no catalogue has" if known else ""
     sentence += " What describes the unknown part is empirical: it repeats the data and names no cause."
     return Verdict(besides or "Something is missing that no catalogue has", sentence, "plain")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.explain.report.explanation import Explanation, Finding
+from lidarcheck.explain.report.explanation import Calibrated, Explanation, Finding
 from lidarcheck.figures.gap.data import FieldMap, Pictures
 from lidarcheck.figures.gap.measure import pictures_of
 from lidarcheck.figures.gap.verdict import verdict_of
@@ -138,7 +138,7 @@ def _template() -> Template:
     return environment.get_template("explain.html.jinja")
 
 
-def _ranged(one: Interval) -> str:
+def _ranged(one: Interval | Calibrated) -> str:
     """The interval's ends."""
     return f"{amount(one.low)} to {amount(one.high)}"
 

@@ -53,7 +53,7 @@ class Adopting(View):
         """The difference, and what to do with it."""
         name = self.host.inside(str(change.target))
         words = []
-        if state.found is not None and state.found.verdict == "unknown":
+        if state.found is not None and any(one.name == "unknown" for one in state.found.findings):
             words.append(line("These terms describe what is missing and do not explain it.", "bad"))
         if change.rewritten:
             words.append(line(f"Comments and layout are not kept: {change.rewritten}", "bad"))
