@@ -209,3 +209,28 @@ def test_what_chance_takes_of_what_closes_is_forgiven(whole: float, carries: boo
     before, after = (np.full(len(PARTS), x) for x in (whole, 0.65 * whole))
     noise = np.tile(np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])[:, None] * 9.1e-4, len(PARTS))
     assert closed_by(Open(before, after, noise, noise)) == carries
+
+
+@pytest.mark.parametrize(
+    ("names", "part", "left", "carries"),
+    [
+        (("fog",), "other echoes", 0.8, True),
+        (("fog",), "range", 0.8, True),
+        (("walk_error", "motion"), "area", 0.8, True),
+        (("range_scale",), "area", 0.8, True),
+        (("range_scale",), "range", 0.8, False),
+    ],
+)
+def test_where_the_summaries_have_closed_no_threshold_takes_a_name_back(
+    names: tuple[str, ...], part: str, left: float, carries: bool
+) -> None:
+    """A fog whose overlap is another leaves much of the veil's echoes, and has closed 99 % of the distance; a scale of
+    the range has one form, and what it leaves of the ranges is another's."""
+    before = np.full(len(PARTS), 2.0)
+    after = np.full(len(PARTS), 0.02)
+    after[PARTS.index(part)] = left * 2.0
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, (6, len(PARTS)))
+    assert not closed_by(Open(before, after, noise, noise), names)
+    assert closed_by(Open(before, after, noise, noise, settled=True), names) == carries
+    scattering = noise + np.where(np.arange(len(PARTS)) == 0, 9.0, 0.0)
+    assert not closed_by(Open(before, after, noise, scattering, settled=True), names), "chance is no explanation"

@@ -100,7 +100,7 @@ def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Cl
     recurring = tuple(finding.name for finding in findings if recurs(seen, there, finding.name, bench.pool))
     images, following = only_images_stay(seen, there, Nuisance()), ranges_follow(last.simulator, last.last)
     edges = only_edges_stay(seen, there, float(before.mean()))
-    open_ = Open(before, put_right.left, noise, put_right.noise, images, following, edges)
+    open_ = Open(before, put_right.left, noise, put_right.noise, images, following, edges, closed.settled)
     inside = shows_inside(seen, there, [finding.name for finding in findings])
     return Answer("explained", findings, tuple(stages), "", open_, recurring, inside, besides, calibrating, last.rivals)
 

@@ -53,7 +53,7 @@ class Open:
     """What is open of each of `PARTS` of the gap with one model and with a later one, shape (n_parts,), and draws of
     the noise on these, shape (n_draws, n_parts): an effect that strikes at random has some of its own. `images`: of
     other echoes only what `only_images_stay` speaks of stays open; `following`: of ranges, what `ranges_follow` does;
-    `edges`: what stays is at edges that split echoes.
+    `edges`: what stays is at edges that split echoes; `settled`: the summaries have closed, as `Closure.settled` says.
     """
 
     before: FloatArray
@@ -63,6 +63,7 @@ class Open:
     images: bool = False
     following: bool = False
     edges: bool = False
+    settled: bool = False
 
     def mean_of(self, parts: Sequence[str]) -> tuple[float, float, float]:
         """The means over some parts, and their standard deviation by chance."""
@@ -83,6 +84,10 @@ def carries_over(open_: Open, names: Sequence[str] = ()) -> bool:
     at_edges = _only_at_edges(names)
     if at_edges and open_.edges:
         return True
+    if open_.settled:
+        # Forms leave what they leave; only of ranges, where each form is one or hardly bends, is what stays a sign.
+        asked = PARTS if open_.following else [*_of_one_form(names)]
+        return all(_may_stay(part, open_, names) for part in asked if part == "range")
     unplaced = at_edges or open_.images or any(search_spec(name).splits_echoes for name in names)
     parts = [part for part in PARTS if part != "other echoes" or not unplaced]
     whole, left, chance = open_.mean_of(parts)

@@ -221,13 +221,14 @@ def _best(bench: SearchData, seen: Scale, search: Search, trials: Sequence[Fitte
     if not tried or own is None:
         return None
     case = bench.simulator.model
+    settled = closure(bench, search.fit, search.trials).settled
     fits = [own.last, *(one.fit for one in tried)]
     models = [(seen.shared, case, Nuisance()), *((seen.shared, one.model(case), one.nuisance) for one in fits)]
     whole, before, *after = bench.pool.map(Scale.excess_by_part, models)
     closing = [
         (float(there[0].mean()), one)
         for there, one in zip(after, tried, strict=True)
-        if _closes(own, one, float(there[0].mean()), float(whole[0].mean()))
+        if _closes(own, one, float(there[0].mean()), float(whole[0].mean()), settled=settled)
         or closes_what_others_left(whole[0], before, there)
     ]
     if not closing:
@@ -238,15 +239,17 @@ def _best(bench: SearchData, seen: Scale, search: Search, trials: Sequence[Fitte
     return Search(search.first, now, [*search.trials, *trials], beside=own)
 
 
-def _closes(own: Judged, one: FittedCandidate, left: float, whole: float) -> bool:
+def _closes(own: Judged, one: FittedCandidate, left: float, whole: float, *, settled: bool = False) -> bool:
     """Whether a fit with one more effect closes enough of the gap beam by beam, of which it leaves `left`; or as much
-    as before with nuisances that are usual, where those before were at their limits."""
+    as before with nuisances that are usual, where those before were at their limits. Where the others have `settled`
+    the case, most of what they leave is not enough: it may be no more than their forms."""
     if one.fit.nuisance.usual and not own.last.nuisance.usual:
         return left < own.left + _AS_MUCH * own.chance
     closed = own.left - left
     if _beams_cannot_tell(own) and _explains_most(own, one):
         return closed >= _LEAST_CLOSED * own.left
-    return closed >= worth_by_beams(own.left, whole, own.chance)
+    worth = worth_by_beams(own.left, whole, own.chance)
+    return closed >= (max(worth, _LEAST_OF_ALL * whole) if settled else worth)
 
 
 def _beams_cannot_tell(own: Judged) -> bool:
