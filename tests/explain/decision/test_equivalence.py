@@ -45,7 +45,7 @@ def test_the_nearer_name_takes_the_place(bench: SearchData) -> None:
     scale = Scale.of((*bench.simulator.frames, *bench.select.frames), model(), 5)
     right, wrong = (fitted(bench.simulator, name) for name in ("range_offset", "range_scale"))
     for now, other in ((wrong, right), (right, wrong)):
-        found = contest(scale, model(), now, [Rival(other.names()[0], 0, other, 0.0)], 7)
+        found = contest(scale, model(), now, [Rival(other.names()[0], 0, other, 260.0 if now is right else -260.0)], 7)
         assert found.fit.names() == found.last.names() == ("range_offset",)
         assert found.equals["range_offset"] == ()
         assert found.last.effects()[0].settings()["offset_m"] == pytest.approx(0.12, abs=0.01)
@@ -74,10 +74,11 @@ def test_what_a_random_rival_hits_upon_by_chance_takes_no_place(
 def test_what_can_do_all_that_another_does_must_leave_much_less(
     bench: SearchData, monkeypatch: pytest.MonkeyPatch, general: float, special: float, name: str, accepted: str
 ) -> None:
-    """Whichever of them was accepted; and what is near because it can do the same is no equal."""
+    """Whichever of them was accepted; and what is near because it can do the same is no equal. What it can do is one
+    where its score is the same."""
     found = judged_as(bench, monkeypatch, accepted, {"layer_gain": (general, 0.005), "signal_gain": (special, 0.005)})
     assert found.fit.names() == (name,)
-    assert found.equals[name] == ()
+    assert found.equals[name] == (() if name == "signal_gain" else ("signal_gain",))
 
 
 @pytest.mark.parametrize(
@@ -135,6 +136,7 @@ def judged_as(
     accepted: str,
     verdicts: dict[str, tuple[float, float]],
     distances: Mapping[str, float] = MappingProxyType({}),
+    farther: float = 0.0,
 ) -> Polished:
     """The contest of two names of which each is judged so: what it leaves, and by how much that varies; and how far its
     summaries are, 1000 where nothing is said."""
@@ -149,7 +151,7 @@ def judged_as(
     )
     scale = Scale.of(bench.select.frames, model(), 5)
     other = next(one for one in fits if one != accepted)
-    return contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], 0.0)], 7)
+    return contest(scale, model(), fits[accepted], [Rival(other, 0, fits[other], farther)], 7)
 
 
 def test_without_rivals_the_accepted_name_stays(bench: SearchData) -> None:
@@ -226,12 +228,25 @@ def test_what_these_data_cannot_tell_apart_is_shown_with_what_would(
 ) -> None:
     """An offset and a scale that leave as much, whichever was accepted; and all that was tried stands in the report."""
     rival = "range_scale" if accepted == "range_offset" else "range_offset"
-    found = judged_as(bench, monkeypatch, accepted, {accepted: (0.1, 0.001), rival: (other, 0.001)})
+    found = judged_as(bench, monkeypatch, accepted, {accepted: (0.1, 0.001), rival: (other, 0.001)}, farther=260.0)
     assert found.fit.names() == (accepted,)
     assert found.equals[accepted] == ((rival,) if alike else ())
     [told] = found.rivals
     assert (told.names, told.gap) == ((rival,), other)
     assert ("one target at two ranges far apart" in told.why_not) == alike
+
+
+@pytest.mark.parametrize("accepted", ["range_offset", "range_scale"])
+@pytest.mark.parametrize(("farther", "alike"), [(-70.0, True), (240.0, True), (260.0, False)])
+def test_an_equal_score_is_shown_whatever_beams_say(
+    bench: SearchData, monkeypatch: pytest.MonkeyPatch, accepted: str, farther: float, alike: bool
+) -> None:
+    """A scale leaves less of the gap, and the summaries of an offset are as near, or nearer by chance."""
+    rival = "range_scale" if accepted == "range_offset" else "range_offset"
+    verdicts = {accepted: (0.1, 0.001), rival: (0.9, 0.001)}
+    found = judged_as(bench, monkeypatch, accepted, verdicts, farther=farther)
+    assert found.equals[accepted] == ((rival,) if alike else ())
+    assert found.rivals[0].score == -0.5 * farther
 
 
 def test_a_name_that_lost_its_place_is_compared_in_its_turn(bench: SearchData, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,7 +43,8 @@ _NEAR, _NEAR_PART = 300.0, 0.06
 """A rival's distance is larger by no more than this, or this part of what it explains."""
 _MARGIN, _NO_WORTH = 2.0, 0.03
 """Names whose gaps differ by less than so many standard deviations of the floor, or by less than this part of the
-whole gap, which no name would be worth that closes no more, are not told apart."""
+whole gap, which no name would be worth that closes no more, are not told apart; nor are such whose summaries, on the
+frames of the fit and the selection, differ by less than `CHANCE`."""
 _MUCH_LESS = 0.6
 """An effect that can do all that another one does, and more, must leave no more than this part of what that does."""
 _LESS = 0.8
@@ -202,17 +203,20 @@ def contest(
     margin = max(_MARGIN * own.chance, _NO_WORTH * whole)
     best, its = min(rest, key=lambda pair: pair[1].left * _handicap(pair[0].name, names[pair[0].place]))
     if not _takes_its_place(best.name, its, names[best.place], own):
-        equals = {name: _equals(k, name, gaps, own.left + margin) for k, name in enumerate(names)}
+        alike = _alike([one for one, _ in rest], gaps, own.left + margin, CHANCE)
+        equals = {name: _equals(k, name, gaps, alike) for k, name in enumerate(names)}
         compared = {name: tuple(one.name for one, _ in rest if one.place == k) for k, name in enumerate(names)}
         told = rows(now, others, gaps, equals)
         return Polished(now, own.simulator, own.last, equals, compared, own.left, behind, told)
     # What it takes the place of is compared with it in its turn.
-    beaten = Rival(names[best.place], best.place, now, -best.farther)
+    beaten = Rival(names[best.place], best.place, now, 0.0)
     gaps = {at: left for at, left in gaps.items() if at[0] == best.place and at[1] != best.name}
     gaps[best.place, beaten.name] = own.left
-    equals = {best.name: _equals(best.place, best.name, gaps, its.left + margin)}
+    others = [beaten, *(one for one in others if one is not best)]
+    alike = _alike([one for one in others if one.near], gaps, its.left + margin, best.farther + CHANCE)
+    equals = {best.name: _equals(best.place, best.name, gaps, alike)}
     compared = {best.name: tuple(name for _, name in gaps)}
-    told = rows(best.fit, [beaten, *(one for one in others if one is not best)], gaps, equals, best.farther)
+    told = rows(best.fit, others, gaps, equals, best.farther)
     return Polished(best.fit, its.simulator, its.last, equals, compared, its.left, rivals=told)
 
 
@@ -285,8 +289,19 @@ def _beyond_floor(one: Judged) -> float:
     return one.last.distance - one.simulator.floor_distance
 
 
-def _equals(place: int, winner: str, gaps: Mapping[tuple[int, str], float], most: float) -> tuple[str, ...]:
-    """The names of the rivals in a place whose gaps are no larger, the smallest first; not those of which the winner
-    is a special case, which are near because they can do what it does."""
-    near = [(left, name) for (at, name), left in gaps.items() if at == place and left < most]
-    return tuple(name for _, name in sorted(near) if search_spec(winner).special_case_of != name)
+def _alike(
+    others: Sequence[Rival], gaps: Mapping[tuple[int, str], float], most: float, farthest: float
+) -> set[tuple[int, str]]:
+    """The rivals that these data cannot tell from what they were compared with: that leave no larger gap than `most`,
+    or whose summaries are as near as chance makes of the same."""
+    places = {(one.place, one.name): one.farther for one in others}
+    return {at for at, left in gaps.items() if left < most or places.get(at, np.inf) < farthest}
+
+
+def _equals(
+    place: int, winner: str, gaps: Mapping[tuple[int, str], float], alike: set[tuple[int, str]]
+) -> tuple[str, ...]:
+    """The names of the rivals in a place that are alike, the smallest gap first; not those of which the winner is a
+    special case, which are near because they can do what it does."""
+    near = sorted((gaps[at], at[1]) for at in alike if at[0] == place)
+    return tuple(name for _, name in near if search_spec(winner).special_case_of != name)
