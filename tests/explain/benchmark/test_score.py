@@ -15,7 +15,7 @@ from lidarcheck.cli import main
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.explain.benchmark.run import _told_apart, find_generator, load_generator, run_benchmark
 from lidarcheck.explain.benchmark.score import Answer, Share, score
-from lidarcheck.explain.benchmark.text import figures, table_markdown, table_text
+from lidarcheck.explain.benchmark.text import figures, gate_counts, table_markdown, table_text
 
 
 def said(name, confidence=0.95, equivalent=(), **parameters):
@@ -415,6 +415,18 @@ def test_generators_that_are_none(bench, monkeypatch):
     (bench / "tests/hidden/__init__.py").write_text("")
     monkeypatch.chdir(bench / "tests/hidden/deep")
     assert find_generator() == bench / "tests/hidden"
+
+
+def test_gates_are_counted_by_the_cases_in_which_they_acted():
+    def took(right, *steps):
+        found = (said("fog"),)
+        return answer(
+            "single", ("fog",) if right else ("rain",), found, steps=tuple({"step": s, "found": ""} for s in steps)
+        )
+
+    answers = [took(True, "fit", "idle"), took(False, "fit", "withdrawn", "withdrawn"), took(True, "fit", "withdrawn")]
+    assert gate_counts(answers) == {"idle": (1, 1), "withdrawn": (2, 1)}
+    assert gate_counts([]) == {}
 
 
 def test_tables(bench):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Sequence
 
 from lidarcheck.explain.benchmark.run import Benchmark
 from lidarcheck.explain.benchmark.score import Answer, Share
 
-__all__ = ["WANTED", "figures", "table_markdown", "table_text"]
+__all__ = ["WANTED", "figures", "gate_counts", "table_markdown", "table_text"]
 
 WANTED = {
     "singles named exactly": "≥ 95 %",
@@ -59,9 +60,21 @@ def table_text(result: Benchmark) -> str:
     for one in result.score.calibration:
         name = f"{100 * one.low:.0f} to {100 * one.high:.0f} %"
         lines.append(f"{name:{label}}  {_percent(one.confidence):>14}  {_counts(one.right):>12}")
+    gates = gate_counts(result.answers)
+    lines += ["", f"{'steps not taken in all cases':{label}}  {'taken in':>14}  {'right there':>12}"] if gates else []
+    lines += [f"{name:{label}}  {taken:>14}  {right:>12}" for name, (taken, right) in gates.items()]
     lines += ["", *(part for answer in result.answers if not answer.right for part in _wrong(answer))]
     kind = f", only {result.only}" if result.only else ""
     return "\n".join([*lines, f"{result.score.cases} cases of seed {result.seed}{kind}"]) + "\n"
+
+
+def gate_counts(answers: Sequence[Answer]) -> dict[str, tuple[int, int]]:
+    """In how many cases each step was taken that not all of them take, such as one that withholds a name, and in how
+    many of these the answer was right: a rule that acts on no case, or harms as often as it helps, is none."""
+    by_case = [{str(step["step"]) for step in answer.steps} for answer in answers]
+    names = sorted({name for steps in by_case for name in steps})
+    taken = {name: [one.right for one, steps in zip(answers, by_case, strict=True) if name in steps] for name in names}
+    return {name: (len(right), sum(right)) for name, right in taken.items() if len(right) < len(answers)}
 
 
 def _wrong(answer: Answer) -> list[str]:
