@@ -1,5 +1,6 @@
 """What a row of a scan is: an echo, a beam without one, a copy; which echo of its beam, and of which kind."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,17 @@ class TestConvert:
         write_pcd(with_values(GRID, SOME, X=0.0, Y=0.0, Z=0.0), tmp_path / "c.pcd", "binary")
         convert(tmp_path / "c.pcd", tmp_path / "d.pcd")
         np.testing.assert_array_equal(read_pcd(tmp_path / "d.pcd").columns["Y"] == 0.0, SOME)
+
+    def test_an_organised_cloud_stays_one(self, tmp_path: Path) -> None:
+        cloud = with_values(GRID, SOME, X=np.nan, Y=np.nan, Z=np.nan)
+        write_pcd(replace(cloud, height=4), tmp_path / "a.pcd", "binary")
+        assert b"WIDTH 10\nHEIGHT 4\n" in (tmp_path / "a.pcd").read_bytes()
+        convert(tmp_path / "a.pcd", tmp_path / "b.pcd")
+        back = read_pcd(tmp_path / "b.pcd")
+        assert back.height == 4
+        np.testing.assert_array_equal(np.isnan(back.columns["X"]), SOME)
+        convert(tmp_path / "b.pcd", tmp_path / "c.pcd", drop_empty=True)
+        assert read_pcd(tmp_path / "c.pcd").height == 1
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_or_are_left_out(self, suffix: str, tmp_path: Path) -> None:

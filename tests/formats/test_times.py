@@ -37,6 +37,8 @@ class TestUnit:
             ("timestamp", FRAME + 17.0, "s", "the length of a frame"),
             ("timestamp", (FRAME * 1e6 + 530_000_000).astype("i8"), "us", "the length of a frame"),
             ("timestamp", (FRAME * 1e9 + 2_444_124_311_890).astype("i8"), "ns", "the length of a frame"),
+            # A date in ms, if a frame could last 100 s.
+            ("timestamp", (EPOCH_NS // 1_000_000 + FRAME * 1e6).astype("i8"), "us", "the length of a frame"),
             # Values that cannot be what the name says.
             ("time", EPOCH_NS + np.arange(5), "ns", "its digits"),
             ("time", (FRAME * 1e6).astype("i8"), "us", "the length of a frame"),
@@ -50,7 +52,7 @@ class TestUnit:
         "values",
         [
             np.arange(20) + 530_000_000,  # a piece of a frame, in any unit
-            (EPOCH_NS // 1000 + FRAME * 1e9).astype("i8"),  # the date says us, the length of the frame ns
+            np.arange(20) * 10_000_000 + 2_444_124_311_890,  # 2444 s in ns, or a date of 2047 in ms
             np.full(1000, 5),
             np.zeros(0),
         ],

@@ -46,13 +46,13 @@ def read_pcd(path: str | Path) -> Table:
     rows = header.rows
     body = memoryview(content)[header.start :]
     if header.encoding == "ascii":
-        return Table(text_columns(rows, content, header.start, header.first_line), file)
+        return Table(text_columns(rows, content, header.start, header.first_line), file, height=header.height)
     if header.encoding == "binary":
         columns = packed_columns(rows, body)
         _check_rest(body[rows.count * rows.dtype.itemsize :], rows)
     else:
         columns = _unpack(body, rows)
-    return Table(columns, file)
+    return Table(columns, file, height=header.height)
 
 
 def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compressed") -> None:
@@ -64,7 +64,7 @@ def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compr
     if encoding not in ENCODINGS:
         raise UsageError(f"there is no PCD encoding {encoding!r}", fix=f"use one of {', '.join(ENCODINGS)}")
     columns = writable(table, path, _plain_name)
-    head = compose_header(columns, len(table), encoding)
+    head = compose_header(columns, len(table), encoding, table.height)
     write_bytes(path, head + _compose_body(columns, encoding, path))
 
 

@@ -40,12 +40,16 @@ KEY_FIX = f"the keys are {', '.join(KEYS)}"
 
 @dataclass(frozen=True, slots=True)
 class PcdHeader:
-    """`rows`: what the points hold; the body starts at byte `start`, in line `first_line` where it is text."""
+    """`rows`: what the points hold; the body starts at byte `start`, in line `first_line` where it is text.
+
+    `height`: rows of an organised cloud, 1 of any other.
+    """
 
     rows: RecordLayout
     encoding: Encoding
     start: int
     first_line: int
+    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,9 @@ def read_header(content: bytes, path: Path) -> PcdHeader:
     words, start, first_line = _header(content, path)
     rows = _rows(words, path)
     _warn_of_viewpoint(words, path)
-    return PcdHeader(rows, _encoding(words["DATA"], path), start, first_line)
+    height = _whole(words["HEIGHT"], "HEIGHT", path, 1)[0] if "HEIGHT" in words else 1
+    organised = height > 1 and rows.count > 0 and rows.count % height == 0
+    return PcdHeader(rows, _encoding(words["DATA"], path), start, first_line, height if organised else 1)
 
 
 def _header(content: bytes, path: Path) -> tuple[dict[str, _Word], int, int]:
@@ -190,8 +196,8 @@ def _warn_of_viewpoint(words: Mapping[str, _Word], path: Path) -> None:
         logger.warning("%s:%d: VIEWPOINT is not applied: X Y Z are taken as the sensor's own frame", path, word.line)
 
 
-def compose_header(columns: Mapping[str, npt.NDArray[Any]], points: int, encoding: str) -> bytes:
-    """The header of an unorganised cloud of these columns, a field each."""
+def compose_header(columns: Mapping[str, npt.NDArray[Any]], points: int, encoding: str, height: int = 1) -> bytes:
+    """The header of a cloud of these columns, a field each; `height`: of an organised one, which divides `points`."""
     kinds = [column.dtype for column in columns.values()]
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
@@ -200,8 +206,8 @@ def compose_header(columns: Mapping[str, npt.NDArray[Any]], points: int, encodin
         f"SIZE {' '.join(str(kind.itemsize) for kind in kinds)}",
         f"TYPE {' '.join(kind.kind.upper() for kind in kinds)}",
         f"COUNT {' '.join('1' for _ in kinds)}",
-        f"WIDTH {points}",
-        "HEIGHT 1",
+        f"WIDTH {points // height}",
+        f"HEIGHT {height}",
         "VIEWPOINT 0 0 0 1 0 0 0",
         f"POINTS {points}",
         f"DATA {encoding}",

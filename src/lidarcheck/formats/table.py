@@ -45,7 +45,8 @@ class Table:
     `columns`: one-dimensional arrays of booleans, integers or floats, all of shape (n,); no two names differ only in
     case. `path`: the file they come from, for messages. `layout`: only of text files. `edited`: names of columns whose
     values are no longer those of `path`. `origin` (n,): of some of a file's rows, where each stands in it, from 0;
-    `first_line`: the line of that file's first row. `UsageError` when the columns do not fit together.
+    `first_line`: the line of that file's first row. `height`: rows of an organised cloud, which divide the table's
+    evenly; 1 of any other. `UsageError` when the columns do not fit together.
     """
 
     columns: Mapping[str, Column]
@@ -54,6 +55,7 @@ class Table:
     edited: frozenset[str] = field(default=frozenset())
     origin: npt.NDArray[np.intp] | None = None
     first_line: int | None = None
+    height: int = 1
 
     def __post_init__(self) -> None:
         repeated = _repeated(self.columns)

@@ -44,8 +44,6 @@ ENOUGH_TIMES = 100
 """A whole frame shows at least as many moments; what shows fewer may be any part of one and tells no unit."""
 EPOCH_S = (946_684_800.0, 4_102_444_800.0)
 """The years 2000 to 2100, since 1970."""
-FILE_S = 3600.0
-"""More than a file of many frames lasts: 40 minutes since a start, in ns, are a date of 2047, in ms."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +77,7 @@ def clock_of(columns: Mapping[str, Column], unit: TimeUnit | None = None) -> Clo
     named = TIME_COLUMNS[known]
     if named is not None and _may_be(times, frame, TIME_UNITS[named]):
         return Clock(name, named, "its name")
-    by_length = _by_length(times, frame)
-    by_digits = _by_digits(times)
+    by_length, by_digits = _by_length(times, frame), _by_digits(times, frame)
     fitting = sorted({*by_length, *by_digits})
     if len(fitting) != 1:
         why = f"{' and '.join(fitting)} fit" if fitting else "no unit fits its values for sure"
@@ -126,15 +123,18 @@ def _by_length(times: Column, frame: Column | None) -> list[TimeUnit]:
     if len(times) < ENOUGH_TIMES or len(np.unique(times[:: max(1, len(times) // 100_000)])) < ENOUGH_TIMES:
         return []
     span = _span(times, frame)
-    return [unit for unit, unit_s in TIME_UNITS.items() if FRAME_S[0] <= span * unit_s <= FRAME_S[1]]
+    latest = float(np.nanmax(times))
+    whole = [unit for unit, unit_s in TIME_UNITS.items() if FRAME_S[0] <= span * unit_s <= FRAME_S[1]]
+    return [unit for unit in whole if latest * TIME_UNITS[unit] <= EPOCH_S[1]]
 
 
-def _by_digits(times: Column) -> list[TimeUnit]:
+def _by_digits(times: Column, frame: Column | None) -> list[TimeUnit]:
+    """The units in which the times are a date, and no frame is too long: 40 min in ns are a date of 2047 in ms."""
     if not len(times) or not _any_known(times):
         return []
     low, high = float(np.nanmin(times)), float(np.nanmax(times))
     dated = [unit for unit, unit_s in TIME_UNITS.items() if EPOCH_S[0] <= low * unit_s <= high * unit_s <= EPOCH_S[1]]
-    return [unit for unit in dated if (high - low) * TIME_UNITS[unit] <= FILE_S]
+    return [unit for unit in dated if _span(times, frame) * TIME_UNITS[unit] <= FRAME_S[1]]
 
 
 def _span(times: Column, frame: Column | None) -> float:
