@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.frames import SeveralFrames, frames_of
 from lidarcheck.formats.geometry import AS_IT_IS, Placement, words
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise
@@ -135,11 +136,12 @@ def describe(
 def _describe_table(table: Table, form: str, placement: Placement, time_unit: TimeUnit | None) -> FileDescription:
     rows: Scan | IdealScan
     facts: dict[str, Any] = {}
+    whole, frames = _with_frames(table)
     if is_semantic(table) or is_ideal(table):
         rows = ideal_from_table(ideal_table(table) if is_semantic(table) else table)
         kind, range_m, facts = "ideal", rows.distance_m[rows.distance_m > 0], _ideal_facts(rows)
     else:
-        rows, found = read_scan(table, placement)
+        rows, found = read_scan(whole, placement)
         kind, range_m, facts = "scan", rows.range_m, {**_row_facts(rows, found), **_time_facts(table, time_unit)}
     counts = _rows_per_beam(rows.layer, rows.point)
     return FileDescription(
@@ -152,8 +154,24 @@ def _describe_table(table: Table, form: str, placement: Placement, time_unit: Ti
         range_m=_span(range_m),
         echoes_per_beam={str(number): int(np.count_nonzero(counts == number)) for number in np.unique(counts)},
         defaulted=rows.defaulted,
-        facts=facts,
+        facts={**frames, **facts},
     )
+
+
+def _with_frames(table: Table) -> tuple[Table, dict[str, Any]]:
+    """The table with its rows' frames numbered, where it holds several, and what to say of them."""
+    try:
+        found = frames_of(table)
+    except SeveralFrames as error:
+        return table, {"frames": f"several, not told apart: {error.what}"}
+    if len(found) < 2:
+        return table, {}
+    frame = np.zeros(len(table), dtype=np.int64)
+    for number, rows in enumerate(found.rows):
+        frame[rows] = number
+    sizes = np.bincount(frame)
+    said = f"{len(found)}, told apart {found.how}; {sizes.min()} to {sizes.max()} rows each"
+    return table.with_column("Frame", frame), {"frames": said}
 
 
 def _row_facts(scan: Scan, counts: RowCounts) -> dict[str, Any]:

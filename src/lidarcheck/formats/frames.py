@@ -26,12 +26,10 @@ from lidarcheck.formats.ideals import is_ideal
 from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.semantic_ply import is_semantic
 from lidarcheck.formats.table import Table
-from lidarcheck.formats.times import FRAME_COLUMNS
+from lidarcheck.formats.times import FRAME_COLUMNS, TIME_COLUMNS
 
-__all__ = ["FRAME_COLUMNS", "TIME_COLUMNS", "Frames", "SeveralFrames", "frames_of", "one_frame", "split_command"]
+__all__ = ["Frames", "SeveralFrames", "frames_of", "one_frame", "split_command"]
 
-TIME_COLUMNS = ("timestamp", "time_stamp", "gps_time", "Time", "t", "offset_time")
-"""Times of one echo each, as sensors' drivers name them; the absolute ones first."""
 BEAM_COLUMNS = ("Layer", "Point")
 RETURN_COLUMNS = ("EchoNumber", "ReturnType", "return_type")
 """What tells rows of one beam apart within a frame."""

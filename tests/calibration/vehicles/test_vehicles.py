@@ -15,7 +15,6 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.data import Cloud, Distribution
 from lidarcheck.figures.pages.vehicles import merge_page, page
 from lidarcheck.formats.recognise import read_table, write_table
-from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.model import simulate
 from lidarcheck.scan import Scan
 from scene_kit import halved, hits_of, ideal_of, measured, model_of, vehicle_scene
@@ -282,11 +281,11 @@ def test_columns_of_both_are_kept_in_a_pcd(tmp_path):
     simulated = cut_of(rng.random((40, 3)), gain=np.arange(40) + 100)
     merged = merge_vehicles(real, simulated, VEHICLES["car"])
     write_table(merged.columns, tmp_path / "both.pcd")
-    back = scan_from_table(read_table(tmp_path / "both.pcd"))
-    assert back.extra["Gain"].tolist() == [*range(30), *range(100, 140)]
-    assert back.extra["Stamp"].tolist() == [i * 0.5 for i in range(30)] + [0.0] * 40
-    assert back.extra[MARK].sum() == 40
-    assert back.layer.tolist() == [1] * 70
+    back = read_table(tmp_path / "both.pcd")
+    assert back.columns["Gain"].tolist() == [*range(30), *range(100, 140)]
+    assert back.columns["Stamp"].tolist() == [i * 0.5 for i in range(30)] + [0.0] * 40
+    assert back.columns[MARK].sum() == 40
+    assert back.columns["Layer"].tolist() == [1] * 70
     assert merged.filled == {"Stamp": "simulated"}
     assert "30 real and 40 simulated points" in merge_page(merged, "car").summary
 

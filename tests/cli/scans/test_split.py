@@ -158,3 +158,12 @@ def test_the_merged_file_of_a_side_without_a_partner_names_the_frame(frames, cap
     merge(frames, "drive.pcd", number="Frame")
     assert main(["compare", "drive.pcd", "real", "-q"]) == 2
     assert "drive.pcd#5: has no frame beside it in real, nor have 2 more" in capsys.readouterr().err
+
+
+def test_info_says_how_many_frames_a_file_holds(frames, capsys):
+    merge(frames, "drive.pcd", leave_out=("EchoNumber",))
+    assert main(["info", "drive.pcd", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)["facts"]
+    sizes = sorted(len(table) for table in frames)
+    assert facts["frames"] == f"3, told apart by the order of the rows; {sizes[0]} to {sizes[-1]} rows each"
+    assert "renumbered" not in facts
