@@ -7,18 +7,18 @@ import hashlib
 import logging
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
-from lidarcheck.cases.checks import frame_fault, scene_fault, swapped
+from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
 from lidarcheck.formats.frames import SeveralFrames, one_frame
-from lidarcheck.formats.geometry import pooled
+from lidarcheck.formats.geometry import pooled, words
 from lidarcheck.formats.geometry.keys import PlacementKeys
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import read_table
@@ -74,6 +74,16 @@ class Case:
     def geometry(self) -> Geometry:
         """How X, Y, Z agree with the beams, in all frames together."""
         return pooled(frame.measured.geometry for frame in self.frames)
+
+    @property
+    def geometry_words(self) -> str:
+        """What is said of it, and what the ranges of which frames cannot tell apart from as they are."""
+        untold = dict.fromkeys(variant for frame in self.frames for variant in frame.untold)
+        said = [words(self.geometry)]
+        for variant in untold:
+            numbers = ", ".join(str(frame.number) for frame in self.frames if variant in frame.untold)
+            said.append(f"not told apart from {variant}: frames {numbers}")
+        return "; ".join(said)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -208,13 +218,18 @@ def _frames(
             continue
         surface_signal(ideal, model)  # names a material without an entry
         frames.append(Frame(number, ideal, measured, entry.time))
+    sound = []
     for frame in frames:
         entry = table.frames[frame.number]
         fault = frame_fault(frame, frames, model, directory / entry.ideal, directory / entry.measured)
-        fault = fault or scene_fault(frame, frames, directory / entry.measured, entry.ideal.name)
-        if fault is not None:
+        scene = None if fault else compared_scene(frame, frames, entry.ideal.name)
+        if scene is not None and scene.refused:
+            fault = InputError(scene.what, file=directory / entry.measured, fix=scene.fix)
+        if fault is None:
+            sound.append(replace(frame, untold=() if scene is None else scene.untold(frame.measured)))
+        else:
             faults[frame.number] = fault
-    return [frame for frame in frames if frame.number not in faults], faults
+    return sound, faults
 
 
 class _Damaged(Exception):

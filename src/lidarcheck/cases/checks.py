@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
-from lidarcheck.cases.same_scene import RANGE_STEP_M, Surfaces, compare_scenes
+from lidarcheck.cases.same_scene import RANGE_STEP_M, SceneFinding, Surfaces, compare_scenes
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
 from lidarcheck.kpi.variant import above_saturation
@@ -19,7 +19,7 @@ from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["frame_fault", "scene_fault", "swapped"]
+__all__ = ["compared_scene", "frame_fault", "swapped"]
 
 
 NEAR_M, NEAR_SHARE = 2.0, 0.1
@@ -96,11 +96,10 @@ def frame_fault(frame: Frame, frames: Sequence[Frame], model: Model, ideal: Path
     return _cut_fault(frame, frames, measured) or above_saturation(scan, model.sensor, measured)
 
 
-def scene_fault(frame: Frame, frames: Sequence[Frame], measured: Path, ideal: str) -> InputError | None:
-    """What says that the measured scan is mirrored, in another unit, or of the frame before or after; or None."""
+def compared_scene(frame: Frame, frames: Sequence[Frame], ideal: str) -> SceneFinding | None:
+    """Whether the scan is mirrored, in another unit, or of the frame before or after; `ideal` names its ideal scan."""
     before, after = (_neighbour(frame, frames, sign) for sign in (-1.0, 1.0))
-    found = compare_scenes(frame.measured, Surfaces.of(frame.ideal), before=before, after=after, name=ideal)
-    return InputError(found.what, file=measured, fix=found.fix) if found is not None and found.refused else None
+    return compare_scenes(frame.measured, Surfaces.of(frame.ideal), before=before, after=after, name=ideal)
 
 
 def _neighbour(frame: Frame, frames: Sequence[Frame], sign: float) -> Surfaces | None:

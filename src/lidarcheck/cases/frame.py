@@ -16,12 +16,16 @@ FEWEST_FRAMES = 3
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame of a case: `number` from 0 as in the case's file, what its beams meet, and what was measured."""
+    """One frame of a case: `number` from 0 as in the case's file, what its beams meet, and what was measured.
+
+    `untold`: what the ranges cannot tell from the frame as it is, as `the frame before`.
+    """
 
     number: int
     ideal: IdealScan
     measured: Scan
     time_s: float
+    untold: tuple[str, ...] = ()
 
     @property
     def median_range_m(self) -> float:

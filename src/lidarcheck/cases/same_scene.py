@@ -12,7 +12,7 @@ from os import PathLike
 
 import numpy as np
 
-from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.geometry.unit import METRES
 from lidarcheck.kpi.pairing import nearest_on_line
@@ -29,7 +29,7 @@ FEWEST_BEAMS = 30
 STANDARD_ERRORS = 5.0
 """A variant beats the scan as it is by more than so many standard errors of the paired difference ..."""
 RANGE_STEP_M = 0.01
-"""... and by more than a step of the range in the median."""
+"""... and by more than a step of the range, and is not the worse in the median."""
 SWEEP_PART = 0.25
 """A shift by a frame is tried on beams of the sweep's first quarter: later the next frame often fits as well."""
 NEAR_SHARE = 0.1
@@ -79,6 +79,11 @@ class SceneFinding:
     tried: Mapping[str, float]
     equal: tuple[str, ...] = ()
 
+    def untold(self, measured: Scan) -> tuple[str, ...]:
+        """Those that nothing else tells either: of another order of beams the scan's own geometry does, if checked."""
+        sound = measured.geometry.verdict != "not checked"
+        return tuple(one for one in self.equal if one in (_BEFORE, _AFTER) or (one in _NUMBERS and not sound))
+
 
 @dataclass(frozen=True)
 class _Echoes:
@@ -126,24 +131,24 @@ def compare_scenes(
     own = _residuals(shown, echoes)
     if np.count_nonzero(~np.isnan(own)) < FEWEST_BEAMS:
         return None
+    pairs = [(variant, own, other) for variant, other in _variants(shown, echoes)]
+    pairs += _frame_pairs(measured, shown, {_BEFORE: before, _AFTER: after})
     tried = {"as is": _median(own)}
-    beats: list[tuple[float, str]] = []
+    beats: list[tuple[float, float, str]] = []
     equal = []
-    for variant, other in _variants(shown, echoes, before, after):
-        common = ~np.isnan(own) & ~np.isnan(other)
-        if variant in (_BEFORE, _AFTER):
-            common &= _early(echoes, shown)
+    for variant, as_is, other in pairs:
+        common = ~np.isnan(as_is) & ~np.isnan(other)
         if np.count_nonzero(common) < FEWEST_BEAMS:
             continue
         tried[variant] = _median(other[common])
-        verdict = _compared(own[common], other[common])
+        verdict = _compared(as_is[common], other[common])
         if verdict > 0:
-            beats.append((tried[variant], variant))
+            beats.append((tried[variant], _median(as_is[common]), variant))
         elif verdict == 0:
             equal.append(variant)
     if beats:
-        median, variant = min(beats)
-        what = f"{name} fits with {_said(variant)}: median residual {median:.2f} m, {tried['as is']:.2f} m as it is"
+        median, as_it_is, variant = min(beats)
+        what = f"{name} fits with {_said(variant)}: median residual {median:.2f} m, {as_it_is:.2f} m as it is"
         # Whose beams agree with its X, Y, Z is not the one that is wrong.
         sound = variant in _NUMBERS and measured.geometry.verdict in ("ok", "warning")
         fix = f"its X, Y, Z agree with its beams: number {name} as they are" if sound else _fix(variant)
@@ -163,10 +168,8 @@ def check_scene_of(measured: Scan, shown: IdealScan | Scan, file: str | PathLike
         raise InputError(found.what, file=file, fix=found.fix)
     if found.doubtful:
         return f"{file}: {found.what}"
-    mirrored = [variant for variant in found.equal if variant in _NUMBERS]
-    if mirrored and measured.geometry.verdict == "not checked":
-        return f"{file}: geometry not checked, and against {name} not told apart: {'; '.join(mirrored)}"
-    return ""
+    untold = found.untold(measured)
+    return f"{file}: against {name} not told apart from {'; '.join(untold)}" if untold else ""
 
 
 def _chosen(measured: Scan) -> _Echoes:
@@ -178,23 +181,35 @@ def _chosen(measured: Scan) -> _Echoes:
     return _Echoes(measured.layer[rows], measured.point[rows], measured.range_m[rows])
 
 
-def _variants(
-    shown: Surfaces, echoes: _Echoes, before: Surfaces | None, after: Surfaces | None
-) -> Iterator[tuple[str, FloatArray]]:
+def _variants(shown: Surfaces, echoes: _Echoes) -> Iterator[tuple[str, FloatArray]]:
     """Each variant's name and its residuals, one a beam of the echoes as they are."""
     layer, point = LAYERS - 1 - echoes.layer, POINTS - 1 - echoes.point
-    for name, numbers in (
-        (_MIRRORED, (echoes.layer, point)),
-        (_LAYERS, (layer, echoes.point)),
-        (_BOTH, (layer, point)),
-    ):
-        yield name, _residuals(shown, _Echoes(*numbers, echoes.range_m), echoes.beam)
+    yield _MIRRORED, _residuals(shown, replace(echoes, point=point), echoes.beam)
+    yield _LAYERS, _residuals(shown, replace(echoes, layer=layer), echoes.beam)
+    yield _BOTH, _residuals(shown, replace(echoes, layer=layer, point=point), echoes.beam)
     for unit, metres in METRES.items():
         if unit != "m":
             yield unit, _residuals(shown, replace(echoes, range_m=echoes.range_m * metres))
-    for name, neighbour in ((_BEFORE, before), (_AFTER, after)):
-        if neighbour is not None:
-            yield name, _residuals(neighbour, echoes)
+
+
+def _frame_pairs(
+    measured: Scan, shown: Surfaces, neighbours: Mapping[str, Surfaces | None]
+) -> list[tuple[str, FloatArray, FloatArray]]:
+    """The residuals of early beams as it is and against each neighbour, where the two frames differ."""
+    early = sweep_time_s(measured.point) < SWEEP_PART * float(sweep_time_s(POINTS - 1))
+    echoes = _chosen(measured if shown.timed else measured.take(early))
+    own = _residuals(shown, echoes)
+    pairs = []
+    for variant, neighbour in neighbours.items():
+        if neighbour is None:
+            continue
+        other = _residuals(neighbour, echoes)
+        # What stands still between the frames, as flat ground, tells nothing of them.
+        met = np.isfinite(own) | np.isfinite(other)
+        with np.errstate(invalid="ignore"):
+            differ = met & ~(np.abs(own - other) <= RANGE_STEP_M)
+        pairs.append((variant, own[differ], other[differ]))
+    return pairs
 
 
 def _residuals(shown: Surfaces, echoes: _Echoes, beam: IndexArray | None = None) -> FloatArray:
@@ -244,20 +259,13 @@ def _centred(residual: FloatArray) -> FloatArray:
 
 
 def _better(own: FloatArray, other: FloatArray) -> int:
+    """1 where the other clipped residuals are smaller beyond chance and a step of the range, -1 if larger, else 0."""
     a, b = (np.minimum(np.abs(residual), CLIP_M) for residual in (own, other))
-    gain, step = a - b, float(np.median(a) - np.median(b))
-    beyond = abs(float(np.mean(gain))) > STANDARD_ERRORS * float(np.std(gain)) / np.sqrt(len(gain))
-    if not beyond or abs(step) <= RANGE_STEP_M or step * float(np.mean(gain)) < 0.0:
+    gain = float(np.mean(a - b))
+    if abs(gain) <= max(STANDARD_ERRORS * float(np.std(a - b)) / np.sqrt(len(a)), RANGE_STEP_M):
         return 0
-    return 1 if step > 0.0 else -1
-
-
-def _early(echoes: _Echoes, shown: Surfaces) -> BoolArray:
-    """Which beams, in ascending order, are fired in the first part of the sweep."""
-    beams = np.unique(echoes.beam)
-    if shown.timed:
-        return np.ones(len(beams), dtype=np.bool_)
-    return np.asarray(sweep_time_s(beams % POINTS) < SWEEP_PART * float(sweep_time_s(POINTS - 1)))
+    step = float(np.median(a) - np.median(b))
+    return 0 if gain * step < 0.0 and abs(step) > RANGE_STEP_M else int(np.sign(gain))
 
 
 def _said(variant: str) -> str:

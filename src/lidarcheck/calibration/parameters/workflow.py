@@ -27,7 +27,6 @@ from lidarcheck.calibration.parameters.parameters import (
 from lidarcheck.calibration.parameters.problem import Problem
 from lidarcheck.calibration.parameters.validation import Distance, Validation
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.geometry import words
 from lidarcheck.formats.table import counted
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import Threads, WorkerPool, one_blas_thread
@@ -153,7 +152,7 @@ def calibrate(
         fitted = fitted if _is_moved(found) else case.model
         progress("what was held out, before and after")
         samples, floor = validation.samples(case.model, fitted), validation.floor(fitted)
-    geometry = () if case.geometry.verdict == "ok" else (words(case.geometry),)
+    geometry = () if case.geometry.verdict == "ok" else (case.geometry_words,)
     notes = (*geometry, *added.values(), split.words, *_notes(stages, separable), *course.notes)
     return Calibration(
         found.parameters, tuple(history), kept, floor, fitted, found.warnings, notes, found.misfit,

@@ -21,7 +21,6 @@ from lidarcheck.explain.empirical.description import Description
 from lidarcheck.explain.report.explanation import Alternative, Calibrated, Explanation, Finding, SearchStep, Standout
 from lidarcheck.explain.report.wording import depends_on
 from lidarcheck.explain.search.selection import Search, SearchData
-from lidarcheck.formats.geometry import words
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import PARTS, Scale
 from lidarcheck.model.spec import Model
@@ -143,8 +142,8 @@ def explanation_of(
         seeds={"seed": seed, "fit": bench.simulator.seed, "select": bench.select.seed, "verify": 2 * seed + 3},
         hashes=dict(case.hashes),
         left_out=dict(case.left_out),
-        geometry=words(case.geometry),
         closed_seen=answer.closed,
         calibrated=verified.calibrated,
         rivals=answer.rivals,
+        geometry=case.geometry_words,
     )
