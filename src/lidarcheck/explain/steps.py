@@ -14,6 +14,7 @@ import numpy as np
 from lidarcheck.cases.split import Split, Unseen, exchanged, split_frames
 from lidarcheck.effects.base import catalogue
 from lidarcheck.effects.search import search_spec
+from lidarcheck.explain.decision.against_no_gap import against_no_gap
 from lidarcheck.explain.decision.answer import (
     Answer,
     answer_with_names,
@@ -32,7 +33,7 @@ from lidarcheck.explain.decision.needless import without_any, without_needless
 from lidarcheck.explain.empirical.description import Description, describe
 from lidarcheck.explain.progress import ignore_progress, ignore_step, report_fit
 from lidarcheck.explain.report.explanation import ProgressCallback, SearchStep, Standout, StepCallback
-from lidarcheck.explain.report.wording import closed_words, standouts
+from lidarcheck.explain.report.wording import classifier_words, closed_words, standouts
 from lidarcheck.explain.search.alternatives import other_ways, try_alternatives, with_fewer_related
 from lidarcheck.explain.search.screening import Screened, chance_level, screen, weaker_starts
 from lidarcheck.explain.search.search import backward, find_effects
@@ -40,6 +41,7 @@ from lidarcheck.explain.search.second_look import second_look
 from lidarcheck.explain.search.selection import Search, SearchData
 from lidarcheck.explain.search.starts import fixed_probes, located_probes
 from lidarcheck.explain.search.trial import select_distance
+from lidarcheck.inference.classifier import Chance, Classifier, classifier_gaps
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
@@ -68,6 +70,7 @@ class Workflow:
     calibrates: bool = True
     steps: list[SearchStep] = field(default_factory=list)
     described: list[Description] = field(default_factory=list)
+    chances: list[Chance] = field(default_factory=list)
 
     def did(self, name: str, words: str) -> None:
         """A step of the report has been done."""
@@ -278,6 +281,21 @@ class Workflow:
         self.did("unknown", found.words)
         return found
 
+    def doubt_no_gap(self, bench: SearchData, seen: Scale, search: Search, answer: Answer) -> Answer:
+        """`unknown` in the place of `no_gap` where loss or other echoes are beyond chance on the select frames, or a
+        classifier still tells there."""
+        if answer.verdict != "no_gap":
+            return answer
+        asked = Classifier.of(bench.select.frames, self.model, bench.select.seed)
+        self.chances.extend(filter(None, [asked.chance(self.model, self.pool)]))
+        words = against_no_gap(bench.select, asked, search.fit.nuisance, *self.chances)
+        if not words:
+            return answer
+        self.did("doubt", f"no gap is not said: {words}")
+        found = self._unknown(bench, seen, search, 1.0)
+        first = dataclasses.replace(found.findings[0], where=f"{words}; {found.findings[0].where}")
+        return dataclasses.replace(found, findings=(first,))
+
     def verify(self, unseen: Unseen, answer: Answer) -> Verified:
         """The gap before, after each effect, and its floor, on frames that nothing above has seen: the one look at
         them, which may change the word of the verdict, and nothing else."""
@@ -289,6 +307,10 @@ class Workflow:
 
         found = verified(scale, answer, self.calibrates, on_progress, self.pool)
         self.did("verification", f"gap {found.gap.before.value:.3f} before, {found.gap.after.value:.3f} after")
+        asked = Classifier.of(scale.frames, self.model, scale.seed)
+        figure = classifier_gaps(asked, self.model, found.model, *self.chances, pool=self.pool)
+        self.did("classifier", classifier_words(figure))
+        found = dataclasses.replace(found, gap=dataclasses.replace(found.gap, classifier=figure))
         if found.verdict != answer.verdict:
             self.did("last word", f"{found.verdict}: {closed_words(answer.closed, found.gap)}")
         return found

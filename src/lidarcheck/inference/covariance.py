@@ -13,7 +13,6 @@ from lidarcheck.effects.base import Effect, make, with_role
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,
-    HEIGHT_ERROR_M,
     POSE_ERROR_DEG,
     REFLECTANCE_ERROR,
     beside,
@@ -22,6 +21,7 @@ from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.edges import EXTRA
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.observed.summaries import Summaries
+from lidarcheck.inference.usual_ranges import farther_by_height_m
 from lidarcheck.model.spec import Model
 from lidarcheck.workers.threads import mapped
 
@@ -34,8 +34,6 @@ _SEEDS = 2
 """Simulations of which a nuisance's shift is the mean, paired with as many of the case's own model."""
 _GAIN_STEP, _REFLECTANCE_STEP, _POSE_STEP = 0.06, 0.1, 2.0
 """Over how wide a difference a shift is taken: 6 %, 10 %, and two usual errors of an angle; less is lost in flips."""
-_FARTHEST_MOVED_M = 1.0
-"""A surface seen at a grazing angle is taken to move no farther."""
 
 
 class Simulates(Protocol):
@@ -126,11 +124,10 @@ def _shift(simulator: Simulates, effect: Effect) -> FloatArray:
 
 
 def _height(simulator: Simulates) -> FloatArray:
-    """A sensor higher by h sees a surface as if it looked up by h / R: ranges change along the surface's slope."""
+    """A usual error of the sensor's height."""
     observations = [simulator.observations(simulator.model, k) for k in range(_SEEDS)]
     beams = simulator.beams
-    turn_deg = np.rad2deg(HEIGHT_ERROR_M / np.maximum(beams.distance_m, 1.0))
-    moved = np.clip(beams.slope_m_per_deg[:, 0] * turn_deg, -_FARTHEST_MOVED_M, _FARTHEST_MOVED_M)
+    moved = farther_by_height_m(beams)
     shifts = []
     for one in observations:
         feature = one.feature.copy()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import NormalDist
 
-__all__ = ["ENDS", "HALF_WIDTH", "LEVEL", "Gap", "Interval"]
+__all__ = ["ENDS", "HALF_WIDTH", "LEVEL", "ClassifierGap", "Gap", "Interval"]
 
 LEVEL = 0.90
 """An interval holds the true value nine times out of ten."""
@@ -30,6 +30,25 @@ class Interval:
         return {"value": self.value, "low": self.low, "high": self.high}
 
 
+@dataclass(frozen=True, slots=True)
+class ClassifierGap:
+    """The second number of a gap: 2 AUC - 1 of a classifier that is asked which echoes are measured, before and after,
+    and what chance makes of it; None where the frames have too few blocks of beams."""
+
+    before: float | None = None
+    after: float | None = None
+    floor: float | None = None
+
+    @property
+    def tells(self) -> bool:
+        """Whether, after, it still tells measured from simulated echoes."""
+        return self.after is not None and self.floor is not None and self.after > self.floor
+
+    def to_dict(self) -> dict[str, float | None]:
+        """As report.json has it."""
+        return {"before": self.before, "after": self.after, "floor": self.floor}
+
+
 @dataclass(frozen=True)
 class Gap:
     """The distance of measured and simulated echoes on the frames that no fit has seen.
@@ -37,7 +56,7 @@ class Gap:
     `before`, `after`, `floor` (what a perfect model is expected to leave), each with its interval;
     the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
     the floor. `closed_span`: the ends of the 90 % interval of `closed`, cut off at -1 and 1; all of that where
-    the gap before may be chance.
+    the gap before may be chance. `classifier`: the second number, which shares nothing with the distance.
     """
 
     before: Interval
@@ -46,6 +65,7 @@ class Gap:
     by_feature: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     waterfall: tuple[tuple[str, Interval], ...] = ()
     closed_span: tuple[float, float] = (-1.0, 1.0)
+    classifier: ClassifierGap = ClassifierGap()
 
     @property
     def closed(self) -> float:

@@ -16,6 +16,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.explain.benchmark.run import _told_apart, find_generator, load_generator, run_benchmark
 from lidarcheck.explain.benchmark.score import Answer, Share, score
 from lidarcheck.explain.benchmark.text import figures, gate_counts, table_markdown, table_text
+from lidarcheck.inference.intervals import ClassifierGap
 
 
 def said(name, confidence=0.95, equivalent=(), **parameters):
@@ -351,15 +352,12 @@ def test_processes_give_the_same(bench):
     ]
 
 
-def test_a_classifier_is_asked_about_frames_that_no_fit_has_seen():
-    many = kit.case(numbers=(0, 1, 2, 5), every=5)
-    before, after = _told_apart(many, kit.explanation())
-    assert before > 0.55
-    assert after == pytest.approx(0.5, abs=0.06)
-    nothing = _told_apart(kit.case(kit.MODEL, numbers=(0, 1, 2, 5), every=5), kit.explanation("no_gap"))
-    assert nothing[0] == nothing[1] == pytest.approx(0.5, abs=0.06)
-    for case, found in ((None, kit.explanation()), (many, None), (many, "an answer of another kind")):
-        assert np.isnan(_told_apart(case, found)).all()
+def test_what_a_classifier_tells_is_that_of_the_answer():
+    figure = ClassifierGap(0.6, -0.01, 0.03)
+    found = kit.explanation()
+    assert _told_apart(replace(found, gap=replace(found.gap, classifier=figure))) == (0.6, -0.01)
+    for nothing in (found, None, "an answer of another kind"):
+        assert np.isnan(_told_apart(nothing)).all()
 
 
 def test_an_interrupted_benchmark_goes_on(bench):

@@ -32,7 +32,7 @@ from lidarcheck.explain.report.explanation import Explanation
 from lidarcheck.workers.waiting import as_they_end
 
 if TYPE_CHECKING:
-    from lidarcheck.cases.case import Case
+    pass
 
 __all__ = ["KINDS", "Benchmark", "find_generator", "load_generator", "run_benchmark"]
 
@@ -224,7 +224,7 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         start = time.perf_counter()
         error = ""
         report: dict[str, Any] = {"verdict": "unknown", "effects": [], "gap": {}}
-        case = found = None
+        found = None
         try:
             run = getattr(importlib.import_module(name), function)
             case = load_case(Path(scratch) / "case")
@@ -235,7 +235,7 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         except Exception as problem:  # noqa: BLE001 - a case that fails is a wrong answer, not the end of the benchmark
             error = f"{type(problem).__name__}: {problem}"
         seconds = time.perf_counter() - start
-    told = _told_apart(case, found)
+    told = _told_apart(found)
     gc.collect()  # labs and what crews hold of them refer to each other: some 200 MB a case
     truth = sealed.open(report)
     closed = report["gap"].get("closed")
@@ -262,16 +262,14 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
     )
 
 
-def _told_apart(case: Case | None, found: Any) -> tuple[float, float]:
-    """How well a classifier tells measured from simulated echoes on frames that no fit has seen: with the case's model
-    and with the explained one; NaN where there is no answer that says which frames these are."""
-    from lidarcheck.inference.c2st import classifier_auc
-
-    if case is None or not isinstance(found, Explanation):
+def _told_apart(found: Any) -> tuple[float, float]:
+    """2 AUC - 1 of a classifier on frames that no fit has seen, with the case's model and with the explained one; NaN
+    where none could be asked."""
+    if not isinstance(found, Explanation):
         return math.nan, math.nan
-    unseen = found.split["verify"]
-    before = classifier_auc(case.frames, unseen, case.model)
-    return before, before if found.model is case.model else classifier_auc(case.frames, unseen, found.model)
+    figure = found.gap.classifier
+    before, after = (math.nan if one is None else one for one in (figure.before, figure.after))
+    return before, after
 
 
 def _by_effect(values: Any, effects: Sequence[str]) -> dict[str, Any]:

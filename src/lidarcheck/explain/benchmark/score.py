@@ -30,7 +30,7 @@ class Answer:
 
     `effects`: the names that were hidden; `observable`: which of them stand out of the noise; `comparable`: true values
     by "effect.parameter". `told_before`, `told_after`: how well a classifier tells measured from simulated echoes with
-    the case's model and with the explained one, areas under ROC curves. `found`, `gap`, `steps`: as `report.json` has
+    the case's model and with the explained one, 2 AUC - 1. `found`, `gap`, `steps`: as `report.json` has
     them. `error`: why there is no answer; empty else.
     """
 

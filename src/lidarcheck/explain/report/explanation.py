@@ -187,6 +187,7 @@ class Explanation:
                     for name, values in self.gap.by_feature.items()
                 },
                 "waterfall": [{"effect": name, **one.to_dict()} for name, one in self.gap.waterfall],
+                "classifier": self.gap.classifier.to_dict(),
             },
             "calibrated": [
                 {

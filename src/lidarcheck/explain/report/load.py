@@ -20,7 +20,7 @@ from lidarcheck.explain.report.explanation import (
     SearchStep,
     Standout,
 )
-from lidarcheck.inference.intervals import Gap, Interval
+from lidarcheck.inference.intervals import ClassifierGap, Gap, Interval
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
 
@@ -114,7 +114,8 @@ def _gap(one: Mapping[str, Any]) -> Gap:
     }
     waterfall = tuple((str(w["effect"]), Interval(w["value"], w["low"], w["high"])) for w in one["waterfall"])
     low, high = one["intervals"].get("closed", (-1.0, 1.0))  # not in reports of earlier versions
-    return Gap(before, after, floor, features, waterfall, (float(low), float(high)))
+    classifier = ClassifierGap(**one.get("classifier", {}))
+    return Gap(before, after, floor, features, waterfall, (float(low), float(high)), classifier)
 
 
 def _candidate(one: Mapping[str, Any]) -> Candidate:

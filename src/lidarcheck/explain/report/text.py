@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from lidarcheck.explain.report.explanation import Alternative, Calibrated, Candidate, Explanation, Finding
-from lidarcheck.explain.report.wording import closed_words
+from lidarcheck.explain.report.wording import classifier_words, closed_words, form_words
 from lidarcheck.inference.intervals import Gap, Interval
 
 __all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
@@ -59,7 +59,8 @@ def verdict_sentence(explanation: Explanation) -> str:
         what, them = ("one effect is", "it") if len(names) == 1 else (f"{len(names)} effects are", "them")
         calibrated = [one.gap_share for one in explanation.calibrated if math.isfinite(one.gap_share)]
         of_it = f", {_percent(sum(calibrated))} of it by what is calibrated besides" if calibrated else ""
-        return f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}{of_it}."
+        said = f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}{of_it}."
+        return f"{said} {form_words(names, explanation.gap.classifier)}".rstrip()
     if names and len(names) == len(explanation.findings):
         found = f"{_and(names)} {'was' if len(names) == 1 else 'were'} found"
         both = closed_words(explanation.closed_seen, explanation.gap)
@@ -130,6 +131,7 @@ def _gap(gap: Gap, width: int) -> list[str]:
     lines.append(
         f"closed: {_percent(gap.closed)} of what stands above the floor (marked |); 90 % intervals in brackets"
     )
+    lines.append(f"classifier (2 AUC - 1): {classifier_words(gap.classifier)}")
     if gap.by_feature:
         lines += ["", *_features(gap)]
     return [part for line in lines for part in (textwrap.wrap(line, width) if len(line) > width else [line])]

@@ -9,10 +9,10 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.report.explanation import Standout
-from lidarcheck.inference.intervals import Gap
+from lidarcheck.inference.intervals import ClassifierGap, Gap
 from lidarcheck.inference.observed.summary import Summary
 
-__all__ = ["closed_words", "depends_on", "measurement", "place_words", "standouts"]
+__all__ = ["classifier_words", "closed_words", "depends_on", "form_words", "measurement", "place_words", "standouts"]
 
 
 # fmt: off
@@ -121,3 +121,22 @@ def measurement(one: str, other: str) -> str:
     """The measurement that separates two effects, as one of them says."""
     said = search_spec(one).confused_with.get(other) or search_spec(other).confused_with.get(one)
     return said or "panels over more ranges, materials and angles"
+
+
+def classifier_words(figure: ClassifierGap) -> str:
+    """What a classifier tells before and after, and by chance."""
+    if figure.before is None or figure.after is None or figure.floor is None:
+        return "too few frames and blocks of beams to ask one: what is said rests on the distance alone"
+    return f"{figure.before:.3f} before, {figure.after:.3f} after; chance makes up to {figure.floor:.3f}"
+
+
+def form_words(names: Sequence[str], figure: ClassifierGap) -> str:
+    """That named effects are there and their form still differs, and by how much; empty where a classifier does not
+    tell, or nothing was named."""
+    if not names or not figure.tells:
+        return ""
+    them, form = ("the effect is", "its form") if len(names) == 1 else ("the effects are", "their form")
+    return (
+        f"A classifier still tells measured from simulated echoes by {figure.after:.3f}, where chance makes up to "
+        f"{figure.floor:.3f}: {them} there, and {form}, or an error beside, still differs."
+    )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lidarcheck.explain.report.explanation import Explanation, Finding
-from lidarcheck.explain.report.wording import closed_words
+from lidarcheck.explain.report.wording import closed_words, form_words
 from lidarcheck.figures.words import amount
 
 __all__ = ["Verdict", "verdict_of"]
@@ -34,7 +34,8 @@ def verdict_of(explanation: Explanation) -> Verdict:
     sentence = f"{closed}: from {size} to {amount(gap.after.value)}, where {floor}."
     missing = f"{_list([_named(one) for one in known])} {'is' if len(known) == 1 else 'are'} missing in the model"
     if explanation.verdict == "explained":
-        return Verdict(missing if known else "The gap is explained", sentence, "good")
+        differs = form_words([one.name for one in known], gap.classifier)
+        return Verdict(missing if known else "The gap is explained", f"{sentence} {differs}".rstrip(), "good")
     if known and len(known) == len(explanation.findings):
         found = (
             f"{_list([_named(one) for one in known])} {'was' if len(known) == 1 else 'were'} found, but most is unknown"

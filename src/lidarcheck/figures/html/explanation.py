@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from lidarcheck.cases.frame import Frame
 from lidarcheck.explain.report.explanation import Calibrated, Explanation, Finding
+from lidarcheck.explain.report.wording import classifier_words
 from lidarcheck.figures.gap.data import FieldMap, Pictures
 from lidarcheck.figures.gap.measure import pictures_of
 from lidarcheck.figures.gap.verdict import verdict_of
@@ -115,6 +116,7 @@ def explanation_html(explanation: Explanation, case: Measured, pictures: Picture
         case=case.directory.resolve().name,
         findings=[_finding(finding) for finding in explanation.findings],
         waterfall=_waterfall(explanation),
+        classifier=classifier_words(explanation.gap.classifier),
         features=_features(explanation),
         diff=[(_DIFF.get(line[:1], "same"), line) for line in model_diff(case.model, explanation.model)],
         pictures=shown,
