@@ -288,7 +288,7 @@ class Workflow:
             return answer
         asked = Classifier.of(bench.select.frames, self.model, bench.select.seed)
         self.chances.extend(filter(None, [asked.chance(self.model, self.pool)]))
-        words = against_no_gap(bench.select, asked, search.fit.nuisance, *self.chances)
+        words = against_no_gap(bench.select, asked, search.fit.nuisance, next(iter(self.chances), None))
         if not words:
             return answer
         self.did("doubt", f"no gap is not said: {words}")
@@ -308,7 +308,7 @@ class Workflow:
         found = verified(scale, answer, self.calibrates, on_progress, self.pool)
         self.did("verification", f"gap {found.gap.before.value:.3f} before, {found.gap.after.value:.3f} after")
         asked = Classifier.of(scale.frames, self.model, scale.seed)
-        figure = classifier_gaps(asked, self.model, found.model, *self.chances, pool=self.pool)
+        figure = classifier_gaps(asked, self.model, found.model, next(iter(self.chances), None), self.pool)
         self.did("classifier", classifier_words(figure))
         found = dataclasses.replace(found, gap=dataclasses.replace(found.gap, classifier=figure))
         if found.verdict != answer.verdict:

@@ -36,11 +36,11 @@ def figures(result: Benchmark) -> list[tuple[str, str, str, str, str]]:
     ]
     plain = {
         "median closed share of the gap": _number(score.closed, ".3f"),
-        "classifier's 2 AUC - 1 before, median": _number(score.told[0], ".3f"),
-        "classifier's 2 AUC - 1 after, median": _number(score.told[1], ".3f"),
+        "classifier gap before, median": _number(score.told[0], ".3f"),
+        "classifier gap after, median": _number(score.told[1], ".3f"),
         "unknowns: closed share, median": _number(score.described, ".3f"),
-        "unknowns: 2 AUC - 1 before, median": _number(score.described_told[0], ".3f"),
-        "unknowns: 2 AUC - 1 after, median": _number(score.described_told[1], ".3f"),
+        "unknowns: classifier gap before": _number(score.described_told[0], ".3f"),
+        "unknowns: classifier gap after": _number(score.described_told[1], ".3f"),
         "Brier score of the confidence": _number(score.brier, ".3f"),
         "seconds a case, median": _number(score.seconds[0], ".1f"),
         "seconds a case, 90 % are below": _number(score.seconds[1], ".1f"),
