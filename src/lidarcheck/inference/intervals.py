@@ -57,6 +57,8 @@ class Gap:
     the same by feature, and `waterfall`: the gap after each effect, in order of importance. All count as much chance as
     the floor. `closed_span`: the ends of the 90 % interval of `closed`, cut off at -1 and 1; all of that where
     the gap before may be chance. `classifier`: the second number, which shares nothing with the distance.
+    `by_kind`: of the echoes on no surface of their beam, by feature and what light they are of, in standard deviations
+    of an echo; None where measurement or model has none of that light.
     """
 
     before: Interval
@@ -66,6 +68,7 @@ class Gap:
     waterfall: tuple[tuple[str, Interval], ...] = ()
     closed_span: tuple[float, float] = (-1.0, 1.0)
     classifier: ClassifierGap = ClassifierGap()
+    by_kind: Mapping[str, tuple[float | None, float | None, float | None]] = field(default_factory=dict)
 
     @property
     def closed(self) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.intervals import ENDS, Gap, Interval
+from lidarcheck.inference.kind_distances import apart_by_kind, named_by_kind, unlike_echoes
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
 from lidarcheck.inference.observed.kernels import areas_between
@@ -127,7 +128,11 @@ class Scale:
             for i, weight in enumerate(weights):
                 parts[i, 4] += self._losses(stratum, one, others, weight)
                 parts[i, 5] += self._strays(stratum, one, others, weight)
-        return np.asarray(parts / max(len(self.strata), 1))
+        parts /= max(len(self.strata), 1)
+        total = np.array([weight.sum() for weight in weights])
+        unlike = unlike_echoes(self.beams, one, others, weights)
+        parts[:, 5] += unlike / np.maximum(total, 1e-9) / _RATE_SPREAD
+        return parts
 
     def _shifts(self, one: Observations, others: Sequence[Observations], weights: Sequence[FloatArray]) -> FloatArray:
         """The 1-Wasserstein distances of the four features, in standard deviations: means over the bins of each way to
@@ -231,9 +236,11 @@ def gap_of(
     """
     found: list[FloatArray] = []
     chance: list[FloatArray] = []
-    for apart, own in (pool or WorkerPool()).map(_apart, ((scale.shared, model) for _, model in stages)):
+    kinds: list[FloatArray] = []
+    for apart, own, by_kind in (pool or WorkerPool()).map(_apart, ((scale.shared, model) for _, model in stages)):
         found.append(apart)
         chance.append(own)
+        kinds.append(by_kind)
         if on_progress is not None:
             on_progress(len(found), len(stages) + 1, float(np.abs(apart[0] - own.mean(axis=0)).mean()))
     noise = chance[-1].mean(axis=0)
@@ -249,7 +256,8 @@ def gap_of(
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
     again = np.abs(chance[-1] - noise).mean(axis=1) - _by_chance(chance[-1]).mean()
     span = _closed_span(parts[0].mean(axis=1), parts[-1].mean(axis=1), floor.value, again)
-    return Gap(totals[0], totals[-1], floor, by_feature, waterfall, span)
+    named = named_by_kind(kinds[0][0], *kinds[-1])
+    return Gap(totals[0], totals[-1], floor, by_feature, waterfall, span, by_kind=named)
 
 
 def _closed_span(before: FloatArray, after: FloatArray, floor: float, again: FloatArray) -> tuple[float, float]:
@@ -274,13 +282,16 @@ def _by_chance(own: FloatArray) -> FloatArray:
     return np.asarray(np.abs(own - own.mean(axis=0)).mean(axis=0) * np.sqrt((n + 1.0) / (n - 1.0)))
 
 
-def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray]:
+def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The parts of the gap between the measurement and a model, as it is and with beams drawn anew, and those between
-    the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts)."""
+    the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts). Last both of the other echoes by
+    their kinds, the second as a mean, (2, n_kinds, 3)."""
     shown = scale.simulated(model, _FIRST_GAP, _SEEDS)
     others = scale.simulated(model, _FIRST_GAP_FLOOR, _FLOORS)
     chance = np.array([scale.distance(other, shown) for other in others])
-    return scale.distances(scale.measured, shown, _drawn_anew(scale)), chance
+    kinds = [apart_by_kind(scale.beams, one, shown) for one in (scale.measured, *others)]
+    by_kind = np.array([kinds[0], np.mean(kinds[1:], axis=0)])
+    return scale.distances(scale.measured, shown, _drawn_anew(scale)), chance, by_kind
 
 
 def _drawn_anew(scale: Scale) -> list[FloatArray]:

@@ -188,6 +188,10 @@ class Explanation:
                 },
                 "waterfall": [{"effect": name, **one.to_dict()} for name, one in self.gap.waterfall],
                 "classifier": self.gap.classifier.to_dict(),
+                "by_kind": {
+                    name: dict(zip(("before", "after", "floor"), values, strict=True))
+                    for name, values in self.gap.by_kind.items()
+                },
             },
             "calibrated": [
                 {

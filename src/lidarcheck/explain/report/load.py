@@ -115,7 +115,8 @@ def _gap(one: Mapping[str, Any]) -> Gap:
     waterfall = tuple((str(w["effect"]), Interval(w["value"], w["low"], w["high"])) for w in one["waterfall"])
     low, high = one["intervals"].get("closed", (-1.0, 1.0))  # not in reports of earlier versions
     classifier = ClassifierGap(**one.get("classifier", {}))
-    return Gap(before, after, floor, features, waterfall, (float(low), float(high)), classifier)
+    kinds = {name: (v["before"], v["after"], v["floor"]) for name, v in one.get("by_kind", {}).items()}
+    return Gap(before, after, floor, features, waterfall, (float(low), float(high)), classifier, kinds)
 
 
 def _candidate(one: Mapping[str, Any]) -> Candidate:

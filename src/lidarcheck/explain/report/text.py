@@ -149,9 +149,11 @@ def gap_bar(value: float, floor: float, most: float, room: int) -> str:
 
 
 def _features(gap: Gap) -> list[str]:
-    names = max(len(name) for name in (*gap.by_feature, "by feature"))
+    kinds = {n: [math.nan if v is None else v for v in v3] for n, v3 in gap.by_kind.items()}
+    by_name: dict[str, Sequence[float]] = {**gap.by_feature, **kinds}
+    names = max(len(name) for name in (*by_name, "by feature"))
     head = f"{'by feature'.ljust(names)}  {'before':>10} {'after':>10} {'floor':>10}"
-    rows = (f"{name.ljust(names)}  " + " ".join(f"{_number(v):>10}" for v in v3) for name, v3 in gap.by_feature.items())
+    rows = (f"{name.ljust(names)}  " + " ".join(f"{_number(v):>10}" for v in v3) for name, v3 in by_name.items())
     return [head, *rows]
 
 

@@ -42,6 +42,9 @@ _MORE = {
     "echoes without a surface": ("more echoes of beams that meet nothing", "fewer echoes of beams that meet nothing"),
     "other echoes": ("more echoes of no surface of their own beam", "fewer echoes of no surface of their own beam"),
     "strength of other echoes": ("echoes of no surface are stronger", "echoes of no surface are weaker"),
+    "area of bloom": ("bloom is stronger (AREA)", "bloom is weaker (AREA)"),
+    "peak of bloom": ("bloom is higher (PEAK)", "bloom is lower (PEAK)"),
+    "width of bloom": ("bloom is wider (WIDTH)", "bloom is narrower (WIDTH)"),
 }
 # fmt: on
 _SUBJECT = {
@@ -61,6 +64,9 @@ _SUBJECT = {
     "echoes without a surface": "echoes without a surface",
     "other echoes": "echoes of no surface",
     "strength of other echoes": "the strength of echoes of no surface",
+    "area of bloom": "AREA of bloom",
+    "peak of bloom": "PEAK of bloom",
+    "width of bloom": "WIDTH of bloom",
 }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
+from lidarcheck.inference.observed.kinds import BLOOM_CELLS, MATCH_M, cells_of, features_of
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.observed.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
 from lidarcheck.inference.observed.summary import Summary
@@ -23,10 +24,12 @@ _STRAY = 0.15
 _GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
 _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
 """Bins of how far an echo lies behind its surface, and of its range over its surface's: a ghost lies at twice that."""
-_MATCH_M = 2.5
-"""An echo so near to a bright target's range is taken to come from it."""
 _USUAL_LOG_AREA = (4.8, 0.6)
 """Mean and spread of ln AREA of false echoes, about: strengths are counted in these."""
+
+
+_USUAL = np.array([[4.8, 2.8, 9.0], [0.6, 0.4, 3.0]])
+"""The same of ln AREA, ln PEAK and WIDTH [ns] of an echo of bloom."""
 
 
 class FalseEchoes:
@@ -60,6 +63,7 @@ class FalseEchoes:
             self._beside(observations),
             *(self._at_bright(observations, side) for side in range(len(SIDES))),
             _strengths(range_m, observations.extra_area[lone]),
+            _bloom_features(beams, observations),
         ]
         return np.concatenate(parts)
 
@@ -80,7 +84,7 @@ class FalseEchoes:
     def _at_bright(self, observations: Observations, side: int) -> FloatArray:
         """Echoes at the range of the next bright target along the column or the layer, by how far it lies."""
         beams, beam = self.beams, observations.extra_beam
-        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < _MATCH_M)
+        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < MATCH_M)
         match &= (observations.extra_side < 0) | observations.detected[beam]
         return _histogram(beams.bright[beam[match], side], OFFSET_EDGES)
 
@@ -106,6 +110,17 @@ def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
     return np.asarray(np.bincount(place, standard, n) / np.sqrt(np.maximum(count, 1)))
 
 
+def _bloom_features(beams: BeamTable, observations: Observations) -> FloatArray:
+    """How strong, high and wide echoes at a bright target's range are, by its side and offset; means that count as much
+    as the numbers behind them."""
+    cell = cells_of(beams, observations)
+    bloom = (cell >= 0) & (cell < BLOOM_CELLS)
+    place = cell[bloom]
+    count = np.sqrt(np.maximum(np.bincount(place, minlength=BLOOM_CELLS), 1))
+    standard = (features_of(observations)[bloom] - _USUAL[0]) / _USUAL[1]
+    return np.concatenate([np.bincount(place, column, BLOOM_CELLS) / count for column in standard.T])
+
+
 def _names() -> list[Summary]:
     """The names of what `FalseEchoes.counts` counts."""
     others = "other echoes"
@@ -117,7 +132,11 @@ def _names() -> list[Summary]:
     found += [Summary(others, "at a neighbour's range", ", ".join(kind)) for kind in kinds]
     for side in SIDES:
         found += _between(others, f"at a bright target's range {side}", OFFSET_EDGES, "beams off")
-    return found + _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
+    found += _between("strength of other echoes", "range", RANGE_EDGES_M, "m")
+    for feature in ("area", "peak", "width"):
+        for side in SIDES:
+            found += _between(f"{feature} of bloom", f"beams from a bright target {side}", OFFSET_EDGES, "beams off")
+    return found
 
 
 def _between(feature: str, covariate: str, edges: Sequence[float], unit: str) -> list[Summary]:
