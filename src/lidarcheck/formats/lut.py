@@ -79,6 +79,7 @@ class LutTable:
     x: FloatArray
     y: FloatArray
     _cells: tuple[_Cell, ...] = field(repr=False)
+    _x_cells: tuple[_Cell, ...] = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.x)
@@ -116,8 +117,50 @@ class LutFile:
         text = f"{value:.7f}"
         if value > 0.0 and float(text) == 0.0:
             raise UsageError(f"Y = {value:g} is too small for 7 decimals", fix="use 0 or at least 0.0000001")
-        end = cell.start + len(cell.text)
-        return parse_lut(self.content[: cell.start] + text.encode() + self.content[end:], self.file)
+        return self._spliced((cell.start, cell.start + len(cell.text), text))
+
+    def with_x(self, table: Axis, index: int, value: float) -> LutFile:
+        """Row `index` gets X = `value`; no change where it has that value already.
+
+        `UsageError` that names both neighbours when the value does not lie between them.
+        """
+        self._cell(table, index)
+        x = self.tables[table].x.tolist()
+        if value == x[index]:
+            return self
+        _check_between(value, x[:index][-1:], x[index + 1 :][:1])
+        cell = self.tables[table]._x_cells[index]
+        return self._spliced((cell.start, cell.start + len(cell.text), _x_text(value)))
+
+    def with_row(self, table: Axis, index: int, x: float, y: float) -> LutFile:
+        """A new row after row `index`; errors as `with_x` and `with_y`."""
+        before, own = self._cell(table, index), self.tables[table]
+        _check_between(x, [float(own.x[index])], own.x.tolist()[index + 1 :][:1])
+        there = own._x_cells[index]
+        ends = [(cell.start + len(cell.text),) * 2 for cell in (there, before)]
+        # With the Y of the row before first: `with_y` checks the new one and spells it.
+        made = self._spliced((*ends[0], f", {_x_text(x)}"), (*ends[1], f", {before.text}"))
+        return made.with_y(table, index + 1, y)
+
+    def without_row(self, table: Axis, index: int) -> LutFile:
+        """Row `index` is taken out; `UsageError` where it is the only one."""
+        self._cell(table, index)
+        own = self.tables[table]
+        if len(own) < 2:
+            raise UsageError("a table needs a row", fix="remove the table's two lines from the file instead")
+        spans = []
+        for cells in (own._x_cells, own._cells):
+            first, last = (cells[0], cells[1]) if index == 0 else (cells[index - 1], cells[index])
+            ends = (first.start, last.start) if index == 0 else (_end(first), _end(last))
+            spans.append((*ends, ""))
+        return self._spliced(*spans)
+
+    def _spliced(self, *spans: tuple[int, int, str]) -> LutFile:
+        """The bytes from one place to another replaced by a text, for each of the spans."""
+        content = self.content
+        for start, end, text in sorted(spans, reverse=True):
+            content = content[:start] + text.encode() + content[end:]
+        return parse_lut(content, self.file)
 
     def with_scaled(self, table: Axis, index: int, scaled: int) -> LutFile:
         """Row `index` gets the Y of a whole number 0 ... 1000; a number that it shows already changes nothing."""
@@ -145,6 +188,27 @@ class LutFile:
         if not 0 <= index < len(cells):
             raise UsageError(f"the {table} table has no row {index}", fix=f"use 0 to {len(cells) - 1}")
         return cells[index]
+
+
+def _end(cell: _Cell) -> int:
+    return cell.start + len(cell.text)
+
+
+def _x_text(value: float) -> str:
+    return f"{value:.10g}"
+
+
+def _check_between(value: float, before: list[float], after: list[float]) -> None:
+    """Refuse an X that is no number or is not between those of the rows around it, of which one may be missing."""
+    if not math.isfinite(value):
+        raise UsageError(f"X = {value} is no number", fix="use a number as 2.5")
+    if any(value < low for low in before) or any(value > high for high in after):
+        ends = [f"{before[0]:g} before it" if before else "", f"{after[0]:g} after it" if after else ""]
+        what = f"X = {value:g} does not lie between its neighbours, {' and '.join(filter(None, ends))}"
+        low, high = (f"{end[0]:g}" if end else "" for end in (before, after))
+        both = f"a number from {low} to {high}"
+        fix = f"use {both if low and high else f'{low} or more' if low else f'{high} or less'}"
+        raise UsageError(what, fix=fix)
 
 
 def scaled_of_y(y: float) -> int:
@@ -250,7 +314,9 @@ def _table(
         faults.append(InputError(what, file=file, line=pair[1].line, fix="give both the same number"))
     _check_order(x, pair[0], file, faults)
     _check_shares(y, pair[1], file, faults)
-    return None if len(faults) > before else LutTable(_column(x), _column(y), tuple(pair[1].cells))
+    return (
+        None if len(faults) > before else LutTable(_column(x), _column(y), tuple(pair[1].cells), tuple(pair[0].cells))
+    )
 
 
 def _numbers(entry: _Entry, file: Path | None, faults: list[InputError]) -> list[float]:

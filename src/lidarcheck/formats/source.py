@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.reading import note, shown_content
 
 __all__ = [
     "LONGEST_LINE",
@@ -27,6 +28,7 @@ LOOKED_AT = 1 << 16
 def check_file(path: str | os.PathLike[str], *, pipes: bool = False) -> Path:
     """The path, once it is known to be a file that has content, or with `pipes` a pipe; `InputError` otherwise."""
     file = Path(path)
+    note(file)
     try:
         size = file.stat().st_size
         if pipes and file.is_fifo():
@@ -44,6 +46,9 @@ def check_file(path: str | os.PathLike[str], *, pipes: bool = False) -> Path:
 
 def read_source(path: str | os.PathLike[str], *, pipes: bool = False) -> bytes:
     """The whole content of a file that has some, or with `pipes` of a pipe; `InputError` when it cannot be read."""
+    shown = shown_content(path)
+    if shown is not None:
+        return shown
     file = check_file(path, pipes=pipes)
     try:
         return file.read_bytes()
@@ -100,6 +105,9 @@ def long_line(path: Path, line: int) -> InputError:
 
 def first_bytes(path: str | os.PathLike[str], count: int = 65536) -> bytes:
     """The beginning of a file that has content; `InputError` when it cannot be read."""
+    shown = shown_content(path)
+    if shown is not None:
+        return shown[:count]
     file = check_file(path)
     try:
         with file.open("rb") as stream:

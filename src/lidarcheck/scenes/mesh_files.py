@@ -11,6 +11,7 @@ import struct
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.reading import note
 
 __all__ = ["mesh_content"]
 
@@ -35,6 +36,7 @@ def mesh_content(path: Path, kind: str) -> bytes:
 
     `InputError` with the file for what is cut off, or is of another format than `kind`.
     """
+    note(path)
     try:
         raw = path.read_bytes()
     except OSError as error:

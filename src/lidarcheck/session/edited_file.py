@@ -6,6 +6,7 @@ import base64
 import contextlib
 import glob
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -42,7 +43,9 @@ class EditedFile(Generic[T]):
 
     Every edit is in the journal before it counts. Where another process edits the file, or nothing can be kept beside
     it, the session is `read_only`, which then says why. `found`: edits of an earlier session that was not ended;
-    `bring_back` or `forget` them. `notice`: what else was found at the start, for the log.
+    `bring_back` or `forget` them. `notice`: what else was found at the start, for the log. `behind`: what is shown is
+    older than the disk's content, and cannot be saved. `on_change`: is called after whatever changes what is shown or
+    saved.
     """
 
     NOUN = "row"
@@ -54,6 +57,9 @@ class EditedFile(Generic[T]):
         self.read_only = ""
         self.notice = ""
         self.found: list[Record] = []
+        self.behind = False
+        self._nothing_there = False
+        self.on_change: Callable[[], object] = lambda: None
         self._root = root
         self._journal: Journal | None = None
         self._lock: FileLock | None = None
@@ -112,8 +118,8 @@ class EditedFile(Generic[T]):
 
     @property
     def dirty(self) -> bool:
-        """Whether there is something to save."""
-        return self.content != _bytes(self.saved)
+        """Whether there is something to save: what is shown is not what the disk had when it was looked at last."""
+        return self._nothing_there or self.content != _bytes(self.saved)
 
     def diff(self) -> list[Any]:
         """What saving would change."""
@@ -129,6 +135,7 @@ class EditedFile(Generic[T]):
         self._keep(edit.record())
         self.current = after
         self.history.add(edit)
+        self.on_change()
         return True
 
     def undo(self) -> str:
@@ -148,6 +155,7 @@ class EditedFile(Generic[T]):
         self._keep({verb: True})
         self.current = after
         self.history.move(verb)
+        self.on_change()
         return edit.what
 
     def _check_editable(self) -> None:
@@ -196,25 +204,45 @@ class EditedFile(Generic[T]):
 
     def _mark_saved(self) -> None:
         self.saved = self.current
+        self._nothing_there = False
         self._seen = content_hash(self.content)
         assert self._journal is not None
         # The file is in its place: a journal that cannot be told so is recognised by the file's hash.
         with contextlib.suppress(InputError):
             if self._journal.path.exists():
                 self._journal.append({"saved": self._seen})
+        self.on_change()
 
     def reload(self) -> None:
         """Read the file again; edits that were not saved are gone, and what could be undone too."""
         self.saved = self.current = self._load()
+        self.behind = self._nothing_there = False
         self._seen = self._hash_of_saved()
         self.history = History()
         if self._journal is not None and not self.read_only:
             self._journal.clear()
             self.found = []
+        self.on_change()
 
     def accept_disk(self) -> None:
-        """Keep the edits, and take what is on the disk now as known: saving will not ask about it again."""
-        self._seen = self._disk_hash()
+        """Keep what is shown: what it differs by from the disk's content is from now on what saving would change.
+
+        Where that content is gone or at fault, saving writes all that is shown. A session that may only look stays
+        `behind` instead.
+        """
+        seen = self._disk_hash()
+        if self.read_only:
+            self._seen, self.behind = seen, True
+            return
+        saved, nothing = self.saved, False
+        try:
+            saved = self._load()
+        except LidarcheckError:
+            nothing = True
+        if nothing or _bytes(saved) != self.content:
+            self._keep({"kept": seen})
+        self.saved, self._seen, self._nothing_there = saved, seen, nothing
+        self.on_change()
 
     # Recovery
 
@@ -250,6 +278,7 @@ class EditedFile(Generic[T]):
         if not self._alike(self.saved, self.current):
             self.saved = self._parse(base64.b64decode(self.found[0]["base"]))
         self.found = []
+        self.on_change()
 
     def forget(self) -> None:
         """Leave the edits of the earlier session; its journal is kept beside, in case of a mistake."""
@@ -300,8 +329,8 @@ def _replay(records: list[Record], path: Path) -> tuple[bytes, History, list[str
             elif "undo" in record or "redo" in record:
                 verb = "undo" if "undo" in record else "redo"
                 content = history.move(verb).applied(content, back=verb == "undo")
-            elif "saved" in record:
-                saved.append(str(record["saved"]))
+            elif "saved" in record or "kept" in record:
+                saved.append(str(record.get("saved", record.get("kept"))))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(f"the journal is damaged: {error}", file=path, fix="it is kept") from error
     return content, history, saved

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
-from lidarcheck.calibration.blooming.lut_edit import LutChange, changes, set_rows, shifted, smoothed
+from lidarcheck.calibration.blooming.lut_edit import (
+    LutChange,
+    changes,
+    inserted,
+    moved_to,
+    set_rows,
+    shifted,
+    smoothed,
+    without_rows,
+)
 from lidarcheck.formats.lut import Axis, LutFile, load_lut, parse_lut
 from lidarcheck.session.edited_file import EditedFile
 
@@ -27,6 +37,24 @@ class EditedLut(EditedFile[LutFile]):
         """Rows move half of the way to the line through their neighbours."""
         return self._make("smooth", lambda lut: smoothed(lut, axis, rows))
 
+    def set_x(self, axis: Axis, row: int, value: str) -> bool:
+        """A row gets another X, which must lie between those of its neighbours; whether that changed anything."""
+        return self._make(f"X = {value}", lambda lut: moved_to(lut, axis, row, value))
+
+    def insert(self, axis: Axis, row: int) -> bool:
+        """A new row after this one, between it and the next."""
+        return self._make("add a row", lambda lut: inserted(lut, axis, row))
+
+    def remove(self, axis: Axis, rows: Sequence[int]) -> bool:
+        """Rows are taken out; one must stay."""
+        return self._make("take out", lambda lut: without_rows(lut, axis, rows))
+
+    def edited(self, axis: Axis) -> list[bool]:
+        """Whether each row of a table differs from what was saved, or is new."""
+        there = axis in self.saved.tables
+        own = {c.row for c in self.diff() if c.table == axis and not math.isnan(c.after)}
+        return [row in own or not there for row in range(len(self.current.tables[axis]))]
+
     def _make(self, what: str, make: Callable[[LutFile], LutFile]) -> bool:
         self._check_editable()
         return self._edit(make(self.current), what)
@@ -41,5 +69,4 @@ class EditedLut(EditedFile[LutFile]):
         return changes(before, after)
 
     def _alike(self, one: LutFile, other: LutFile) -> bool:
-        sizes = [{axis: len(table) for axis, table in lut.tables.items()} for lut in (one, other)]
-        return sizes[0] == sizes[1]
+        return set(one.tables) == set(other.tables)

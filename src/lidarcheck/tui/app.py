@@ -21,6 +21,7 @@ from textual.widgets import ContentSwitcher
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.session.project import Project, read_project
+from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state, save_state
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
@@ -63,6 +64,8 @@ class LidarcheckApp(Everywhere):
         super().__init__()
         self.project = Project(root)
         self.reads = 0
+        self.session = Session()
+        self._told = False
         self.state = load_state(root)
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
@@ -92,7 +95,20 @@ class LidarcheckApp(Everywhere):
         if screen in SCREENS:
             self.show_screen(screen)
         self._listen()
+        self.session.on_change = self._inputs_changed
+        self.session.watch()
         self.read_project()
+
+    def _inputs_changed(self) -> None:
+        """In any thread: have the screens say what belongs to what, once for all that happens meanwhile."""
+        if not self._told:
+            self._told = True
+            self.soon(self._tell)
+
+    def _tell(self) -> None:
+        self._told = False
+        for view in self.views():
+            view.inputs_changed()
 
     def _listen(self) -> None:
         """End well when told to, and at once when the terminal is gone."""
@@ -221,6 +237,7 @@ class LidarcheckApp(Everywhere):
     def on_unmount(self) -> None:
         """Keep the state, let workers end."""
         logging.getLogger("lidarcheck").removeHandler(self._warnings)
+        self.session.close()
         for view in self.views():
             view.closing()
         save_state(self.state, self.project.root)

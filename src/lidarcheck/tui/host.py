@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.project import Project
+from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
 
 __all__ = ["STOPS", "Host"]
@@ -16,10 +17,13 @@ STOPS = "   x stops it"
 
 
 class Host(Protocol):
-    """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start."""
+    """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start;
+    `session`: what belongs to what.
+    """
 
     project: Project
     state: State
+    session: Session
 
     def inside(self, text: str) -> str:
         """A text without the project's own path in front of its files."""

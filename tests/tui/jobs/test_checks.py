@@ -5,8 +5,8 @@ import time
 
 import pytest
 
+from lidarcheck.session.node import Cancelled
 from lidarcheck.tui.jobs.checks import Runs, check_scenario, run_scenarios
-from lidarcheck.tui.jobs.job import Cancelled
 from tui_kit import fake_check, make_project
 
 

@@ -8,10 +8,10 @@ import pytest
 import panel_halls as ph
 from hidden.places import PANEL_10, PANEL_50, PANEL_80
 from lidarcheck.session.model_choice import NONE, chosen_model, likely_model, model_after, which_model
+from lidarcheck.session.node import Cancelled
 from lidarcheck.session.project import Entry, read_project
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.jobs import noise
-from lidarcheck.tui.jobs.job import Cancelled
 from lidarcheck.tui.jobs.noise import halls_of, noise_jobs
 from lidarcheck.tui.widgets.dialogs import Ask
 from tui_kit import app_on, as_stored, drive, says, sees, text_of, until

@@ -36,7 +36,7 @@ def test_a_scenario_is_run_and_kept(project):
         await sees(app, pilot, "fell out")
         (project / "goldens/background_SMART.toml").write_text("other")
         await pilot.press("R")
-        await until(pilot, lambda: "fell out?" in text_of(app))
+        await until(pilot, lambda: "fell out OLD" in text_of(app), lambda: text_of(app))
 
     drive(app_on(project), again)
 

@@ -1,16 +1,17 @@
 """What all screens of pages share, on a fake whose jobs are quick: computed, stopped, late, at fault, kept, written."""
 
 import asyncio
-import os
+import json
 import threading
 
 import pytest
 
 from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.workflow_output import finish
+from lidarcheck.session.own_files import content_hash
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.jobs.job import Job, Pages
+from lidarcheck.tui.screens.pages import work
 from lidarcheck.tui.screens.pages.lines import figure_lines, room_for, word_lines
 from lidarcheck.tui.widgets.lines import Lines
 from page_kit import FakeView, page_of, put_in
@@ -41,7 +42,7 @@ def fakes(project, do, size=(80, 24)):
 
 async def computed(pilot, view, key="r"):
     await pilot.press(key)
-    await until(pilot, lambda: view.running is None and view.page is not None)
+    await until(pilot, lambda: view.running is None and view.state == "current", lambda: view.state)
 
 
 def shown(view, pane):
@@ -54,19 +55,40 @@ def test_a_page_is_computed_once_and_kept(project):
         await computed(pilot, view)
         await says(app, pilot, "one: All is well with one.")
         await until(pilot, lambda: "Figures 1 of 4" in text_of(app) and "one, PEAK" in text_of(app))
-        assert "computed" in shown(view, "jobs")
+        assert "current" in shown(view, "jobs")
+        assert "current" in text_of(app).splitlines()[6]
         await pilot.press("down")
         await sees(app, pilot, "what two is")
         assert "two_b.txt: left out" in shown(view, "figures")
         await pilot.press("up")
         await sees(app, pilot, "one, PEAK")
         await pilot.press("r")
-        await says(app, pilot, "one is computed, and its files are as they were")
+        await says(app, pilot, "one is current: computed from what is set now")
         assert view.runs == {"one": 1}
         (project / "one.txt").write_text("measured again")
-        await pilot.press("R")
-        await sees(app, pilot, "not computed yet: r computes it")
-        await computed(pilot, view, "enter")
+        await until(pilot, lambda: view.runs == {"one": 2} and view.state == "current")  # by itself: it takes no time
+        await pilot.press("r")
+        await says(app, pilot, "one is current")
+
+    fakes(project, do)
+
+
+def test_what_is_dear_stays_old_and_says_so_until_it_is_asked_for(project, monkeypatch):
+    monkeypatch.setattr(work, "RENEWED_S", -1.0)
+
+    async def do(app, pilot, view):
+        await computed(pilot, view)
+        (project / "one.txt").write_text("measured again")
+        await until(pilot, lambda: view.state == "OLD, one.txt changed", lambda: view.state, seconds=2.0)
+        await sees(app, pilot, "OLD, one.txt changed")
+        assert view.page is not None  # it is shown, and says what it is
+        await pilot.press("e")
+        await sees(app, pilot, "which are OLD, one.txt changed")
+        await pilot.press("escape")
+        await computed(pilot, view)
+        assert view.runs == {"one": 2}
+        (project / "one.txt").write_text("one")
+        await until(pilot, lambda: view.state == "current")  # the same content: the same key
         assert view.runs == {"one": 2}
 
     fakes(project, do)
@@ -155,7 +177,7 @@ def test_a_computation_is_stopped_and_answers_keys_meanwhile(project):
         await says(app, pilot, "one is being computed; x stops it")
         await pilot.press("R")
         await until(pilot, lambda: app.reads == 2)
-        assert "running" in shown(view, "jobs").splitlines()[0]
+        assert "computing" in shown(view, "jobs").splitlines()[0]
         await pilot.press("x")
         await sees(app, pilot, "one: stopping after the step that runs now")
         await pilot.press("r")
@@ -163,7 +185,7 @@ def test_a_computation_is_stopped_and_answers_keys_meanwhile(project):
         view.gate.set()
         await until(pilot, lambda: view.running is None)
         await says(app, pilot, "one: stopped")
-        assert view.pages.of(view.listed[0]) is None
+        assert view.known(view.listed[0]) == ("", None)
         await computed(pilot, view)
         await says(app, pilot, "two: All is well")
 
@@ -199,7 +221,7 @@ def test_a_job_that_is_gone_when_it_is_ready(project):
         await pilot.press("R")
         await sees(app, pilot, "no fake here")
         view.gate.set()
-        await says(app, pilot, "one: All is well")
+        await says(app, pilot, "one.txt: was changed while this was computed")
         await pilot.press("r", "down", "n", "v", "t", "e")
         await says(app, pilot, "nothing is computed here yet")
 
@@ -232,7 +254,17 @@ def test_the_export_is_what_the_command_writes(project, tmp_path, capsys):
     token = ARGUMENTS.set(("vehicles", "compare"))
     finish(page_of("one"), {"echoes": 7}, out=tmp_path / "command", json=None, plot="qq")
     ARGUMENTS.reset(token)
-    assert written(project / "one_out") == written(tmp_path / "command")
+    mine, command = written(project / "one_out"), written(tmp_path / "command")
+    assert mine.keys() == command.keys()
+    assert all(mine[name] == command[name] for name in mine if name.startswith("pictures"))
+    result, other = json.loads(mine["result.json"]), json.loads(command["result.json"])
+    computed_from = result.pop("computed_from")
+    assert list(computed_from["files"].values()) == [content_hash(b"one")]
+    assert f"sha256 {computed_from['key']}" == result["provenance"].pop("computed from")
+    assert computed_from["key"] in mine["report.html"].decode()
+    for one in (result, other):
+        del one["page"]["sha256"]
+    assert result == other
 
 
 def test_what_is_being_written_is_written_to_its_end(project, monkeypatch):
@@ -339,17 +371,3 @@ def test_a_wide_table_goes_on_below():
     assert (
         " ".join(head).replace("distance [m]", "").split() == " ".join(f"a long column {i}" for i in range(8)).split()
     )
-
-
-def test_only_the_last_pages_are_kept(tmp_path):
-    kept, jobs = Pages(), [Job(str(i), "", (tmp_path / "a",), page_of, i) for i in range(13)]
-    for job in jobs:
-        kept.keep(job.key(), page_of(job.name))
-    assert kept.of(jobs[0]) is None
-    assert kept.of(jobs[12]).title == "Fakes"
-    (tmp_path / "a").write_text("x")
-    assert kept.of(jobs[12]) is None
-    job = jobs[12]
-    kept.keep(job.key(), page_of("12"))
-    os.utime(tmp_path / "a", (1, 1))
-    assert kept.of(job) is None

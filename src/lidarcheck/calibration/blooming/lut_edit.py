@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from typing import Any
 
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.lut import SCALE_MAX, Axis, LutFile, scaled_of_y
+from lidarcheck.formats.lut import SCALE_MAX, Axis, LutFile, LutTable, scaled_of_y
 
 __all__ = [
     "LutChange",
     "changes",
     "document",
+    "inserted",
+    "moved_to",
     "multiplied",
     "rows_at",
     "rows_by_number",
@@ -26,6 +29,7 @@ __all__ = [
     "shifted",
     "smoothed",
     "table_of",
+    "without_rows",
 ]
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
@@ -34,18 +38,22 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:\.\.\s*({_NUMBER}))?\s*")
 
 @dataclass(frozen=True)
 class LutChange:
-    """A row that an edit changed: its X, and Y and scaled value before and after."""
+    """A row that an edit changed: its X, and Y before and after, NaN where there is no such row. `x_before`: its X
+    where that was another. `row`: its number now, of one that was taken out the number it had.
+    """
 
     table: Axis
     row: int
     x: float
     before: float
     after: float
+    x_before: float | None = None
 
     @property
-    def scaled(self) -> tuple[int, int]:
-        """The scaled values before and after."""
-        return scaled_of_y(self.before), scaled_of_y(self.after)
+    def scaled(self) -> tuple[int | None, int | None]:
+        """The scaled values before and after; None where there is no such row."""
+        old, new = (None if math.isnan(y) else scaled_of_y(y) for y in (self.before, self.after))
+        return old, new
 
 
 def table_of(lut: LutFile, name: str | None) -> Axis:
@@ -195,11 +203,57 @@ def _each(lut: LutFile, rows: Iterable[int], edit: Any) -> LutFile:
 
 
 def changes(before: LutFile, after: LutFile) -> list[LutChange]:
-    """The rows whose Y differs, in the file's order."""
-    found = []
+    """The rows that differ, in the file's order: other Y, other X, new ones and such as were taken out."""
+    found: list[LutChange] = []
     for axis, table in before.tables.items():
-        new = after.tables[axis].y.tolist()
-        for row, (x, y) in enumerate(zip(table.x.tolist(), table.y.tolist(), strict=True)):
-            if y != new[row]:
-                found.append(LutChange(axis, row, x, y, new[row]))
+        if axis in after.tables:
+            found += _row_changes(axis, table, after.tables[axis])
     return found
+
+
+def _row_changes(axis: Axis, before: LutTable, after: LutTable) -> Iterator[LutChange]:
+    x, y, new_x, new_y = before.x.tolist(), before.y.tolist(), after.x.tolist(), after.y.tolist()
+    steps = SequenceMatcher(None, x, new_x, autojunk=False).get_opcodes()
+    for kind, start, end, new_start, new_end in steps:
+        # Rows that stand in the place of as many others are these with another X.
+        if kind == "equal" or end - start == new_end - new_start:
+            for row, new in zip(range(start, end), range(new_start, new_end), strict=True):
+                if (x[row], y[row]) != (new_x[new], new_y[new]):
+                    moved = x[row] if x[row] != new_x[new] else None
+                    yield LutChange(axis, new, new_x[new], y[row], new_y[new], moved)
+            continue
+        yield from (LutChange(axis, row, x[row], y[row], math.nan) for row in range(start, end))
+        yield from (LutChange(axis, row, new_x[row], math.nan, new_y[row]) for row in range(new_start, new_end))
+
+
+def inserted(lut: LutFile, table: Axis, row: int) -> LutFile:
+    """A new row after this one: X between the two, by their geometric mean where both have one sign, and Y on the line
+    through them in log10 Y over X; after the last row one step further with the same Y.
+    """
+    x, y = lut.tables[table].x.tolist(), lut.tables[table].y.tolist()
+    if row + 1 >= len(x):
+        step = x[row] - x[row - 1] if row > 0 else 0.0
+        return lut.with_row(table, row, x[row] + (step or 1.0), y[row])
+    low, high = x[row], x[row + 1]
+    middle = math.copysign(math.sqrt(low * high), low) if low * high > 0.0 else 0.5 * (low + high)
+    middle = min(max(float(f"{middle:.6g}"), low), high)
+    part = (middle - low) / (high - low) if high > low else 0.5
+    if y[row] > 0.0 and y[row + 1] > 0.0:
+        value = 10.0 ** ((1.0 - part) * math.log10(y[row]) + part * math.log10(y[row + 1]))
+    else:
+        value = (1.0 - part) * y[row] + part * y[row + 1]
+    return lut.with_row(table, row, middle, min(float(f"{value:.7f}"), 1.0))
+
+
+def without_rows(lut: LutFile, table: Axis, rows: Sequence[int]) -> LutFile:
+    """Without these rows."""
+    return _each(lut, sorted(rows, reverse=True), lambda lut, row: lut.without_row(table, row))
+
+
+def moved_to(lut: LutFile, table: Axis, row: int, value: str) -> LutFile:
+    """A row with another X, between those of its neighbours."""
+    try:
+        number = float(value)
+    except ValueError:
+        raise UsageError(f"X = {value} is no number", fix="use a number as 2.5 or -20") from None
+    return lut.with_x(table, row, number)

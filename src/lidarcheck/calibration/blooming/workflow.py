@@ -31,6 +31,7 @@ __all__ = [
     "BloomingMeasurement",
     "ModelSide",
     "TableRow",
+    "bare_of",
     "calibrate",
     "fitted_model",
     "gather",
@@ -114,11 +115,7 @@ def model_side_of(
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
     if model.external is not None:
         raise InputError("the model runs another program", file=model.file, fix="a fit needs the built-in sensor model")
-    blooming = _blooming(axis)
-    given = [effect for effect in model.effects if isinstance(effect, blooming)]
-    effect: Any = given[0] if given else blooming()
-    bright = float(effect.bright_signal)
-    bare = model.without(_blooming("vertical").name).without(_blooming("horizontal").name)
+    bare, bright = bare_of(model, axis)
     nothing = np.zeros(1, dtype=np.int32)
     light, sensor = _light_of(IdealScan(nothing, nothing, np.zeros(1), nothing, np.zeros(1)), bare)
     if signal_at_1m is None:
@@ -127,6 +124,15 @@ def model_side_of(
         material = None
     settings = settings or default_settings(axis)
     return ModelSide(bare, sensor, light.shape, axis, bright, signal_at_1m, material, settings)
+
+
+def bare_of(model: Model, axis: Axis) -> tuple[Model, float]:
+    """(the model without blooming, the least signal of a target that blooms along an axis)."""
+    blooming = _blooming(axis)
+    given = [effect for effect in model.effects if isinstance(effect, blooming)]
+    effect: Any = given[0] if given else blooming()
+    bare = model.without(_blooming("vertical").name).without(_blooming("horizontal").name)
+    return bare, float(effect.bright_signal)
 
 
 def _blooming(axis: Axis) -> type[Effect]:

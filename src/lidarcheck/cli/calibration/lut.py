@@ -231,11 +231,13 @@ def _show_changes(before: LutFile, after: LutFile, json: bool) -> None:
         note("no cell changes")
         return
     columns = (Column("table"), *(Column(name, right=True) for name in ("row", "X", "scaled", "new", "Y", "new")))
-    rows = [
-        (c.table, str(c.row), f"{c.x:g}", *(str(scaled) for scaled in c.scaled), f"{c.before:.7g}", f"{c.after:.7g}")
-        for c in found
-    ]
+    rows = [(c.table, str(c.row), f"{c.x:g}", *map(_cell, (*c.scaled, c.before, c.after))) for c in found]
     emit(table(columns, rows))
+
+
+def _cell(value: float | None) -> str:
+    """A number; a hyphen where there is no such row."""
+    return "-" if value is None or value != value else f"{value:.7g}"
 
 
 def _print(lut: LutFile, json: bool) -> None:

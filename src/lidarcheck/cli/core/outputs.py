@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.terminal import emit
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
@@ -15,7 +16,16 @@ from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_w
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
 
-__all__ = ["alone", "as_it_was", "check_twice", "check_writable", "files_given", "json_text", "write_result"]
+__all__ = [
+    "alone",
+    "as_it_was",
+    "check_twice",
+    "check_writable",
+    "files_given",
+    "json_text",
+    "with_origin",
+    "write_result",
+]
 
 
 def check_twice(files: Iterable[Path | FrameFile]) -> None:
@@ -46,6 +56,14 @@ def alone(file: Path, content: bytes) -> Iterator[None]:
         if file.read_bytes() != content:
             raise InputError("was changed by somebody else meanwhile", file=file, fix="run the command again")
         yield
+
+
+def with_origin(document: Mapping[str, Any], files: Iterable[Path] = ()) -> dict[str, Any]:
+    """A result with what it was computed from: the files that the command has read, and `files` besides."""
+    from lidarcheck.session.origin import COMPUTED_FROM, origin
+
+    found = origin(ARGUMENTS.get(), files)
+    return dict(document) if found is None else {**document, COMPUTED_FROM: found}
 
 
 def write_result(path: str | Path, text: str) -> None:

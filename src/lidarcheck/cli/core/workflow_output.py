@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.command import ARGUMENTS
-from lidarcheck.cli.core.outputs import check_writable, write_result
+from lidarcheck.cli.core.outputs import check_writable, with_origin, write_result
 from lidarcheck.cli.core.terminal import Column, emit, note, paragraphs, stage, table
 from lidarcheck.errors import UsageError
 from lidarcheck.figures.files.result_folder import (
@@ -27,6 +27,7 @@ from lidarcheck.figures.files.result_folder import (
     Writer,
     check_out_dir,
     page_text,
+    stamped,
     write_page,
 )
 
@@ -90,13 +91,18 @@ def finish(
     none, before anything is shown: who reads the output may go early. `json` gets the same text as `result.json`.
     `document`: what `formats.plain` can turn into JSON.
     """
+    from lidarcheck.session.origin import COMPUTED_FROM
+
+    made = with_origin({}).get(COMPUTED_FROM) if out is not None or json is not None else None
+    page = stamped(page, made)
     if out is None:
-        text = page_text(page, document, command=_command())
+        text = page_text(page, document, command=_command(), origin=made)
     else:
         with stage("drawing"):
             text = write_page(
-                page, document, out, command=_command(), kind=plot or "histogram", files=files, folders=folders
-            )
+                page, document, out, command=_command(), kind=plot or "histogram", files=files, folders=folders,
+                origin=made,
+            )  # fmt: skip
     if json is not None:
         write_result(json, text)
     if json != "-":

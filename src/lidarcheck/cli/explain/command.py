@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet, Seed, up_to
-from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
 from lidarcheck.cli.explain.files import check_directory, check_not_read, make_directory, write_together
@@ -216,7 +216,8 @@ def _explained(
 def _write(found: Explanation, loaded: Case, out: Path, no_html: bool) -> None:
     from lidarcheck.explain.report.model_diff import write_model
 
-    writers: dict[str, Any] = {REPORT: lambda path: write_result(path, json_text(found.to_dict()))}
+    document = with_origin(found.to_dict(), loaded.files)
+    writers: dict[str, Any] = {REPORT: lambda path: write_result(path, json_text(document))}
     if not no_html:
         from lidarcheck.figures.html.explanation import write_html
 
@@ -229,7 +230,7 @@ def _write(found: Explanation, loaded: Case, out: Path, no_html: bool) -> None:
 
 def _show(found: Explanation, loaded: Case, json: str | None) -> None:
     if json is not None:
-        write_result(json, json_text(found.to_dict()))
+        write_result(json, json_text(with_origin(found.to_dict(), loaded.files)))
     if json == "-":
         return
     from lidarcheck.explain.report.model_diff import model_diff

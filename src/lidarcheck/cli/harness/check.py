@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed
-from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
+from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import complain, emit, hush, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
 from lidarcheck.errors import LidarcheckError
@@ -55,12 +55,23 @@ def check(
     for line in annotations(report, os.environ):
         complain(line)
     if json is not None:
-        write_result(json, json_text(report.to_dict()))
+        write_result(json, json_text(with_origin(report.to_dict(), _files_of(report))))
     if junit is not None:
         write_result(junit, junit_text(report))
     if html is not None:
         _write_page(report, html)
     return report.exit_code
+
+
+def _files_of(report: CheckReport) -> list[Path]:
+    """The scenarios, their goldens, and all that they name."""
+    from lidarcheck.harness.layout import layout_of
+    from lidarcheck.session.inputs import files_named_by
+
+    found = []
+    for one in report.scenarios:
+        found += [one.file, layout_of(one.file).golden(one.name), *files_named_by(one.file)]
+    return found
 
 
 def _write_page(report: CheckReport, html: Path) -> None:

@@ -75,6 +75,7 @@ def _outcome(file: Path) -> Outcome | str:
     if not isinstance(document, dict) or any(not isinstance(document.get(key), kind) for key, kind in _KEYS.items()):
         return f"{file}: is not the result of a workflow, left out"
     page, note = _page(file, document.get("page"))
+    note = "; ".join(filter(None, (_old(file, document), note)))
     return Outcome(
         workflow=document["workflow"],
         title=str(document.get("title") or document["workflow"]),
@@ -85,6 +86,15 @@ def _outcome(file: Path) -> Outcome | str:
         page=page,
         note=note,
     )
+
+
+def _old(file: Path, document: dict[str, Any]) -> str:
+    """What of the files that a result was computed from has changed since; empty where nothing has."""
+    from lidarcheck.session.origin import COMPUTED_FROM, changed_since
+
+    changed = changed_since(document.get(COMPUTED_FROM), file.resolve().parents[:_DEEPEST])
+    more = f" and {len(changed) - 3} more" if len(changed) > 3 else ""
+    return f"OLD: {', '.join(changed[:3])}{more} changed since it was computed" if changed else ""
 
 
 def _page(file: Path, record: Any) -> tuple[str, str]:
@@ -117,7 +127,7 @@ def _explained(file: Path, document: dict[str, Any]) -> Outcome:
         version="",
         file=file,
         provenance={},
-        note=f"its page is {beside}" if beside.is_file() else "",
+        note="; ".join(filter(None, (_old(file, document), f"its page is {beside}" if beside.is_file() else ""))),
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import MANY, JsonFile, Placed, Quiet, placement_of
-from lidarcheck.cli.core.outputs import check_writable, files_given, json_text, write_result
+from lidarcheck.cli.core.outputs import check_writable, files_given, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
 
@@ -56,7 +56,7 @@ def compare(
         files = {"measured": measured, "simulated": simulated}
         comparison = run(*scans, scene, model=sensor_model, files=files)
     if json is not None:
-        write_result(json, json_text(comparison.to_dict()))
+        write_result(json, json_text(with_origin(comparison.to_dict())))
     if json != "-":
         _show(comparison)
     return 0

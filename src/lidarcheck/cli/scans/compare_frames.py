@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidarcheck.cli.core.outputs import json_text, write_result
+from lidarcheck.cli.core.outputs import json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import columns, emit, note, number_text, progress, table
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def geometry_notes(
 
 def _tell(kpis: list[FrameKpi], each: list[dict[str, Any]], json: str | None) -> None:
     if json is not None:
-        write_result(json, json_text({"over_frames": [kpi._asdict() for kpi in kpis], "frames": each}))
+        write_result(json, json_text(with_origin({"over_frames": [kpi._asdict() for kpi in kpis], "frames": each})))
     if json != "-":
         emit(table(COLUMNS, [_row(kpi) for kpi in kpis]))
     reasons = {f"{name}: {why}" for one in each for name, why in one["left_out"].items()}

@@ -13,6 +13,7 @@ import re
 import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,6 +43,7 @@ __all__ = [
     "draw_pictures",
     "drawing_ahead",
     "page_text",
+    "stamped",
     "write_page",
 ]
 
@@ -100,13 +102,17 @@ def _check_file(place: Path, read: Iterable[str], option: str) -> None:
         raise InputError("cannot be replaced", file=place, fix=f"move it away, or choose another place for {option}")
 
 
-def page_text(page: Page, document: Any, *, command: str = "", html: str = "") -> str:
+def page_text(
+    page: Page, document: Any, *, command: str = "", html: str = "", origin: Mapping[str, Any] | None = None
+) -> str:
     """The result with what it is of, as JSON, which `lidarcheck report` reads.
 
-    `document`: what `formats.plain` can turn into JSON. The hash of `html` says which page belongs to it.
+    `document`: what `formats.plain` can turn into JSON. The hash of `html` says which page belongs to it. `origin`: the
+    hashes of all that it was computed from.
     """
     return json_text(
         {
+            **({} if origin is None else {"computed_from": origin}),
             "workflow": command or page.title,
             "title": page.title,
             "lidarcheck": __version__,
@@ -118,6 +124,13 @@ def page_text(page: Page, document: Any, *, command: str = "", html: str = "") -
     )
 
 
+def stamped(page: Page, origin: Mapping[str, Any] | None) -> Page:
+    """The page with the key of all that it was computed from; as it is where that is not known."""
+    if origin is None:
+        return page
+    return replace(page, provenance={**page.provenance, "computed from": f"sha256 {origin['key']}"})
+
+
 def write_page(
     page: Page,
     document: Any,
@@ -127,6 +140,7 @@ def write_page(
     kind: str = "histogram",
     files: Mapping[str, Writer] | None = None,
     folders: Mapping[str, Folder] | None = None,
+    origin: Mapping[str, Any] | None = None,
 ) -> str:
     """Write the page, the numbers, the pictures and what is this workflow's own, all or none; `result.json`'s text.
 
@@ -137,7 +151,7 @@ def write_page(
     from lidarcheck.figures.html.page import page_html
 
     html = page_html(page)
-    text = page_text(page, document, command=command, html=html)
+    text = page_text(page, document, command=command, html=html, origin=origin)
     drawn = Folder(lambda place: draw_pictures(page.figures(), place, kind), _PICTURE)
     _write_all(out, text, html, files or {}, {PICTURES: drawn, **(folders or {})})
     return text

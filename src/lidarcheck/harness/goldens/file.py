@@ -14,6 +14,7 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.atomic import write_text
+from lidarcheck.formats.reading import note
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance
@@ -74,6 +75,7 @@ def dump_golden(golden: Golden) -> str:
 
 
 def _parse(path: Path, restore: str) -> dict[str, Any]:
+    note(path)
     try:
         text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
         if not text.strip():

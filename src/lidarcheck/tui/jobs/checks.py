@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.own_files import content_hash, make_own_directory, own_directory
-from lidarcheck.tui.jobs.job import Cancelled, ProgressCallback
+from lidarcheck.formats.reading import Reading, reading
+from lidarcheck.session.digests import Digests
+from lidarcheck.session.inputs import Inputs, files_named_by
+from lidarcheck.session.node import Cancelled, ProgressCallback
+from lidarcheck.session.own_files import make_own_directory, own_directory
+from lidarcheck.workers.identity import source_of_results
 
 if TYPE_CHECKING:
     from lidarcheck.harness.kpis.spec import KpiSpec
@@ -43,16 +48,18 @@ class KpiLine:
 class Outcome:
     """What the last run of a scenario found. `verdict`: holds, changed, fell out, or fault; `problems` in lines.
 
-    `against`: hash of the scenario's and its golden's bytes, so that it shows when either has changed since.
+    `read`: SHA-256 of every file that it was computed from, by path, and `code` of lidarcheck's source, so that it
+    shows when one of them has changed since.
     """
 
     name: str
     verdict: str
     time: float
     seconds: float
-    against: str
     kpis: tuple[KpiLine, ...] = ()
     problems: tuple[str, ...] = ()
+    read: Mapping[str, str] = field(default_factory=dict)
+    code: str = ""
 
     @property
     def fallen(self) -> int:
@@ -87,20 +94,17 @@ class Runs:
 
 def _outcome(found: Mapping[str, Any]) -> Outcome:
     kpis = tuple(KpiLine(**kpi) for kpi in found["kpis"])
-    return Outcome(**{**found, "kpis": kpis, "problems": tuple(found["problems"])})
+    known = {name: value for name, value in found.items() if name in Outcome.__dataclass_fields__}
+    return Outcome(**{**known, "kpis": kpis, "problems": tuple(found["problems"])})
 
 
-def against(path: Path) -> str:
-    """The hash of a scenario's and its golden's bytes."""
+def read_by(path: Path) -> dict[str, str]:
+    """The digests of a scenario, its golden, and all that the scenario names, by real path."""
     from lidarcheck.harness.layout import layout_of
 
-    parts = []
-    for file in (path, layout_of(path).golden(path.stem)):
-        try:
-            parts.append(file.read_bytes())
-        except OSError:
-            parts.append(b"")
-    return content_hash(b"\0".join(parts))[:16]
+    disk = Inputs()
+    files = [path, layout_of(path).golden(path.stem), *files_named_by(path)]
+    return {os.path.realpath(file): disk.digest(file) for file in files}
 
 
 def run_scenarios(
@@ -129,18 +133,27 @@ def run_scenarios(
 
 def check_scenario(path: Path, progress: ProgressCallback | None = None, check: Check | None = None) -> Outcome:
     """Run one scenario against its golden."""
-    start, hashed = time.time(), against(path)
-    try:
-        report = (check or _harness())([path], progress=progress)
-    except LidarcheckError as error:
-        lines = tuple(line.removeprefix("error: ") for line in error.lines())
-        return Outcome(path.stem, "fault", start, time.time() - start, hashed, problems=lines)
+    start, before = time.time(), read_by(path)
+    with reading() as read:
+        try:
+            report = (check or _harness())([path], progress=progress)
+        except LidarcheckError as error:
+            lines = tuple(line.removeprefix("error: ") for line in error.lines())
+            seconds, files = time.time() - start, _with_opened(before, read)
+            return Outcome(path.stem, "fault", start, seconds, (), lines, files, source_of_results())
     result = report.scenarios[0]
     kpis = tuple(_line(kpi) for kpi in result.kpis)
     moved = any(kpi.verdict not in ("identical", "equivalent") for kpi in kpis)
     verdict = "fell out" if result.failed else "changed" if moved else "holds" if kpis else "not run"
     problems = (*result.problems, *result.notes)
-    return Outcome(result.name, verdict, start, time.time() - start, hashed, kpis, problems)
+    files = _with_opened(before, read)
+    return Outcome(result.name, verdict, start, time.time() - start, kpis, problems, files, source_of_results())
+
+
+def _with_opened(before: Mapping[str, str], read: Reading) -> dict[str, str]:
+    """The files that a run is known to depend on with what they held before it, and whatever else it opened."""
+    disk = Digests()
+    return {name: disk.of(name) for name in sorted(read.files)} | dict(before)
 
 
 def _harness() -> Check:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import contextlib
 import difflib
 import json
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from lidarcheck.cases.case import CASE_FILE, case_model
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.explain.files import KEPT, MODEL, PAGE, REPORT
 from lidarcheck.explain.report.explanation import Explanation
-from lidarcheck.explain.report.load import changed_since, load_explanation
+from lidarcheck.explain.report.load import load_explanation
 from lidarcheck.explain.report.model_diff import model_diff, rewritten_text
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.model.files.model_file import load_model
+from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 from lidarcheck.session.project import Project
 
@@ -38,8 +41,9 @@ _TAKEN = "accepted.json"
 class CaseState:
     """A case. `name`: as it is shown; `fault`: why it cannot be explained, or its results cannot be read.
 
-    `found`: what the last run found, None where none has; `changed`: files that are not what it read; `diff`: its
-    model beside the case's; `kept`: an interrupted run can go on; `page`: its report.html, if it is there.
+    `found`: what the last run found, None where none has; `read`: the digests of what it read, by path; `changed`:
+    files that hold something else now; `diff`: its model beside the case's; `kept`: an interrupted run can go on;
+    `page`: its report.html, if it is there.
     """
 
     name: str
@@ -48,6 +52,7 @@ class CaseState:
     model: Path | None = None
     fault: str = ""
     found: Explanation | None = None
+    read: Mapping[str, str] = field(default_factory=dict)
     changed: tuple[str, ...] = ()
     diff: tuple[str, ...] = ()
     kept: bool = False
@@ -63,7 +68,7 @@ class CaseState:
             return kept or "not run"
         names = ", ".join(finding.name for finding in self.found.findings)
         words = {"no_gap": "no gap", "explained": f"explained: {names}", "unknown": "unknown"}[self.found.verdict]
-        return f"{words}{'?' if self.changed else ''}{f'; {kept}' if kept else ''}"
+        return f"{words}{f'; {kept}' if kept else ''}"
 
 
 def case_files(project: Project) -> list[Path]:
@@ -89,7 +94,7 @@ def make_results_directory(root: Path, case: Path) -> Path:
     return out
 
 
-def look_at(root: Path, case: Path) -> CaseState:
+def look_at(root: Path, case: Path, disk: Digests | None = None) -> CaseState:
     """A case with what an earlier run has left; a fault is in it."""
     out, name = results_directory(root, case), case.relative_to(root)
     shown = name.parent.as_posix() if case.name == CASE_FILE and name.parent != Path() else name.as_posix()
@@ -104,11 +109,13 @@ def look_at(root: Path, case: Path) -> CaseState:
     try:
         before = load_model(model)
         found = load_explanation(out / REPORT, out / MODEL, before)
-        changed = tuple(changed_since(case.parent, found.hashes))
+        read = {os.path.realpath(case.parent / name): digest for name, digest in found.hashes.items()}
+        of = (disk or Digests()).of
+        changed = tuple(name for name, path in zip(found.hashes, read, strict=True) if of(path) != read[path])
         diff = tuple(model_diff(before, found.model))
     except LidarcheckError as error:
         return CaseState(shown, case, out, model, error.lines()[0].removeprefix("error: "), kept=kept)
-    return CaseState(shown, case, out, model, "", found, changed, diff, kept, state.page)
+    return CaseState(shown, case, out, model, "", found, read, changed, diff, kept, state.page)
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,10 @@ from lidarcheck.effects import with_role
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.figures.data import Page, Section
 from lidarcheck.session.model_choice import chosen_model
+from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["ALL", "FIT", "GHOST", "GhostPage", "SignScan", "ghost_jobs", "sign_model", "sign_scans"]
 
 ALL, FIT = "all datasets", "fit"
+_KIND = "ghosts"
 GHOST = with_role("ghost").name
 """The effect that is fitted."""
 _SIGN = re.compile(r"(?<![a-z])(?:sign|ghost)s?(?![a-z])", re.IGNORECASE)
@@ -114,14 +116,14 @@ def _files(scans: Sequence[SignScan], given: _Given) -> tuple[Path, ...]:
 
 def _all_job(scans: Sequence[SignScan], given: _Given, words: str) -> Job:
     fault = "" if any(not scan.fault for scan in scans) else "no dataset that can be read"
-    return Job(ALL, words, _files(scans, given), partial(_all_page, scans, given), given, fault)
+    return Job(ALL, words, _files(scans, given), partial(_all_page, scans, given), given, fault, kind=_KIND)
 
 
 def _one_job(scan: SignScan, given: _Given, model: str) -> Job:
     ideal = "no ideal scan" if scan.ideal is None else scan.ideal.name
     words = f"{ideal}, {model}"
     compute = partial(_find_page, [scan], given, steps=True)
-    return Job(scan.name, words, _files([scan], given), compute, given, scan.fault)
+    return Job(scan.name, words, _files([scan], given), compute, given, scan.fault, kind=_KIND)
 
 
 def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
@@ -132,7 +134,7 @@ def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
     elif not some:
         fault = "a fit needs ideal scans, and no dataset has one: 1_25m_ideal.txt belongs to 1_25m.txt"
     words = f"{GHOST} to {len(some)} of {len(scans)} datasets, {model}"
-    return Job(FIT, words, _files(some, given), partial(_fit_page, some, given), given, fault)
+    return Job(FIT, words, _files(some, given), partial(_fit_page, some, given), given, fault, kind=_KIND)
 
 
 # Computing, in a thread

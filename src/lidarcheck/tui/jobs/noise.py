@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 from lidarcheck.figures.data import Figure, Page, Table
 from lidarcheck.formats.table import counted
 from lidarcheck.session.model_choice import chosen_model
+from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.workflow import PanelsResult
@@ -127,6 +128,7 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
         choices=given,
         fault="" if hall.frames else "; ".join(hall.faults),
         notes=tuple(f"left out: {fault}" for fault in hall.faults),
+        kind="panels",
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.jobs.profiles import Choice, Key, ProfileData, Profiles, compile_aside, first_time
+from lidarcheck.session.session import CURRENT, FAILED, Session
+from lidarcheck.tui.jobs.profiles import Choice, ProfileData, Profiles, compile_aside, first_time
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Profile
@@ -28,11 +29,12 @@ class ProfileWorker:
     `computed`: how many expectations were computed.
     """
 
-    def __init__(self, on_result: Callable[[Choice], object], on_message: Callable[[str], object]) -> None:
+    def __init__(
+        self, session: Session, on_result: Callable[[Choice], object], on_message: Callable[[str], object]
+    ) -> None:
         self.computed = 0
         self._on_result, self._on_message = on_result, on_message
-        self._profiles = Profiles()
-        self._faults: dict[Key, str] = {}
+        self._session, self._profiles = session, Profiles(session)
         self._wanted = threading.Condition()
         self._job: tuple[Sequence[Choice], LutTable | None] | None = None
         self._busy = False
@@ -46,14 +48,20 @@ class ProfileWorker:
 
     def found(self, choice: Choice) -> ProfileData | str | None:
         """A dataset as it was read, or in words why it cannot be; None while it is read."""
-        known = self._profiles.known(choice)
-        if isinstance(known, LidarcheckError):
-            return known.lines()[0].removeprefix("error: ")
-        return self._faults.get(choice.key) or known
+        word, derived = self._session.status(self._profiles.measured(choice))
+        if word.startswith(FAILED):
+            return word.removeprefix(FAILED)
+        found: ProfileData | None = derived.value if derived is not None and word == CURRENT else None
+        return found
 
-    def expected(self, choice: Choice, table: LutTable | None) -> Profile | None:
-        """What a table is expected to show of a dataset; None until it is computed."""
-        return None if table is None else self._profiles.known_expected(choice, table)
+    def expected(self, choice: Choice, table: LutTable | None) -> tuple[str, Profile | None]:
+        """(its state, what a table is expected to show of a dataset); while that is computed what another table, or
+        another file, was.
+        """
+        if table is None:
+            return "", None
+        word, derived = self._session.status(self._profiles.expected(choice, table))
+        return word, None if derived is None else derived.value
 
     def ask(self, choices: Sequence[Choice], table: LutTable | None, soon: Soon) -> None:
         """Have the thread read and compute what of these is not there yet, in the place of all it was asked before."""
@@ -65,16 +73,11 @@ class ProfileWorker:
                 threading.Thread(target=self._work, args=(soon,), name="profiles", daemon=True).start()
 
     def _is_missing(self, choice: Choice, table: LutTable | None) -> bool:
-        if choice.key in self._faults:
-            return False
-        found = self._profiles.known(choice)
-        return found is None or (
-            isinstance(found, ProfileData) and table is not None and self.expected(choice, table) is None
-        )
-
-    def _fell(self, choice: Choice, what: str) -> None:
-        self._faults[choice.key] = what
-        self._on_result(choice)
+        found = self.found(choice)
+        if found is None or isinstance(found, str) or table is None:
+            return found is None
+        word = self.expected(choice, table)[0]
+        return word != CURRENT and not word.startswith(FAILED)
 
     # In the thread
 
@@ -92,25 +95,22 @@ class ProfileWorker:
                         self._guarded(soon, step, choice, job[1])
 
     def _guarded(self, soon: Soon, step: Any, choice: Choice, table: LutTable | None) -> None:
-        try:
+        # Why it failed is the session's to say; a fault in a profile must not take the editor with it.
+        with contextlib.suppress(Exception):
             step(soon, choice, table)
-        except Exception as error:  # noqa: BLE001 - a fault in a profile must not take the editor with it
-            soon(self._fell, choice, f"internal error, {type(error).__name__}: {error}")
+        soon(self._on_result, choice)
 
-    def _load(self, soon: Soon, choice: Choice, _table: LutTable | None) -> None:
-        if self._profiles.known(choice) is None:
-            self._profiles.load(choice)
-            soon(self._on_result, choice)
+    def _load(self, _soon: Soon, choice: Choice, _table: LutTable | None) -> None:
+        self._session.compute(self._profiles.measured(choice))
 
     def _expect(self, soon: Soon, choice: Choice, table: LutTable | None) -> None:
-        shown = self._profiles.load(choice)
-        if table is not None and isinstance(shown, ProfileData):
-            first = first_time()
-            if first:
-                soon(self._on_message, _ONCE)
-                compile_aside()
-            self._profiles.expected(choice, shown, table)
-            if first:
-                soon(self._on_message, "the sensor model is compiled")
-            self.computed += 1
-            soon(self._on_result, choice)
+        if table is None or self.expected(choice, table)[0] == CURRENT or isinstance(self.found(choice), str):
+            return
+        first = first_time()
+        if first:
+            soon(self._on_message, _ONCE)
+            compile_aside()
+        self._session.compute(self._profiles.expected(choice, table))
+        if first:
+            soon(self._on_message, "the sensor model is compiled")
+        self.computed += 1

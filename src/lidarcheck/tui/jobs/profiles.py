@@ -5,14 +5,16 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import sys
-import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.formats.reading import apart, reading
+from lidarcheck.session.node import Node
 from lidarcheck.session.pairing import ideal_of, numbers_in
 from lidarcheck.session.project import Project
+from lidarcheck.session.session import Session
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells, Profile
@@ -20,11 +22,11 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.workflow import ModelSide
     from lidarcheck.formats.lut import Axis, LutTable
     from lidarcheck.formats.settings import Settings
+    from lidarcheck.model import Model
 
 __all__ = [
     "Choice",
     "Dataset",
-    "Key",
     "ProfileData",
     "Profiles",
     "compile_aside",
@@ -33,10 +35,6 @@ __all__ = [
     "retros_of",
     "variant_of",
 ]
-
-Key = tuple[Any, ...]
-
-_KEPT = 64
 
 
 @dataclass(frozen=True)
@@ -68,12 +66,9 @@ class Choice:
     material: int | None = None
 
     @property
-    def key(self) -> Key:
-        """All that a result depends on; a file that was written anew has another key."""
-        dataset, settings = self.dataset, self.settings
-        files = tuple(_stamp(file) for file in (dataset.path, dataset.ideal, self.model))
-        held = None if settings is None or not dataset.by_settings else (settings.entries, settings.content is None)
-        return (*files, held, self.axis, self.material)
+    def about(self) -> tuple[str, str, str, int | None]:
+        """Which of the datasets it is, and with what it is looked at."""
+        return self.dataset.name, str(self.model), self.axis, self.material
 
 
 @dataclass(frozen=True)
@@ -102,60 +97,70 @@ def retros_of(model: Path) -> list[int]:
 
 
 class Profiles:
-    """Reads datasets and keeps what was read and computed: switching between them computes nothing. For any thread."""
+    """What of datasets is read and computed, as nodes of the session, which keeps it. For any thread.
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._shown: dict[Key, ProfileData | LidarcheckError] = {}
-        self._expected: dict[tuple[Key, bytes], Profile] = {}
-        self._benches: dict[Key, ModelSide] = {}
-        self._responses: dict[Key, Response] = {}
+    A model counts here without its own blooming tables, by its numbers: the table is handed in as it is shown.
+    """
 
-    def known(self, choice: Choice) -> ProfileData | LidarcheckError | None:
-        """What was read before of unchanged files, or what is wrong with them; None if they must be read."""
-        return self._shown.get(choice.key)
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._responses: dict[tuple[str, Axis], Response] = {}
 
-    def known_expected(self, choice: Choice, table: LutTable) -> Profile | None:
-        """The expectation, if it was computed before."""
-        return self._expected.get((choice.key, _table_key(table)))
+    def measured(self, choice: Choice) -> Node:
+        """The dataset as it was read: `ProfileData`."""
+        dataset = choice.dataset
+        files = tuple(path for path in (dataset.path, dataset.ideal) if path is not None)
+        settings = choice.settings if dataset.by_settings else None
+        held = None if settings is None else (settings.entries, settings.content is None)
+        bare = self._bare(choice)
+        part = (choice.about, dataset.is_profile, held, bare)
+        return Node("measured profile", 1, choice.about, files, lambda _told: self._read(choice, bare), part)
 
-    def load(self, choice: Choice) -> ProfileData | LidarcheckError:
-        """The dataset, read now if it was not yet; an error of it where it shows no blooming target."""
-        with self._lock:
-            key = choice.key
-            if key not in self._shown:
-                try:
-                    _keep(self._shown, key, self._read(choice))
-                except LidarcheckError as error:
-                    _keep(self._shown, key, error)
-            return self._shown[key]
+    def expected(self, choice: Choice, table: LutTable) -> Node:
+        """What is expected to be seen of a dataset with a table, without noise: `Profile`."""
+        of = self.measured(choice)
+        part = (of.choices, table.x, table.y)
+        return Node("expected profile", 1, choice.about, of.files, lambda _told: self._expect(of, choice, table), part)
 
-    def _read(self, choice: Choice) -> ProfileData:
+    def _bare(self, choice: Choice) -> str:
+        """The hash of what a model is without its own table; of one that cannot be read, why."""
+        from lidarcheck.calibration.blooming.workflow import bare_of
+        from lidarcheck.harness.goldens.provenance import parameters_hash
+
+        try:
+            bare, bright = bare_of(self._model(choice), choice.axis)
+            return f"{parameters_hash(bare)} {bright!r}"
+        except LidarcheckError as error:
+            return "; ".join(error.lines())
+
+    def _model(self, choice: Choice) -> Model:
+        from lidarcheck.model import load_model
+
+        with apart(), reading(self.session.inputs().edited):
+            return load_model(choice.model)
+
+    def _read(self, choice: Choice, bare: str) -> ProfileData:
         from lidarcheck.calibration.blooming.cells import profile_of
         from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, gather
 
         dataset = choice.dataset
         cells = gather([BloomingMeasurement(dataset.path, None, dataset.ideal)], self._bench(choice))[0]
+        if self._bare(choice) != bare:
+            raise InputError("was changed while it was read", file=choice.model, fix="look again")
         return ProfileData(cells, profile_of(cells))
 
-    def expected(self, choice: Choice, shown: ProfileData, table: LutTable) -> Profile:
-        """What is expected to be seen of a dataset with a table, without noise; computed once."""
+    def _expect(self, measured: Node, choice: Choice, table: LutTable) -> Profile:
         from lidarcheck.calibration.blooming.operator import nodes_of
         from lidarcheck.calibration.blooming.workflow import expected_profile
 
-        with self._lock:
-            key = (choice.key, _table_key(table))
-            if key not in self._expected:
-                response = self._response(choice)
-                found = expected_profile(shown.cells, nodes_of(table, shown.cells.axis), response)
-                _keep(self._expected, key, found)
-            return self._expected[key]
+        shown: ProfileData = self.session.compute(measured).value
+        return expected_profile(shown.cells, nodes_of(table, shown.cells.axis), self._response(choice))
 
     def _response(self, choice: Choice) -> Response:
         """How the sensor answers to light. The first one on a machine compiles the model's kernels."""
         from lidarcheck.calibration.blooming.response import response_of
 
-        of = (_stamp(choice.model), choice.axis)
+        of = (self._bare(choice), choice.axis)
         if of not in self._responses:
             bench = self._bench(choice)
             self._responses[of] = response_of(bench.sensor, bench.shape)
@@ -163,21 +168,17 @@ class Profiles:
 
     def _bench(self, choice: Choice) -> ModelSide:
         from lidarcheck.calibration.blooming.workflow import model_side_of
-        from lidarcheck.model import load_model
 
-        key = choice.key[2:]
-        if key not in self._benches:
-            model = load_model(choice.model)
-            retros = sorted(number for number, m in model.materials.items() if m.kind == "retro")
-            if model.external is None and not retros:
-                what = "the model has no retro-reflector, so nothing that blooms"
-                raise InputError(what, file=choice.model, fix="choose another model")
-            material = choice.material if choice.material in retros else None
-            if material is None and len(retros) > 1:
-                material = retros[0]
-            settings = choice.settings if choice.dataset.by_settings else None
-            _keep(self._benches, key, model_side_of(model, choice.axis, settings=settings, material=material))
-        return self._benches[key]
+        model = self._model(choice)
+        retros = sorted(number for number, m in model.materials.items() if m.kind == "retro")
+        if model.external is None and not retros:
+            what = "the model has no retro-reflector, so nothing that blooms"
+            raise InputError(what, file=choice.model, fix="choose another model")
+        material = choice.material if choice.material in retros else None
+        if material is None and len(retros) > 1:
+            material = retros[0]
+        settings = choice.settings if choice.dataset.by_settings else None
+        return model_side_of(model, choice.axis, settings=settings, material=material)
 
 
 def variant_of(model: Path) -> str:
@@ -207,25 +208,3 @@ def compile_aside() -> None:
     with contextlib.suppress(OSError):
         command = [sys.executable, "-c", _COMPILE]
         subprocess.run(command, check=False, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-
-
-def _keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
-    """Keep a result, and no more than some of them: the oldest goes."""
-    while len(kept) >= _KEPT:
-        kept.pop(next(iter(kept)))
-    kept[key] = value
-
-
-def _table_key(table: LutTable) -> bytes:
-    return table.x.tobytes() + table.y.tobytes()
-
-
-def _stamp(path: Path | None) -> tuple[str, int, int]:
-    """A file and its state: a file that was written anew is read anew."""
-    if path is None:
-        return "", 0, 0
-    try:
-        stat = path.stat()
-    except OSError:
-        return str(path), 0, 0
-    return str(path), stat.st_mtime_ns, stat.st_size

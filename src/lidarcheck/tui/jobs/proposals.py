@@ -14,14 +14,18 @@ from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.goldens.golden import Golden
+from lidarcheck.harness.goldens.provenance import Provenance, parameters_hash, source_hash
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
 from lidarcheck.harness.review.wording import verdict_word
+from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.harness.scenario_run import kpis_in_goldens
+from lidarcheck.session.inputs import files_named_by
+from lidarcheck.session.node import Cancelled, Node, ProgressCallback
+from lidarcheck.session.session import CURRENT, OLD, SAVED, Session
 from lidarcheck.tui.jobs.checks import KpiLine, known, limits_of, unit_of
-from lidarcheck.tui.jobs.job import Cancelled, ProgressCallback
 
-__all__ = ["Review", "Waiting", "changes", "kpi_line", "reasons", "reviewed", "run_reviews", "waiting"]
+__all__ = ["Review", "Waiting", "changes", "kpi_line", "reasons", "reviewed", "run_reviews", "state_of", "waiting"]
 
 Review = Callable[..., ReviewReport]
 
@@ -32,7 +36,8 @@ class Waiting:
 
     `kpis`: golden beside proposal; `drawn`: the proposal's seeds, 0 without one;
     `share`: each KPI's part of the error budget; `found`: what a review said of this proposal, None before one;
-    `stamp`: the hashes of golden and proposal; `fault`: why one of them cannot be read, or why a review failed.
+    `stamp`: the hashes of golden and proposal; `made`: where the proposal came from; `fault`: why one of them cannot be
+    read, or why a review failed.
     """
 
     name: str
@@ -44,6 +49,7 @@ class Waiting:
     stamp: str
     found: ScenarioReview | None = None
     fault: str = ""
+    made: Provenance | None = None
 
     @property
     def golden(self) -> bool:
@@ -76,7 +82,8 @@ def waiting(path: Path) -> Waiting | None:
     )
     drawn = min((kpi.reference.drawn for kpi in proposal.kpis.values()), default=0) if proposal else 0
     kpis = _kpis(golden, proposal) if proposal else ()
-    return Waiting(name, path, layout, kpis, drawn, share, stamp_of(layout, name), fault=fault or other)
+    made = proposal.provenance if proposal else None
+    return Waiting(name, path, layout, kpis, drawn, share, stamp_of(layout, name), fault=fault or other, made=made)
 
 
 def reviewed(path: Path, found: ScenarioReview) -> Waiting | None:
@@ -86,7 +93,33 @@ def reviewed(path: Path, found: ScenarioReview) -> Waiting | None:
     size = max(kpis_in_goldens(found.layout) + (0 if found.golden else len(found.kpis)), 1)
     drawn = min((kpi.reference.drawn for kpi in found.proposal.kpis.values()), default=0)
     stamp = stamp_of(found.layout, found.name)
-    return Waiting(found.name, path, found.layout, found.kpis, drawn, evidence.error_share(size), stamp, found)
+    made = found.proposal.provenance
+    return Waiting(
+        found.name, path, found.layout, found.kpis, drawn, evidence.error_share(size), stamp, found, made=made
+    )
+
+
+def state_of(session: Session, one: Waiting) -> str:
+    """Whether a proposal is of the saved scenario, model and source, in words; empty without one. Reads files."""
+    if one.made is None:
+        return ""
+    node = Node("where a proposal comes from", 1, one.path, (one.path,), lambda _told: _origin(one.path))
+    try:
+        scenario, parameters, source = session.compute(node, saved=True).value
+    except (LidarcheckError, OSError):
+        return f"{OLD}, the scenario cannot be read"
+    now = {"the scenario": scenario, "the model": parameters, "lidarcheck": source}
+    then = (one.made.scenario, one.made.parameters, one.made.model_source)
+    changed = [name for (name, value), was in zip(now.items(), then, strict=True) if value != was]
+    if changed:
+        return f"{OLD}, {' and '.join(changed)} changed"
+    return SAVED if session.edited_of([one.path, *files_named_by(one.path)]) else CURRENT
+
+
+def _origin(path: Path) -> tuple[str, str, str]:
+    """What a proposal says of where it comes from, were it made now."""
+    scenario = load_scenario(path)
+    return scenario.content_hash, parameters_hash(scenario.model), source_hash()
 
 
 def stamp_of(layout: Layout, name: str) -> str:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.model_choice import which_model
+from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import ideal_of, measured_in, partner_of
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job
 
 if TYPE_CHECKING:
     from lidarcheck.model import Model
@@ -109,6 +110,7 @@ def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects,
         ),
         choices=effects,
         fault=fault,
+        kind="scenes",
     )
 
 

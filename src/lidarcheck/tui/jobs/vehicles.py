@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.session.model_choice import likely_model, which_model
+from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import (
     Labels,
     is_simulated,
@@ -17,7 +18,7 @@ from lidarcheck.session.pairing import (
     partner_of,
 )
 from lidarcheck.session.project import Entry, Project
-from lidarcheck.tui.jobs.job import Computed, Job, ProgressCallback
+from lidarcheck.tui.jobs.job import Computed, Job
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import VehicleComparison
@@ -121,6 +122,7 @@ def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
         choices=source,
         fault="" if used and source else _why_not(group, models),
         notes=notes if used else (),
+        kind="vehicles",
     )
 
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
 from textual.app import ComposeResult
 
+from lidarcheck.formats.table import counted
+from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.project import Entry
-from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, against, run_scenarios
-from lidarcheck.tui.jobs.job import ProgressCallback
-from lidarcheck.tui.screens.shared.background import StoppableRun
+from lidarcheck.session.session import OLD, SAVED, Session
+from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, run_scenarios
+from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, View, bindings
-from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, line
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, is_old, line
 from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["Overview"]
@@ -30,8 +33,9 @@ class Overview(View):
     NAME = "overview"
     WORDS: ClassVar[dict[str, str]] = {
         "scenarios": "Every scenario with the verdict of its last run against its golden, and files that have a fault. "
-        "'changed' moved within what does not matter; 'fell out' fails the gate; '?' behind a verdict: the scenario or "
-        "its golden has changed since that run.",
+        "'changed' moved within what does not matter; 'fell out' fails the gate. Behind it stands whether that is of "
+        "what is set: OLD, where the scenario, its golden, the model or a table has changed since; 'saved model', "
+        "where edits that are not saved are not in it.",
         "kpis": "The KPIs of the scenario: the golden's value, the last run's, how far it moved over the "
         "tolerance, the "
         "tolerance, the smallest change that would be caught, and the absolute limits.",
@@ -46,7 +50,7 @@ class Overview(View):
         self.fallen_only = False
         self._run = StoppableRun(self, "run", self._ended)
         self._entries: list[Entry] = []
-        self._stale: dict[str, bool] = {}
+        self.states: dict[str, str] = {}
 
     def compose(self) -> ComposeResult:
         """The scenarios above, the KPIs of one below."""
@@ -64,12 +68,24 @@ class Overview(View):
         """Show the new files, with the cursor on the one it was on."""
         faults = [entry for entry in self.host.project.faults if entry.kind != "scenario"]
         self._entries = [*self.host.project.of("scenario", sound=False), *faults]
-        self._stale = {
-            name: outcome.against != against(entry.path)
-            for entry in self._entries
-            if entry.kind == "scenario" and (outcome := self.runs.last.get(name := entry.path.stem))
-        }
         self.at = self.cursor_again([entry.name for entry in self.entries()], self.at)
+        self.draw()
+        last, session = dict(self.runs.last), self.host.session
+        read_beside(self.host, "the last runs", lambda: _states(session, last, wait=True), self._looked)
+
+    def _looked(self, states: dict[str, str]) -> None:
+        self.states = states
+        self.draw()
+
+    def opened(self) -> None:
+        """The screen is seen."""
+        self.inputs_changed()
+
+    def inputs_changed(self) -> None:
+        """Say of each verdict whether it belongs to them."""
+        if not self.is_mounted:
+            return
+        self.states = _states(self.host.session, self.runs.last)
         self.draw()
 
     def entries(self) -> list[Entry]:
@@ -97,8 +113,10 @@ class Overview(View):
         scenarios = sum(entry.kind == "scenario" for entry in self._entries)
         faults = len(self.host.project.faults)
         title = f"Scenarios: {scenarios}, {len(last)} run, {fell} fell out; {faults} files with a fault"
+        unsaved = self.host.session.unsaved()
+        state = f"{SAVED}, without {counted(unsaved, 'edit')}" if last and unsaved else ""
         self.query_one("#scenarios", Lines).show(
-            lines or [line(f"  {empty}", "dim")], title=title, cursor=self.at if entries else None
+            lines or [line(f"  {empty}", "dim")], title=title, cursor=self.at if entries else None, state=state
         )
         self._draw_kpis(entries[self.at] if entries else None)
 
@@ -113,9 +131,12 @@ class Overview(View):
             when = time.strftime("%m-%d %H:%M", time.localtime(outcome.time))
             counts = f"{len(outcome.kpis) - outcome.fallen}/{len(outcome.kpis)} KPIs"
             moved = f"{outcome.moved} moved" if outcome.moved else ""
-            text = f"  {counts:10} {moved:9} {when} {outcome.seconds:5.1f} s"
-        shown = verdict + ("?" if self._stale.get(entry.path.stem) and outcome else "")
-        return ((f" {name:26} ", "text"), (f"{shown:9}", _ROLES.get(verdict, "dim")), (text, "dim"))
+            text = f"{counts:10} {moved:8} {when}"
+        state = self.states.get(entry.path.stem, "") if outcome else ""
+        role: Role = "dim" if is_old(state) else _ROLES.get(verdict, "dim")
+        of = f"{state.partition(',')[0]:12}" if outcome else ""
+        look: Role = "edited" if is_old(state) else "dim"
+        return ((f" {name:26} ", "text"), (f"{verdict:9}", role), (of, look), (text, "dim"))
 
     def _draw_kpis(self, entry: Entry | None) -> None:
         pane = self.query_one("#kpis", Lines)
@@ -134,7 +155,7 @@ class Overview(View):
         order = sorted(outcome.kpis, key=lambda kpi: (not kpi.fails, -abs(moved(kpi))))
         for kpi in order:
             lines += kpi_lines(kpi, room=room)
-        pane.show(lines, title=f"KPIs of {entry.path.stem}")
+        pane.show(lines, title=f"KPIs of {entry.path.stem}", state=self.states.get(entry.path.stem, ""))
 
     # Actions
 
@@ -177,8 +198,7 @@ class Overview(View):
     def _found(self, outcome: Outcome) -> None:
         """An outcome."""
         self.runs.add(outcome)
-        self._stale.pop(outcome.name, None)
-        self.draw()
+        self.inputs_changed()
 
     def _ended(self, how: str) -> None:
         self.say(how or "the run has ended", bad=how.startswith("error"))
@@ -200,3 +220,11 @@ class Overview(View):
     def closing(self) -> None:
         """Let a run end."""
         self._run.close()
+
+
+def _states(session: Session, last: Mapping[str, Outcome], *, wait: bool = False) -> dict[str, str]:
+    """The state of each outcome; one of an older version does not say what it read."""
+    return {
+        name: session.state_of(one.read, one.code, wait=wait) if one.read else f"{OLD}, of another lidarcheck"
+        for name, one in last.items()
+    }

@@ -15,12 +15,28 @@ from textual.widget import Widget
 
 from lidarcheck.tui.widgets.themes import Role, style
 
-__all__ = ["CURSOR_KEYS", "Line", "Lines", "cursor_after", "diff_lines", "hanging", "line", "printable", "wrapped"]
+__all__ = [
+    "CURSOR_KEYS",
+    "Line",
+    "Lines",
+    "cursor_after",
+    "diff_lines",
+    "hanging",
+    "is_old",
+    "line",
+    "printable",
+    "wrapped",
+]
 
 Line = tuple[tuple[str, Role], ...]
 _INDENT_FROM = 20
 CURSOR_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
 """The keys that move a cursor, or scroll."""
+
+
+def is_old(state: str) -> bool:
+    """Whether what is shown in such a state is of other inputs than those that are set."""
+    return state not in ("", "current", "expected")
 
 
 def line(text: str, role: Role = "text") -> Line:
@@ -98,14 +114,20 @@ class Lines(Widget, can_focus=True):
         self.cursor: int | None = None
         self._rows: list[Line] = []
         self._row: int | None = None
+        self.state = ""
         self._title = title
         self._top = 0
         self._drawn: list[Line] = []
         self.when_resized: Callable[[], object] = lambda: None
 
-    def show(self, lines: Sequence[Line], *, title: str | None = None, cursor: int | None = None) -> None:
-        """Show these lines; only what differs is drawn anew."""
+    def show(
+        self, lines: Sequence[Line], *, title: str | None = None, cursor: int | None = None, state: str = ""
+    ) -> None:
+        """Show these lines; only what differs is drawn anew. `state`: whether they belong to what is set, in words that
+        stand at the right end of the title.
+        """
         self.lines = list(lines)
+        self.state = state
         self.cursor = cursor
         self._title = self._title if title is None else title
         self._fold()
@@ -157,13 +179,33 @@ class Lines(Widget, can_focus=True):
             if y == 0:
                 focus = self.has_focus
                 label = f"[{self.label}] " if self.label else ""
-                return line(f"{'>' if focus else ' '}{label}{self._title}", "focus" if focus else "title")
+                words = self._beside_state(f"{'>' if focus else ' '}{label}{self._title}")
+                look: Role = "focus" if focus else "title"
+                return ((words, look), *line(self._short_state, "dim" if self.state == "current" else "edited"))
             y -= 1
         at = self._top + y
         if at >= len(self._rows):
             return ()
         parts = self._rows[at]
+        if is_old(self.state):
+            parts = tuple((text, "dim") for text, _ in parts)
         return tuple((text, "cursor") for text, _ in parts) if at == self._row and self.has_focus else parts
+
+    @property
+    def _short_state(self) -> str:
+        """The state in two thirds of the title at most: why something failed stands elsewhere in full."""
+        most = max(2 * self.size.width // 3, 1)
+        return self.state if len(self.state) <= most else f"{self.state[: most - 2]}.."
+
+    def _beside_state(self, words: str) -> str:
+        """The title as long as the state leaves room, which stands at the right end."""
+        if not self.state:
+            return words
+        room = max(self.size.width - cell_len(printable(self._short_state)) - 1, 0)
+        words = printable(words)
+        while cell_len(words) > room:
+            words = words[:-1]
+        return f"{words}{' ' * (room - cell_len(words))} "
 
     def render_line(self, y: int) -> Strip:
         """One line as textual wants it."""

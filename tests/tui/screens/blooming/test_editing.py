@@ -46,9 +46,9 @@ def test_every_edit_by_its_key(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
         first = scaled(view, 0)
-        await pilot.press("plus", "right", "equals_sign")
+        await pilot.press("plus", "plus", "equals_sign")
         assert scaled(view, 0) == first + 3
-        await pilot.press("minus", "left", "right_square_bracket")
+        await pilot.press("minus", "minus", "right_square_bracket")
         assert scaled(view, 0) == first + 21
         await pilot.press("left_square_bracket", "u")
         assert scaled(view, 0) == first + 21

@@ -10,6 +10,7 @@ import numpy as np
 
 from lidarcheck.figures.data import Course, Curve
 from lidarcheck.figures.pages.blooming_courses import profile_course, profile_curve, table_course
+from lidarcheck.session.session import CURRENT
 from lidarcheck.tui.widgets.lines import Lines, line
 
 if TYPE_CHECKING:
@@ -32,9 +33,18 @@ def draw_curve(pane: Lines, table: LutTable, saved: LutTable | None, at: int, ax
 
 
 def draw_profile(
-    pane: Lines, feature: str, sides: Mapping[str, Profile | None], title: str, axis: Axis, *, plain: bool
+    pane: Lines,
+    feature: str,
+    sides: Mapping[str, Profile | None],
+    title: str,
+    axis: Axis,
+    *,
+    plain: bool,
+    state: str = CURRENT,
 ) -> None:
-    """One of `FEATURES` of a dataset, by side: what was measured first; None for a side that is being computed."""
+    """One of `FEATURES` of a dataset, by side: what was measured first; None for a side that is being computed.
+    `state`: whether the other side belongs to the table as it is shown.
+    """
     curves, real = [], next(iter(sides.values()))
     assert real is not None
     for name, side in sides.items():
@@ -42,7 +52,7 @@ def draw_profile(
             curves.append(Curve("computing ...", real.offset, np.full(len(real.offset), np.nan)))
         else:
             curves.append(profile_curve(name, side, feature))
-    _show(pane, profile_course(title, feature, axis, curves), plain=plain)
+    _show(pane, profile_course(title, feature, axis, curves), plain=plain, state=state)
 
 
 def draw_words(pane: Lines, words: str, title: str) -> None:
@@ -55,7 +65,7 @@ def draw_fault(pane: Lines, words: str, title: str) -> None:
     pane.show([line(f" {text}", "bad") for text in textwrap.wrap(words, max(pane.size.width - 2, 20))], title=title)
 
 
-def _show(pane: Lines, course: Course, *, plain: bool) -> None:
+def _show(pane: Lines, course: Course, *, plain: bool, state: str = CURRENT) -> None:
     from lidarcheck.figures.terminal import course_text
 
     width, height = pane.size.width, pane.rows
@@ -63,4 +73,4 @@ def _show(pane: Lines, course: Course, *, plain: bool) -> None:
         draw_words(pane, "no room for a plot here", course.title)
         return
     text = course_text(course, width=width, height=height, plain=plain)
-    pane.show([line(row) for row in text.splitlines()], title=course.title)
+    pane.show([line(row) for row in text.splitlines()], title=course.title, state=state)

@@ -75,11 +75,26 @@ class EditActions(BloomingPanes):
 
     def action_nudge(self, steps: int) -> None:
         """Up or down; within a typed number a minus belongs to it."""
-        if self.editor.typed.endswith("e") and steps == -1:
+        if steps == -1 and (self.editor.typed.endswith("e") or (self.editor.on_x and not self.editor.typed)):
             self.editor.typed += "-"
             self.draw_left()
             return
         self.editor.nudge(steps)
+
+    def action_cell(self, name: str) -> None:
+        """X or Y is typed next."""
+        self.editor.choose_cell(name == "x")
+        self.draw_left()
+
+    def action_add_row(self) -> None:
+        """A row after this one."""
+        self.editor.add_row()
+        self.draw()
+
+    def action_remove_rows(self) -> None:
+        """Without the marked rows."""
+        self.editor.remove_rows()
+        self.draw()
 
     def action_smooth(self) -> None:
         """Smooth the rows."""

@@ -46,7 +46,9 @@ class Editing(Protocol):
 
 
 class Editor(Generic[S]):
-    """Rows of one open file, a cursor, marks and what is being typed. `TYPED`: what to type, for who did not."""
+    """Rows of one open file, a cursor, marks and what is being typed. `TYPED`: what to type, for who did not. `on_x`:
+    what is typed is the row's X.
+    """
 
     TYPED = ""
 
@@ -56,6 +58,7 @@ class Editor(Generic[S]):
         self.at = 0
         self.marked: set[int] = set()
         self.typed = ""
+        self.on_x = False
         self.asking = False
 
     # What a kind of file says of itself
@@ -83,6 +86,17 @@ class Editor(Generic[S]):
     def smooth(self) -> None:
         """Smooth the rows."""
         raise NotImplementedError
+
+    def choose_cell(self, x: bool) -> None:
+        """X or Y of the row; only a table has both."""
+
+    def add_row(self) -> None:
+        """A row more."""
+        self.view.say("rows are added to a table; A adds a distance")
+
+    def remove_rows(self) -> None:
+        """Rows less."""
+        self.view.say("rows are taken out of a table; X takes out a distance")
 
     def read_again(self) -> None:
         """The file was read anew."""
@@ -193,15 +207,24 @@ class Editor(Generic[S]):
         elif key == "o":
             self._save(True, overwrite=True)
         else:
+            self._keep_shown(file)
+
+    def _keep_shown(self, file: S) -> None:
+        try:
             file.accept_disk()
-            self.view.say(f"{file.path.name}: kept as it is shown; saving overwrites what is on the disk")
+        except LidarcheckError as error:
+            self.view.say(error)
+            return
+        words = "it is older than the disk's" if file.behind else "^S shows how the file differs, and saves it"
+        self.view.say(f"{file.path.name}: kept as it is shown; {words}")
+        self.view.edited()
 
     def _reload(self) -> None:
         assert self.file is not None
         try:
             self.file.claim_again() if self.file.read_only else self.file.reload()
         except LidarcheckError as error:
-            self.file.accept_disk()
+            self._keep_shown(self.file)
             self.view.say(error)
             return
         words = self.file.read_only

@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
-from lidarcheck.tui.jobs.profiles import Choice, Key, ProfileData
+from lidarcheck.tui.jobs.profiles import Choice, ProfileData
 from lidarcheck.tui.screens.blooming.draw import FEATURES, draw_curve, draw_fault, draw_profile, draw_words
 from lidarcheck.tui.screens.blooming.panes import BloomingPanes
 from lidarcheck.tui.screens.blooming.selection import Selection
@@ -39,9 +40,15 @@ class BloomingPlots:
         self.panes, self.selection = panes, selection
         self._table, self._settings = editors
         self._on_dataset = on_dataset
-        self.worker = ProfileWorker(self._arrived, panes.say)
+        self._worker: ProfileWorker | None = None
         self._timer: Any = None
-        self._last: dict[Key, Profile] = {}
+
+    @property
+    def worker(self) -> ProfileWorker:
+        """Reads and computes, beside the interface; made with the first question, when there is an app."""
+        if self._worker is None:
+            self._worker = ProfileWorker(self.panes.host.session, self._arrived, self.panes.say)
+        return self._worker
 
     # What is known of the datasets
 
@@ -52,18 +59,19 @@ class BloomingPlots:
             return self._settings.fault
         return found
 
-    def expectation(self, choice: Choice) -> Profile | None:
-        """What the table gives there; while that is computed, what it gave before the last edit."""
-        now = self.worker.expected(choice, self._table.table())
-        if now is not None:
-            self._last[choice.key] = now
-        return self._last.get(choice.key)
+    def expectation(self, choice: Choice) -> tuple[str, Profile | None]:
+        """(its state, what the table gives there); while that is computed, what it gave before the last edit."""
+        word, profile = self.worker.expected(choice, self._table.table())
+        return "computing" if word.startswith(OLD) or not word else word, profile
 
     @property
     def expected(self) -> Profile | None:
         """The expectation of the dataset under the hand with the table as it is now; None until it is computed."""
         choice = self.selection.choice(self.selection.dataset)
-        return None if choice is None else self.worker.expected(choice, self._table.table())
+        if choice is None:
+            return None
+        word, profile = self.worker.expected(choice, self._table.table())
+        return profile if word == CURRENT else None
 
     def shown(self) -> ProfileData | None:
         """The dataset under the hand; None until it was read."""
@@ -115,7 +123,6 @@ class BloomingPlots:
     def update(self) -> None:
         """Draw what is there, and have the rest computed."""
         choices = self.selection.choices()
-        self._last = {choice.key: self._last[choice.key] for choice in choices if choice.key in self._last}
         self.worker.ask(choices, self._table.table(), self.panes.host.soon)
         self.redraw()
         self._on_dataset()
@@ -123,7 +130,7 @@ class BloomingPlots:
     def _arrived(self, choice: Choice) -> None:
         for number, (dataset, _) in enumerate(self.selection.tiles()):
             here = self.selection.choice(dataset)
-            if here is not None and here.key == choice.key:
+            if here is not None and here.about == choice.about:
                 self._draw_tile(number)
         if choice.dataset == self.selection.current:
             self._on_dataset()
@@ -165,9 +172,10 @@ class BloomingPlots:
         else:
             title = f"{self._distance(dataset, found)}, {where}, {choice.model.stem}"
             sides: dict[str, Profile | None] = {"real": found.real}
+            state = CURRENT
             if FEATURES[feature] != "range" and self._table.file is not None:
-                sides["expected"] = self.expectation(choice)
-            draw_profile(pane, FEATURES[feature], sides, title, choice.axis, plain=self._plain)
+                state, sides["expected"] = self.expectation(choice)
+            draw_profile(pane, FEATURES[feature], sides, title, choice.axis, plain=self._plain, state=state)
 
     def _distance(self, dataset: int, found: ProfileData) -> str:
         """The distance of a tile, within < > where it is the one of several that n and p go on from."""

@@ -35,10 +35,11 @@ class Blooming(EditActions):
         "table": "The table: X, Y as a whole number from 1 to 1000 on the log scale (0.007 decades a step; 0 is no "
         "light), and the true Y. '*' marks rows that edits are for; without any it is the row under the cursor. '~' "
         "stands behind what is edited and not saved. Type digits to set a scaled value, with a point (0.0125) a true "
-        "Y; Enter sets it. Every edit is on the disk before you see it: after a lost connection the next start offers "
-        "it again. E changes to the settings of each distance for this model's variant and this table's direction, "
-        "and back; they are edited by the same keys, and have their own undo and save. '<- here' stands at those that "
-        "say where the target of the distance shown is.",
+        "Y; Enter sets it; Left goes to X, which is typed alike, and Right back. i adds a row, D takes rows out. Every "
+        "edit is on the disk before you see it: after a lost connection the next start offers it again. E changes to "
+        "the settings of each distance for this model's variant and this table's direction, and back; they are edited "
+        "by the same keys, and have their own undo and save. '<- here' stands at those that say where the target of "
+        "the distance shown is.",
         "curve": "The curve of the table on a log scale: the table as it is edited, as the disk has it, and the "
         "cursor.",
         "profile": "What was measured over the offset from the target, and what is expected, without noise, "
@@ -120,6 +121,11 @@ class Blooming(EditActions):
         """The left side; the plots follow when the hand rests."""
         self.draw_left()
         self.plots.later()
+
+    def inputs_changed(self) -> None:
+        """Measurements or models may be others."""
+        if self.is_chosen:
+            self.plots.later()
 
     def _dataset_changed(self) -> None:
         """What the settings say of the dataset shown may be another."""
@@ -239,4 +245,5 @@ class Blooming(EditActions):
         self.host.state.selected |= {"axis": self.axis, "row": str(self.table.at)}
         for file in (self.table.file, *self.settings.files.values()):
             if file is not None:
+                self.host.session.drop(file)
                 file.close()

@@ -41,6 +41,7 @@ class SettingsEditor(Editor[EditedSettings]):
         try:
             if path not in self.files:
                 self.files[path] = EditedSettings(path, project.root, axis)
+                self.view.host.session.hold(self.files[path])
             self.file = self.files[path]
         except LidarcheckError as error:
             self.fault = error.lines()[0].removeprefix("error: ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from lidarcheck.errors import LidarcheckError
@@ -30,7 +31,7 @@ class TableEditor(Editor[EditedLut]):
         """The table as it is edited, or as it was saved; None without a file."""
         if self.file is None:
             return None
-        return (self.file.saved if saved else self.file.current).tables[self.axis]
+        return (self.file.saved if saved else self.file.current).tables.get(self.axis)
 
     def names(self) -> list[str]:
         """The names of the project's sound LUT files."""
@@ -58,8 +59,10 @@ class TableEditor(Editor[EditedLut]):
             return
         first = self.file is None
         if self.file is not None:
+            app.session.drop(self.file)
             self.file.close()
         self.file, self.marked, self.typed = file, set(), ""
+        app.session.hold(file)
         app.state.selected["lut"] = name
         wanted, tables = app.state.selected.get("axis", ""), file.current.tables
         self.axis = next((a for a in _AXES if a == wanted and a in tables), next(iter(tables)))
@@ -94,24 +97,30 @@ class TableEditor(Editor[EditedLut]):
 
     def lines(self) -> tuple[str, list[Line], bool]:
         """X, scaled value and Y of each row."""
-        table, saved = self.table(), self.table(saved=True)
-        if self.file is None or table is None or saved is None:
+        table = self.table()
+        if self.file is None or table is None:
             app = self.view.host
             words = [line(app.inside(e.fault), "bad") for e in app.project.of("lut", sound=False) if e.fault]
             return "Table", words or [line(" no LUT file in this project", "dim")], False
         self.within()
         title = f"{self.file.path.name} {self.axis}{' *' if self.file.dirty else ''}"
-        rows = zip(table.rows(), saved.y.tolist(), strict=True)
-        return title, [self._row(number, row, row.y != before) for number, (row, before) in enumerate(rows)], True
+        rows = zip(table.rows(), self.file.edited(self.axis), strict=True)
+        return title, [self._row(number, row, edited) for number, (row, edited) in enumerate(rows)], True
 
     def _row(self, number: int, row: Any, edited: bool) -> Line:
         mark = "*" if number in self.marked else " "
         pointer = ">" if number == self.at else " "
         look: Role = "edited" if edited else "text"
-        scaled = f"{row.scaled:>6}"
-        if number == self.at and self.typed:
-            scaled = f"{self.typed + '_':>6}"
-        return ((f"{pointer}{mark}{row.x:>8g}", "text"), (f"{scaled}{row.y:>12.7g}{'~' if edited else ' '}", look))
+        here = number == self.at
+        x, scaled = (
+            f"{self.typed if here and chosen and self.typed else value:>{width}}{'_' if here and chosen else ' '}"
+            for value, width, chosen in ((f"{row.x:g}", 8, self.on_x), (row.scaled, 6, not self.on_x))
+        )
+        return (
+            (f"{pointer}{mark}{x}", look if self.on_x else "text"),
+            (f"{scaled}{row.y:>11.7g}", look),
+            ("~" if edited else " ", look),
+        )
 
     def diff_lines(self) -> list[Line]:
         """Row, X, scaled value and Y, before and after."""
@@ -119,8 +128,10 @@ class TableEditor(Editor[EditedLut]):
         head = f"{'table':11}{'row':>4}{'X':>9}{'scaled':>8}{'new':>6}{'Y':>13}{'new':>13}"
         lines = [line(head, "title")]
         for c in self.file.diff():
-            old, new = c.scaled
-            lines.append(line(f"{c.table:11}{c.row:>4}{c.x:>9g}{old:>8}{new:>6}{c.before:>13.7g}{c.after:>13.7g}"))
+            old, new = ("-" if value is None else f"{value}" for value in c.scaled)
+            before, after = ("-" if math.isnan(value) else f"{value:.7g}" for value in (c.before, c.after))
+            x = f"{c.x:g}" if c.x_before is None else f"{c.x_before:g}>{c.x:g}"
+            lines.append(line(f"{c.table:11}{c.row:>4}{x:>9}{old:>8}{new:>6}{before:>13}{after:>13}"))
         return lines
 
     def under_cursor(self) -> str:
@@ -134,11 +145,35 @@ class TableEditor(Editor[EditedLut]):
     # Edits
 
     def enter(self, typed: str) -> None:
-        """A scaled value or a true Y."""
-        self.edit(lambda file: file.set(self.axis, self.rows(), typed))
+        """A scaled value or a true Y; or the X of the row under the cursor."""
+        if self.on_x:
+            self.edit(lambda file: file.set_x(self.axis, self.at, typed))
+        else:
+            self.edit(lambda file: file.set(self.axis, self.rows(), typed))
+
+    def choose_cell(self, x: bool) -> None:
+        """X or Y is typed next."""
+        self.on_x, self.typed = x, ""
+
+    def add_row(self) -> None:
+        """A row after this one, which the cursor goes to."""
+        before = self.count()
+        self.edit(lambda file: file.insert(self.axis, self.at))
+        if self.count() > before:
+            self.at, self.marked = self.at + 1, set()
+
+    def remove_rows(self) -> None:
+        """Without the marked rows, or the one under the cursor."""
+        before = self.count()
+        self.edit(lambda file: file.remove(self.axis, self.rows()))
+        if self.count() < before:
+            self.marked = set()
 
     def nudge(self, steps: int) -> None:
-        """Along the scale."""
+        """Along the scale; X has none, and a minus begins what is typed."""
+        if self.on_x:
+            self.view.say("X is typed: + and - move Y, Right goes to it")
+            return
         self.edit(lambda file: file.nudge(self.axis, self.rows(), steps))
 
     def smooth(self) -> None:

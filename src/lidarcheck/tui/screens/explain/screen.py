@@ -21,7 +21,7 @@ from lidarcheck.tui.screens.explain.lines import answer_parts, far_in_words, fou
 from lidarcheck.tui.screens.shared.background import read_beside
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import AskText
-from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, is_old, line
 
 __all__ = ["Explain"]
 
@@ -38,9 +38,9 @@ class Explain(Adopting):
 
     NAME = "explain"
     WORDS: ClassVar[dict[str, str]] = {
-        "cases": "Every case of the project with what its last run found. '?' behind it: the model or a frame has "
-        "changed since. r explains a case, which takes a minute or more on all cores; x stops it, and what was done "
-        "is kept.",
+        "cases": "Every case of the project with what its last run found, and whether that is of what is set: OLD, "
+        "where the model, a table or a frame has changed since; 'saved model', where edits that are not saved are not "
+        "in it. r explains a case, which takes a minute or more on all cores; x stops it, and what was done is kept.",
         "steps": "The steps of the run that is going on, how far each is, and the time that is left.",
         "answer": "What is missing in the model, with intervals and how sure that is; how much of the gap is gone on "
         "frames that no fit has seen; where model and measurement disagree; every candidate with its scores; what "
@@ -80,8 +80,17 @@ class Explain(Adopting):
 
     def project_changed(self) -> None:
         """Look at the cases and at what earlier runs have left, beside the interface."""
-        root, paths = self.host.project.root, case_files(self.host.project)
-        read_beside(self.host, "the cases", lambda: [look_at(root, path) for path in paths], self._looked)
+        root, paths, disk = self.host.project.root, case_files(self.host.project), self.host.session.disk
+        read_beside(self.host, "the cases", lambda: [look_at(root, path, disk) for path in paths], self._looked)
+
+    def inputs_changed(self) -> None:
+        """Say of each answer whether it belongs to them."""
+        if self.is_chosen:
+            self.draw()
+
+    def state_of(self, case: CaseState) -> str:
+        """Whether the answer to a case belongs to what is set, in words; empty without one."""
+        return self.host.session.state_of(case.read) if case.found is not None else ""
 
     def action_look(self) -> None:
         """Look again, as if nothing had been refused."""
@@ -136,7 +145,9 @@ class Explain(Adopting):
         runs = self.run is not None and self.of is not None and case.path == self.of.path
         state = f"running, {100.0 * self.run.progress.part:.0f} %" if runs and self.run else case.state
         role = "bad" if case.fault else "edited" if runs else "text"
-        return ((f"{pointer}{case.name:34} ", "text"), (state, "bad" if role == "bad" else "text"))
+        of = "" if runs or case.fault else self.state_of(case)
+        belongs = ((f"  {of}", "edited" if is_old(of) else "dim"),) if of else ()
+        return ((f"{pointer}{case.name:34} ", "text"), (state, "bad" if role == "bad" else "text"), *belongs)
 
     def parts(self) -> dict[str, list[Line]]:
         """The parts of the answer for the case under the cursor, by their titles."""
@@ -159,7 +170,9 @@ class Explain(Adopting):
         of = f" {self.part + 1}/{len(parts)}" if len(parts) > 1 else ""
         # What is found grows: its end is seen, until somebody reads in it.
         last = len(parts[name]) - 1 if "found so far" in parts and not pane.has_focus else None
-        pane.show(parts[name], title=f"Answer{of}: {name}" if case else "Answer", cursor=last)
+        shown = case is not None and case.found is not None and "found so far" not in parts
+        state = self.state_of(case) if shown and case is not None else ""
+        pane.show(parts[name], title=f"Answer{of}: {name}" if case else "Answer", cursor=last, state=state)
 
     def action_view(self, by: int) -> None:
         """Another part of the answer."""

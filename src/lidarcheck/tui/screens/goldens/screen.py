@@ -15,13 +15,13 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.harness.review.review import ReviewReport, review
 from lidarcheck.harness.review.wording import objections
-from lidarcheck.tui.jobs.job import ProgressCallback
-from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, waiting
+from lidarcheck.session.node import ProgressCallback
+from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, state_of, waiting
 from lidarcheck.tui.screens.goldens.accept import Accepting
 from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
-from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, line
+from lidarcheck.tui.widgets.lines import Line, Lines, cursor_after, hanging, is_old, line
 
 __all__ = ["Goldens"]
 
@@ -59,6 +59,7 @@ class Goldens(Accepting):
         self.kpi_at = 0
         self.marked: set[str] = set()
         self.looks = 0
+        self.states: dict[Path, str] = {}
         self._run = StoppableRun(self, "review", self._ended)
 
     def compose(self) -> ComposeResult:
@@ -100,6 +101,21 @@ class Goldens(Accepting):
         self.at = self.cursor_again([one.name for one in self.waiting], self.at)
         self.looks += 1
         self.draw()
+        self.inputs_changed()
+
+    def inputs_changed(self) -> None:
+        """Find out, beside the interface, whether proposals belong to them; until then nothing is said of it."""
+        self.states = {}
+        if self.is_chosen:
+            self.draw()
+            session, all_of_them = self.host.session, tuple(self.waiting)
+            look = lambda: {one.path: state_of(session, one) for one in all_of_them}  # noqa: E731
+            read_beside(self.host, "proposals", look, self._belong)
+
+    def _belong(self, states: dict[Path, str]) -> None:
+        if states != self.states:
+            self.states = states
+            self.draw()
 
     @property
     def chosen(self) -> Waiting | None:
@@ -119,11 +135,13 @@ class Goldens(Accepting):
     def _line(self, number: int, one: Waiting) -> Line:
         pointer = ">" if number == self.at else " "
         fell = sum(kpi_line(kpi, one.share).fails for kpi in one.kpis)
+        of = self.states.get(one.path, "")
         what = f"{counted(sum(kpi.open for kpi in one.kpis), 'KPI')}{f', {fell} in doubt' if fell else ''}"
         return (
             (f"{pointer}{one.name:30} ", "text"),
             (f"{one.state:26} ", "bad" if one.fault or fell else "text"),
-            (what, "text"),
+            (f"{what}  ", "text"),
+            (of, "edited" if is_old(of) else "dim"),
         )
 
     def kpis(self) -> list[str]:
@@ -151,7 +169,7 @@ class Goldens(Accepting):
         same = len(one.kpis) - len(names)
         if same:
             lines.append(line(f" {counted(same, 'KPI')} as the golden has it", "dim"))
-        pane.show(lines, title=f"KPIs of {one.name}", cursor=cursor)
+        pane.show(lines, title=f"KPIs of {one.name}", cursor=cursor, state=self.states.get(one.path, ""))
 
     def _draw_against(self, one: Waiting | None) -> None:
         pane = self.query_one("#against", Lines)

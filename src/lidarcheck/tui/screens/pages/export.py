@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.session import CURRENT
 from lidarcheck.tui.actions import command_of
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.shared.view import View
@@ -19,7 +21,22 @@ from lidarcheck.tui.widgets.lines import line
 if TYPE_CHECKING:
     from lidarcheck.figures.files.result_folder import Writer
 
-__all__ = ["Exports", "file_name"]
+__all__ = ["Export", "Exports", "file_name"]
+
+
+@dataclass(frozen=True)
+class Export:
+    """What is written: what was computed of a job, its pictures as of a `kind`, and other `files`.
+
+    `state`: whether it belongs to what is set; `origin`: what it was computed from.
+    """
+
+    job: Job
+    made: Computed
+    kind: str
+    files: Mapping[str, Writer]
+    state: str
+    origin: Mapping[str, Any]
 
 
 class Exports:
@@ -29,10 +46,11 @@ class Exports:
         self.view = view
         self.writing = ""
 
-    def ask_directory(self, job: Job, made: Computed, kind: str, files: Mapping[str, Writer]) -> None:
-        """Page, numbers, pictures of a kind and other `files`, to a directory that is asked for."""
-        title = "Write report.html, result.json and pictures/ to which directory?"
-        self._ask(title, f"{file_name(job.name)}_out", partial(self._directory, job, made, kind, files))
+    def ask_directory(self, export: Export) -> None:
+        """Page, numbers, pictures and other files, to a directory that is asked for."""
+        which = "" if export.state == CURRENT else f", which are {export.state},"
+        title = f"Write report.html, result.json and pictures/{which} to which directory?"
+        self._ask(title, f"{file_name(export.job.name)}_out", partial(self._directory, export))
 
     def ask_file(self, title: str, name: str, write: Callable[[Path], str], job: Job) -> None:
         """A file whose name is asked for; `write` gets its path, in a thread, and gives what is to be said."""
@@ -44,17 +62,17 @@ class Exports:
             return
         self.view.app.push_screen(AskText(title, name), lambda given: then(given) if given else None)
 
-    def _directory(self, job: Job, made: Computed, kind: str, files: Mapping[str, Writer], name: str) -> None:
+    def _directory(self, export: Export, name: str) -> None:
         from lidarcheck.figures.files.result_folder import PAGE, RESULT, check_out_dir
 
-        out = self.view.host.project.root / name
-        write = partial(self._write_page, made, out, name, kind, files)
+        out, files = self.view.host.project.root / name, export.files
         try:
-            check_out_dir(out, besides=job.files, files=files, option="the page")
+            check_out_dir(out, besides=export.job.files, files=files, option="the page")
         except LidarcheckError as error:
             self.view.say(error)
             return
-        self._sure(name, [file for file in (PAGE, RESULT, *files) if (out / file).exists()], write)
+        there = [file for file in (PAGE, RESULT, *files) if (out / file).exists()]
+        self._sure(name, there, partial(self._write_page, export, out, name))
 
     def _file(self, write: Callable[[Path], str], job: Job, name: str) -> None:
         from lidarcheck.figures.files.outputs import check_writable
@@ -101,10 +119,12 @@ class Exports:
         self.writing = ""
         self.view.say(said, bad=bad)
 
-    def _write_page(self, made: Computed, out: Path, name: str, kind: str, files: Mapping[str, Writer]) -> str:
-        from lidarcheck.figures.files.result_folder import PAGE, PICTURES, RESULT, write_page
+    def _write_page(self, export: Export, out: Path, name: str) -> str:
+        from lidarcheck.figures.files.result_folder import PAGE, PICTURES, RESULT, stamped, write_page
 
-        write_page(made.page, made.document, out, command=command_of(self.view.NAME), kind=kind, files=files)
+        made, files, origin = export.made, export.files, export.origin
+        page, command = stamped(made.page, origin), command_of(self.view.NAME)
+        write_page(page, made.document, out, command=command, kind=export.kind, files=files, origin=origin)
         return f"{name}: {', '.join([PAGE, RESULT, *([f'{PICTURES}/'] if made.page.figures() else []), *files])}"
 
 

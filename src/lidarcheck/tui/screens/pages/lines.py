@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from lidarcheck.session.session import CURRENT
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.widgets.lines import Line, line, printable, wrapped
 from lidarcheck.tui.widgets.themes import Role
@@ -41,10 +42,10 @@ def job_line(job: Job, state: str, fault: str, here: bool, room: int) -> Line:
     from lidarcheck.figures.words import squeezed
 
     name = f"{'>' if here else ' '}{squeezed(printable(job.name), room, '..'):{room}} "
-    if fault and state != "running":
+    if fault:
         return ((name, "text"), ("cannot    ", "bad"), (fault, "dim"))
-    role: Role = "good" if state == "computed" else "dim"
-    return ((name, "text"), (f"{state or '-':10}", role), (job.words, "dim"))
+    role: Role = "good" if state == CURRENT else "edited" if state else "dim"
+    return ((name, "text"), (f"{state or '-':10} ", role), (job.words, "dim"))
 
 
 def note_lines(job: Job, width: int) -> list[Line]:

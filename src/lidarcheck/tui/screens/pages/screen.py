@@ -13,7 +13,7 @@ from textual.containers import Horizontal
 from lidarcheck.session.model_choice import NONE, model_after
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.job import Computed, Job
-from lidarcheck.tui.screens.pages.export import Exports
+from lidarcheck.tui.screens.pages.export import Export, Exports
 from lidarcheck.tui.screens.pages.lines import (
     figure_lines,
     job_line,
@@ -59,6 +59,7 @@ class PageView(PageWork):
         self.listed: list[Job] = []
         self.exports = Exports(self)
         self._rest: Any = None
+        self._renews: Any = None
         self._drawn = 0.0
 
     # What a screen has of its own
@@ -113,6 +114,16 @@ class PageView(PageWork):
     def opened(self) -> None:
         """Show the project's files as they are now."""
         self.project_changed()
+        self.inputs_changed()
+
+    def inputs_changed(self) -> None:
+        """Say what does not belong to them any more, and compute it again once the hand rests, where that is quick."""
+        if not self.is_chosen:
+            return
+        self.draw()
+        if self._renews is not None:
+            self._renews.stop()
+        self._renews = self.set_timer(_REST_S, self.renew)
 
     def project_changed(self) -> None:
         """List the jobs, with the cursor on the one it was on."""
@@ -127,8 +138,13 @@ class PageView(PageWork):
 
     @property
     def made(self) -> Computed | None:
-        """What was computed of what is under the cursor."""
-        return self.pages.made(self.job) if self.job is not None else None
+        """What was computed of what is under the cursor, with these choices; its files may be others now: `state`."""
+        return self.known(self.job)[1] if self.job is not None else None
+
+    @property
+    def state(self) -> str:
+        """Whether that belongs to what is set, in words."""
+        return self.known(self.job)[0] if self.job is not None else ""
 
     @property
     def page(self) -> Page | None:
@@ -163,14 +179,15 @@ class PageView(PageWork):
             figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
             return
         lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.host.inside)
-        words.show(lines, title=f"{job.name}: {made.page.title}")
+        state = self.state
+        words.show(lines, title=f"{job.name}: {made.page.title}", state=state)
         if figures.size.width:
             title, drawn = self.shown(made.page)
-            figures.show(figure_lines(drawn, (figures.size.width, figures.rows)), title=f"{job.name}: {title}")
+            shown = figure_lines(drawn, (figures.size.width, figures.rows))
+            figures.show(shown, title=f"{job.name}: {title}", state=state)
 
     def _job_line(self, number: int, job: Job) -> Line:
-        state = "running" if self.is_computing(job) else "computed" if self.pages.of(job) is not None else ""
-        return job_line(job, state, self.fault_of(job), number == self.at, name_room(self.listed))
+        return job_line(job, self.known(job)[0], self.fault_of(job), number == self.at, name_room(self.listed))
 
     def _no_page(self, width: int) -> list[Line]:
         job = self.job
@@ -252,4 +269,5 @@ class PageView(PageWork):
             self.say("nothing is computed here yet: r computes it")
         else:
             kind = self.kind_of.get("histogram", "histogram")
-            self.exports.ask_directory(job, made, kind, self.more_files(made, kind))
+            files = self.more_files(made, kind)
+            self.exports.ask_directory(Export(job, made, kind, files, self.state, self.origin_of(job)))

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Hashable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.node import Cancelled
+from lidarcheck.session.origin import origin_of
+from lidarcheck.session.session import CURRENT, FAILED, OLD, RENEWED_S, Session
 from lidarcheck.tui.host import STOPS, Host
-from lidarcheck.tui.jobs.job import Cancelled, Computed, Job, Pages, computed
+from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.shared.view import View
-
-if TYPE_CHECKING:
-    from lidarcheck.figures.data import Page
 
 __all__ = ["PageWork"]
 
@@ -21,14 +20,10 @@ _EVERY_S = 0.25
 
 
 class PageWork(View):
-    """`pages`, `faults`: what was computed, and why something could not be, by `Job.key()`. `running`: what is computed
-    now, by `worker`.
-    """
+    """`running`: what is computed now, by `worker`. What is known of a job is the session's."""
 
     def __init__(self) -> None:
         super().__init__(id=self.NAME)
-        self.pages = Pages()
-        self.faults: dict[Hashable, str] = {}
         self.running: Job | None = None
         self.worker: threading.Thread | None = None
         self._stop = threading.Event()
@@ -46,9 +41,22 @@ class PageWork(View):
         """Whether this is computed now; it may have been listed anew since it was begun."""
         return self.running is not None and (self.running.name, self.running.choices) == (job.name, job.choices)
 
+    def known(self, job: Job) -> tuple[str, Computed | None]:
+        """(its state in words, what was computed of it); the state of what belongs to the inputs is `CURRENT`."""
+        word, derived = self.host.session.status(job.node)
+        if self.is_computing(job) and word != CURRENT and not word.startswith("computing"):
+            word = "computing"
+        return word, None if derived is None else derived.value
+
+    def origin_of(self, job: Job) -> dict[str, Any]:
+        """What the page that is shown of it was computed from, as it is written beside it."""
+        return origin_of(self.host.session.status(job.node)[1])
+
     def fault_of(self, job: Job) -> str:
         """Why there is no page of it; empty where nothing speaks against one."""
-        return self.host.inside(job.fault or self.faults.get(job.key(), ""))
+        word = self.known(job)[0]
+        failed = word.removeprefix(FAILED) if word.startswith(FAILED) else ""
+        return self.host.inside(job.fault or failed)
 
     def action_compute(self) -> None:
         """Compute what is under the cursor, beside the interface."""
@@ -60,16 +68,28 @@ class PageWork(View):
         elif self.running is not None:
             how = "is being stopped; wait a moment" if self._stop.is_set() else "is being computed; x stops it"
             self.say(f"{self.running.name} {how}")
-        elif self.pages.made(job) is not None:
-            self.say(f"{job.name} is computed, and its files are as they were")
+        elif self.known(job)[0] == CURRENT:
+            self.say(f"{job.name} is current: computed from what is set now")
         else:
-            self.running, self._stop = job, threading.Event()
-            self.draw()
-            work = (self.host, job, job.key(), self._stop)
-            self.worker = threading.Thread(target=self._compute, args=work, name=job.name, daemon=True)
-            self.worker.start()
+            self._start(job)
 
-    def _compute(self, host: Host, job: Job, key: Hashable, stop: threading.Event) -> None:
+    def renew(self) -> None:
+        """Compute what is seen again where its inputs have changed and that takes no longer than a moment."""
+        job = self.job
+        if job is None or job.fault or self.running is not None or not self.is_chosen:
+            return
+        word, derived = self.host.session.status(job.node)
+        if word.startswith(OLD) and derived is not None and derived.seconds <= RENEWED_S:
+            self._start(job)
+
+    def _start(self, job: Job) -> None:
+        self.running, self._stop = job, threading.Event()
+        self.draw()
+        work = (self.host, self.host.session, job, self._stop)
+        self.worker = threading.Thread(target=self._compute, args=work, name=job.name, daemon=True)
+        self.worker.start()
+
+    def _compute(self, host: Host, session: Session, job: Job, stop: threading.Event) -> None:
         """In a thread. A fault in a computation must not take the interface with it."""
         shown_s = 0.0
 
@@ -82,41 +102,30 @@ class PageWork(View):
                 count = f" {done}/{of}" if of > 1 else ""
                 host.soon(self._progress, job, f"{job.name}: {now}{count}{STOPS}")
 
+        said: Any
         try:
             on_progress(0, 1, "reading")
-            made = job.compute(on_progress)
-            on_progress(1, 1, "done")
-            host.soon(self._computed, job, key, made)
+            made: Computed = session.compute(job.node, on_progress).value
+            said, bad = f"{job.name}: {made.page.summary}", False
         except Cancelled:
-            host.soon(self._failed, job, key, "", f"{job.name}: stopped")
+            said, bad = f"{job.name}: stopped", False
         except LidarcheckError as error:
-            host.soon(self._failed, job, key, "; ".join(error.lines()).removeprefix("error: "), error)
+            said, bad = error, True
         except Exception as error:  # noqa: BLE001 - see above
-            words = f"internal error, {type(error).__name__}: {error}"
-            host.soon(self._failed, job, key, words, f"error: {job.name}: {words}")
+            said, bad = f"error: {job.name}: internal error, {type(error).__name__}: {error}", True
+        host.soon(self._ended, job, said, bad)
 
     def _progress(self, job: Job, text: str) -> None:
         if self.running is job:
             self.progress(text)
 
-    def _computed(self, job: Job, key: Hashable, made: Page | Computed) -> None:
-        self.pages.keep(key, made)
-        self.faults.pop(key, None)
-        self._ended(job)
-        self.say(f"{job.name}: {computed(made).page.summary}")
-
-    def _failed(self, job: Job, key: Hashable, fault: str, say: Any) -> None:
-        if fault:
-            self.faults[key] = fault
-        self._ended(job)
-        self.say(say, bad=bool(fault))
-
-    def _ended(self, job: Job) -> None:
+    def _ended(self, job: Job, said: Any, bad: bool) -> None:
         if self.running is job:
             self.running = None
             self.progress("")
         if self.is_mounted:
             self.draw()
+        self.say(said, bad=bad)
 
     def action_stop(self) -> None:
         """Stop what is computed."""

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from lidarcheck.session.node import Cancelled, ProgressCallback
 from lidarcheck.tui.host import STOPS, Host
-from lidarcheck.tui.jobs.job import Cancelled, ProgressCallback
 from lidarcheck.tui.screens.shared.view import View
 
 __all__ = ["StoppableRun", "read_beside"]

@@ -40,6 +40,11 @@ class View(Vertical):
         """The app."""
         return cast("Host", self.app)
 
+    @property
+    def is_chosen(self) -> bool:
+        """Whether this screen is the one that is seen, also before it is laid out and while a question is asked."""
+        return bool(self.is_mounted and self.display)
+
     def panes(self) -> list[Lines]:
         """The panes that can have the focus, in order."""
         return [pane for pane in self.query(Lines) if pane.can_focus]
@@ -49,6 +54,9 @@ class View(Vertical):
 
     def project_changed(self) -> None:
         """The project was read."""
+
+    def inputs_changed(self) -> None:
+        """A file was edited, saved or changed on the disk, or something was computed."""
 
     def closing(self) -> None:
         """The app ends."""

@@ -1,0 +1,234 @@
+"""What a person has open, and what was computed from it: which of it belongs to what is set now, and which does not.
+
+Nothing here is marked as old: a result is `current` if and only if its key is the key of the inputs as they are now.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lidarcheck.errors import InputError, LidarcheckError
+from lidarcheck.formats.reading import reading
+from lidarcheck.formats.table import counted
+from lidarcheck.session.digests import Digests
+from lidarcheck.session.edited_file import EditedFile
+from lidarcheck.session.inputs import Inputs
+from lidarcheck.session.node import Cancelled, Derived, Node, Part, ProgressCallback
+from lidarcheck.session.store import Store
+from lidarcheck.workers.identity import source_of_results
+
+__all__ = ["CURRENT", "FAILED", "OLD", "RENEWED_S", "SAVED", "Session"]
+
+CURRENT, OLD, SAVED = "current", "OLD", "saved model"
+FAILED = "failed: "
+"""The words for results of exactly these inputs; of others; of the files, where edits of these are not saved. What
+could not be computed has failed, and why stands behind it."""
+RENEWED_S = 2.0
+"""What took no longer than this is computed again by itself when its inputs change."""
+_LOOKS_S = 1.0
+"""How often files are looked at: what another program changes is seen within two seconds."""
+
+
+class Session:
+    """The files that are edited, the results by their keys, and what is computed now; for any thread.
+
+    `edits`: how many edits there were, undo, redo, saving and reading again included. `on_change`: is called, in any
+    thread, when inputs or results may be others.
+    """
+
+    def __init__(self, store: Store | None = None) -> None:
+        self.store = store or Store()
+        self.disk = Digests()
+        self.edits = 0
+        self.on_change: Callable[[], object] = lambda: None
+        self._open: dict[str, EditedFile[Any]] = {}
+        self._last: dict[Hashable, str] = {}
+        self._failed: dict[str, str] = {}
+        self._running: dict[str, str] = {}
+        self._ended = threading.Event()
+
+    # Inputs
+
+    def hold(self, file: EditedFile[Any]) -> None:
+        """A file was opened: from now on its edits are inputs."""
+        self._open[os.path.realpath(file.path)] = file
+        file.on_change = self._edited
+
+    def drop(self, file: EditedFile[Any]) -> None:
+        """A file was closed: what is on the disk counts again."""
+        if self._open.get(os.path.realpath(file.path)) is file:
+            del self._open[os.path.realpath(file.path)]
+            file.on_change = lambda: None
+            self.on_change()
+
+    def _edited(self) -> None:
+        self.edits += 1
+        self.on_change()
+
+    def inputs(self) -> Inputs:
+        """All inputs as they are shown now."""
+        edited = {name: file.content for name, file in list(self._open.items()) if file.dirty}
+        return Inputs(edited, self.disk, self.edits)
+
+    def saved(self) -> Inputs:
+        """All inputs as the disk has them."""
+        return Inputs({}, self.disk, self.edits)
+
+    def unsaved(self) -> int:
+        """How many rows and values are edited and not saved."""
+        return sum(max(len(file.diff()), 1) for file in list(self._open.values()) if file.dirty)
+
+    # Results
+
+    def status(self, node: Node) -> tuple[str, Derived | None]:
+        """(the state of what is known of a node, in a word or some; what was computed, which may be older).
+
+        The state is empty where nothing was computed yet. Reads no large file: it may be asked at each drawing.
+        """
+        last = self.store.get(self._last.get(node.identity, ""))
+        if last is None and not self._running and not self._failed:
+            return "", None
+        inputs = self.inputs()
+        key = node.key(inputs, wait=False)
+        kept = self.store.get(key)
+        if kept is not None and self._unchanged(kept.files, inputs):
+            return CURRENT, kept
+        if key in self._running:
+            return f"computing{self._running[key]}", last
+        if key in self._failed:
+            return f"{FAILED}{self._failed[key]}", last
+        return ("", None) if last is None else (self._why_old(last, inputs), last)
+
+    def current(self, node: Node) -> Derived | None:
+        """What was computed from the inputs as they are now; None where that is not known."""
+        word, derived = self.status(node)
+        return derived if word == CURRENT else None
+
+    def compute(
+        self, node: Node, on_progress: ProgressCallback = lambda _done, _of, _now: None, *, saved: bool = False
+    ) -> Derived:
+        """Compute a node from the inputs as they are now, in this thread, unless it is known. `saved`: from the files
+        as the disk has them.
+
+        `InputError` where a file was changed meanwhile: then nothing is known of either content.
+        """
+        inputs = self.saved() if saved else self.inputs()
+        part = node.needs(inputs)
+        key = node.key_of(part)
+        kept = self.store.get(key)
+        if kept is not None and self._unchanged(kept.files, inputs):
+            self._last[node.identity] = key
+            return kept
+        self._running[key] = ""
+        try:
+            made = self._made(node, part, inputs, self._counted(key, on_progress))
+        except LidarcheckError as error:
+            self._failed[key] = "; ".join(error.lines()).removeprefix("error: ")
+            raise
+        except Cancelled:
+            raise
+        except Exception as error:
+            self._failed[key] = f"internal error, {type(error).__name__}: {error}"
+            raise
+        finally:
+            self._running.pop(key, None)
+            self.on_change()
+        self._failed.pop(key, None)
+        self.store.put(made)
+        self._last[node.identity] = key
+        self.on_change()
+        return made
+
+    def _made(self, node: Node, part: Part, inputs: Inputs, on_progress: ProgressCallback) -> Derived:
+        start, when = time.monotonic(), time.time()
+        with reading(inputs.edited) as read:
+            value = node.compute(on_progress)
+        named = {os.path.realpath(path) for path in inputs.with_named(node.files)}
+        for name in sorted(named & inputs.edited.keys() - read.taken):
+            raise InputError("has edits that are not saved, and is read from the disk", file=name, fix="save it first")
+        changed = sorted(set(part.files) ^ set(node.needs(inputs).files))
+        if changed:
+            raise InputError("was changed while this was computed", file=changed[0][0], fix="compute it again")
+        files = {name: inputs.digest(name) for name in sorted(named | read.files.keys())}
+        return Derived(value, node.key_of(part), files, inputs.edit, time.monotonic() - start, when)
+
+    def _counted(self, key: str, on_progress: ProgressCallback) -> ProgressCallback:
+        def progress(done: int, of: int, now: str) -> None:
+            self._running[key] = f" {done}/{of}" if of > 1 else ""
+            on_progress(done, of, now)
+
+        return progress
+
+    def forget(self, node: Node) -> None:
+        """Try again what has failed."""
+        self._failed.pop(node.key(self.inputs()), None)
+
+    def is_cheap(self, derived: Derived) -> bool:
+        """Whether it is computed again by itself when its inputs change."""
+        return derived.seconds <= RENEWED_S
+
+    # What belongs to what
+
+    def state_of(self, files: Mapping[str, str], code: str = "", *, wait: bool = False) -> str:
+        """The state of something that a command computed from files, by path with their digests then: `CURRENT`,
+        `SAVED` where files among them have edits that are not saved, else `OLD` and why. `code`: the hash of the
+        source that computed it, where that is known. `wait` for large files to be read, which the first time takes.
+        """
+        changed = _changed(files, self.saved(), wait=wait)
+        if changed:
+            return f"{OLD}, {_listed(changed)} changed"
+        if code and code != source_of_results():
+            return f"{OLD}, of another lidarcheck"
+        return SAVED if self.edited_of(files) else CURRENT
+
+    def edited_of(self, files: Iterable[str | os.PathLike[str]]) -> list[str]:
+        """Which of these files have edits that are not saved."""
+        edited = self.inputs().edited
+        return [os.fspath(name) for name in files if os.path.realpath(name) in edited]
+
+    def _unchanged(self, files: Mapping[str, str], inputs: Inputs) -> bool:
+        return not _changed(files, inputs)
+
+    def _why_old(self, last: Derived, inputs: Inputs) -> str:
+        """Of what edit it is; where there was none since, which file has changed."""
+        changed = _changed(last.files, inputs)
+        edited = {name for name in changed if name in self._open}
+        if edited and last.edit < self.edits:
+            return f"{OLD}, of edit {last.edit}"
+        return f"{OLD}, {_listed(changed)} changed" if changed else OLD
+
+    # The disk
+
+    def look(self) -> bool:
+        """Look at all files that something was computed from; whether one of them is another now."""
+        changed = bool(self.disk.changed())
+        if changed:
+            self.on_change()
+        return changed
+
+    def watch(self) -> None:
+        """Look at the files once a second, in a thread, until `close`."""
+        threading.Thread(target=self._watch, name="files", daemon=True).start()
+
+    def _watch(self) -> None:
+        while not self._ended.wait(_LOOKS_S):
+            self.look()
+
+    def close(self) -> None:
+        """End the watch."""
+        self._ended.set()
+
+
+def _changed(files: Mapping[str, str], inputs: Inputs, *, wait: bool = False) -> list[str]:
+    """Which files are not what they were."""
+    return [name for name, digest in files.items() if inputs.digest(name, wait=wait) != digest]
+
+
+def _listed(names: list[str]) -> str:
+    first = Path(names[0]).name
+    return first if len(names) == 1 else f"{first} and {counted(len(names) - 1, 'more file')}"

@@ -1,0 +1,71 @@
+"""Results by their keys, in memory: those that nobody looked at for longest go first."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lidarcheck.session.node import Derived
+
+__all__ = ["STORE_BYTES", "Store", "size_of"]
+
+STORE_BYTES = 256_000_000
+"""Some dozen pages with their points; a bench computer has memory for other programs too."""
+
+
+class Store:
+    """Keeps `Derived` up to a number of bytes; for any thread."""
+
+    def __init__(self, most: int = STORE_BYTES) -> None:
+        self.most = most
+        self.held = 0
+        self._kept: OrderedDict[str, tuple[Derived, int]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, key: str) -> Derived | None:
+        """What is kept under a key."""
+        with self._lock:
+            found = self._kept.get(key)
+            if found is None:
+                return None
+            self._kept.move_to_end(key)
+            return found[0]
+
+    def put(self, derived: Derived) -> None:
+        """Keep a result; alone, if it is larger than all that may be kept."""
+        size = size_of(derived.value)
+        with self._lock:
+            self._drop(derived.key)
+            self._kept[derived.key] = derived, size
+            self.held += size
+            while self.held > self.most and len(self._kept) > 1:
+                self._drop(next(iter(self._kept)))
+
+    def _drop(self, key: str) -> None:
+        _, size = self._kept.pop(key, (None, 0))
+        self.held -= size
+
+
+def size_of(value: Any) -> int:
+    """About how many bytes a value holds; what it has twice counts once."""
+    seen: set[int] = set()
+    waiting, total = [value], 0
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        total += one.nbytes if isinstance(one, np.ndarray) else sys.getsizeof(one)
+        if isinstance(one, Mapping):
+            waiting += [*one.keys(), *one.values()]
+        elif isinstance(one, list | tuple | set | frozenset):
+            waiting += one
+        elif dataclasses.is_dataclass(one) and not isinstance(one, type):
+            waiting += [getattr(one, part.name) for part in dataclasses.fields(one)]
+    return total
