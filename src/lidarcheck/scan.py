@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
@@ -217,8 +218,8 @@ class Light:
         haze = self.haze
         if haze is not None:
             middle_m = (np.arange(len(haze.density_per_m)) + 0.5) * haze.step_m
-            haze = replace(haze, density_per_m=haze.density_per_m * np.exp(-2.0 * extinction_per_m * middle_m))
-        signal = self.pulse_signal * np.exp(-2.0 * extinction_per_m * self.pulse_range_m)
+            haze = replace(haze, density_per_m=haze.density_per_m * elementary.exp(-2.0 * extinction_per_m * middle_m))
+        signal = self.pulse_signal * elementary.exp(-2.0 * extinction_per_m * self.pulse_range_m)
         together = self.extinction_per_m + extinction_per_m
         return replace(self, pulse_signal=signal, haze=haze, extinction_per_m=together)
 
@@ -389,8 +390,8 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
 
 def beams_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[IntArray, IntArray]:
     """Nearest (layer, point) of positions; -1 where the position lies outside the sensor's field of view."""
-    azimuth = np.rad2deg(np.arctan2(y_m, x_m))
-    elevation = np.rad2deg(np.arctan2(z_m, np.hypot(x_m, y_m)))
+    azimuth = np.rad2deg(elementary.arctan2(y_m, x_m))
+    elevation = np.rad2deg(elementary.arctan2(z_m, elementary.hypot(x_m, y_m)))
     layer, point = layer_of(elevation), point_of(azimuth)
     outside = (layer < 0) | (layer >= LAYERS) | (point < 0) | (point >= POINTS)
     return np.where(outside, -1, layer).astype(np.int32), np.where(outside, -1, point).astype(np.int32)

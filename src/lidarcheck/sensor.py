@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 
@@ -32,6 +33,7 @@ __all__ = [
     "Sensor",
     "azimuth_deg",
     "beam_directions",
+    "cos_sin",
     "elevation_deg",
     "layer_of",
     "point_of",
@@ -231,8 +233,8 @@ def point_of(azimuth: npt.ArrayLike) -> IntArray:
 
 def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
     """Unit vectors of beams, shape (n, 3), in the sensor frame."""
-    cos_phi, sin_phi = _cos_sin(layer, "layer")
-    cos_theta, sin_theta = _cos_sin(point, "point")
+    cos_phi, sin_phi = cos_sin(layer, "layer")
+    cos_theta, sin_theta = cos_sin(point, "point")
     directions = np.empty((3, *np.shape(layer)))
     np.multiply(cos_theta, cos_phi, out=directions[0, ...])
     np.multiply(sin_theta, cos_phi, out=directions[1, ...])
@@ -241,18 +243,26 @@ def beam_directions(layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
     return np.moveaxis(directions, 0, -1)
 
 
+_ONE_BIT_LESS, _ONE_BIT_MORE = (49, 112, 407, 470), (20, 499)
+"""Layers whose sine has always been one bit beside the nearest number. It stays so, since a golden compares bits."""
+
+
 @functools.cache
 def _table(axis: Literal["layer", "point"]) -> tuple[FloatArray, FloatArray]:
     """Cosine and sine of every layer's elevation, or of every point's azimuth."""
     angle = np.deg2rad(elevation_deg(np.arange(LAYERS)) if axis == "layer" else azimuth_deg(np.arange(POINTS)))
-    return np.cos(angle), np.sin(angle)
+    cosine, sine = elementary.rounded_cos_sin(angle)
+    if axis == "layer":
+        for layers, toward in ((_ONE_BIT_LESS, 0.0), (_ONE_BIT_MORE, 2.0)):
+            sine[[*layers]] = np.nextafter(sine[[*layers]], toward * np.sign(sine[[*layers]]))
+    return cosine, sine
 
 
-def _cos_sin(index: npt.ArrayLike, axis: Literal["layer", "point"]) -> tuple[FloatArray, FloatArray]:
+def cos_sin(index: npt.ArrayLike, axis: Literal["layer", "point"]) -> tuple[FloatArray, FloatArray]:
     """Cosine and sine of the indices' angles; those of the sensor's own beams are read off a table."""
     at = np.asarray(index)
     cosine, sine = _table(axis)
     if at.size and at.dtype.kind in "iu" and at.min() >= 0 and at.max() < len(cosine):
         return cosine[at], sine[at]
     angle = np.deg2rad(elevation_deg(at) if axis == "layer" else azimuth_deg(at))
-    return np.cos(angle), np.sin(angle)
+    return elementary.cos(angle), elementary.sin(angle)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.beam_rows import BeamRows, by_material
 from lidarcheck.effects.geometry.surfaces import normals_of
@@ -69,7 +70,7 @@ class AmbientLight(LightEffect):
     def _lit(self, around: Surroundings) -> npt.NDArray[np.float64]:
         """How bright each row of the ideal scan is beside one that faces the sun, shape (n,)."""
         azimuth, elevation = np.deg2rad([self.sun_azimuth_deg, self.sun_elevation_deg])
-        level = np.cos(elevation)
-        sun = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
-        cosine = np.maximum(normals_of(around.ideal, around) @ sun, 0.0)
+        level = elementary.cos(elevation)
+        sun = np.array([level * elementary.cos(azimuth), level * elementary.sin(azimuth), elementary.sin(elevation)])
+        cosine = np.maximum(elementary.product(normals_of(around.ideal, around), sun), 0.0)
         return np.asarray(np.round(1.0 - self.direct + self.direct * cosine, _DIGITS))

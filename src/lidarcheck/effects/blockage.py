@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import check_interval
@@ -58,7 +59,7 @@ class Blockage(LightEffect):
         if self.transmission == 1.0:
             return light
         factor = 1.0 - (1.0 - self.transmission) * self._cover(light)
-        return light.dimmed(factor, background=factor**self.background_power)
+        return light.dimmed(factor, background=elementary.power(factor, self.background_power))
 
     def _cover(self, light: Light) -> FloatArray:
         """How much of the dirt each beam meets, 0 ... 1, shape (n_beams,)."""
@@ -68,10 +69,10 @@ class Blockage(LightEffect):
         up_off = np.abs(elevation_deg(light.layer) - up) - up_half + radius
         side_off = np.abs(azimuth_deg(light.point) - side) - side_half + radius
         inside = np.minimum(np.maximum(up_off, side_off), 0.0)
-        outside_deg = np.hypot(np.maximum(up_off, 0.0), np.maximum(side_off, 0.0)) + inside - radius
+        outside_deg = elementary.hypot(np.maximum(up_off, 0.0), np.maximum(side_off, 0.0)) + inside - radius
         if self.soft_edge_deg == 0.0:
-            return (outside_deg <= 0.0).astype(np.float64)
-        return np.clip(1.0 - outside_deg / self.soft_edge_deg, 0.0, 1.0)
+            return np.asarray((outside_deg <= 0.0).astype(np.float64))
+        return np.asarray(np.clip(1.0 - outside_deg / self.soft_edge_deg, 0.0, 1.0))
 
 
 def _middle_and_half(ends_deg: FloatArray, pitch_deg: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.errors import UsageError
 from lidarcheck.sensor import SENSOR_BOUNDS, Sensor
@@ -42,7 +43,7 @@ class DeadTime(DetectorEffect):
         if shift == 0 and self.spread_ns == self.recovery_ns == 0.0:
             return sensor
         # Two spreads add up as independent ones do.
-        spread_ns = math.hypot(sensor.nonideal.dead_spread_ns, self.spread_ns)
+        spread_ns = elementary.hypot(sensor.nonideal.dead_spread_ns, self.spread_ns)
         recovery_ns = sensor.nonideal.dead_recovery_ns + self.recovery_ns
         dead, most = sensor.dead_bins + shift, int(SENSOR_BOUNDS["dead_bins"].high)
         if not sensor.on_bins <= dead <= most:

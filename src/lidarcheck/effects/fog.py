@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.air import STEP_M, with_haze
@@ -110,7 +111,7 @@ class Fog(LightEffect):
         if haze is not None and len(density):
             bright = brightness(air, light, density, STEP_M, self.extinction_per_m)
             haze = replace(haze, row_share=haze.row_share * np.repeat(bright, np.diff(haze.first_row)))
-        toll = np.exp(-2.0 * self.extinction_per_m * depth_m(air, light))
+        toll = elementary.exp(-2.0 * self.extinction_per_m * depth_m(air, light))
         return replace(even, pulse_signal=light.pulse_signal * toll, haze=haze)
 
     def _uneven(self, around: Surroundings) -> list[Uneven]:
@@ -125,13 +126,13 @@ class Fog(LightEffect):
     @property
     def extinction_per_m(self) -> float:
         """Alpha: a contrast of 5 % is left over the meteorological optical range."""
-        return math.log(20.0) / self.mor_m
+        return float(elementary.log(20.0) / self.mor_m)
 
     def _density_per_m(self, strength: float, extinction_per_m: float, max_range_m: float) -> FloatArray:
         """S per metre of each cell, up to where it stays faint; `strength` is K pi beta. Shape (m,)."""
         edge_m = np.arange(math.ceil(max_range_m / STEP_M) + 1, dtype=np.float64) * STEP_M
         at_m = edge_m[1:]
-        bright = strength * np.exp(-2.0 * extinction_per_m * at_m) / at_m**2 >= _FAINT_PER_M
+        bright = strength * elementary.exp(-2.0 * extinction_per_m * at_m) / at_m**2 >= _FAINT_PER_M
         bright &= at_m > self.overlap_start_m
         cells = int(np.flatnonzero(bright)[-1]) + 1 if bright.any() else 0
         if not cells:
@@ -145,10 +146,11 @@ class Fog(LightEffect):
         """
         kinks = np.array([_NEAREST_M, self.overlap_start_m, self.overlap_full_m])
         edges = np.unique(np.concatenate([range_m, kinks[(kinks > range_m[0]) & (kinks < range_m[-1])]]))
-        node, weight = np.polynomial.legendre.leggauss(_NODES)
+        node, weight = elementary.gauss_legendre(_NODES)
         half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
         at_m = middle[:, None] + half[:, None] * node
-        pieces = half * ((self._overlap(at_m) * np.exp(-decay * at_m) / np.maximum(at_m, _NEAREST_M) ** 2) @ weight)
+        light = self._overlap(at_m) * elementary.exp(-decay * at_m) / np.maximum(at_m, _NEAREST_M) ** 2
+        pieces = half * elementary.product(light, weight)
         return np.asarray(np.interp(range_m, edges, np.concatenate([[0.0], np.cumsum(pieces)])))
 
     def _overlap(self, range_m: FloatArray) -> FloatArray:
@@ -158,11 +160,11 @@ class Fog(LightEffect):
         rise = (
             np.minimum(u, 1.0)
             if self.overlap_power == 0.0
-            else -np.expm1(-math.log(20.0) * _power(u, self.overlap_power))
+            else -elementary.expm1(-elementary.log(20.0) * _power(u, self.overlap_power))
         )
         return np.where(range_m < _NEAREST_M, 0.0, rise)
 
 
 def _power(u: FloatArray, power: float) -> FloatArray:
     """u^power, no more than what exp can take."""
-    return np.asarray(np.minimum(np.minimum(u, 1e6) ** power, 700.0))
+    return np.asarray(np.minimum(elementary.power(np.minimum(u, 1e6), power), 700.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.geometry.beam_rows import by_material
 from lidarcheck.scan import Light
@@ -58,9 +59,9 @@ class IncidenceFalloff(LightEffect):
         ideal = around.ideal
         lambertian = by_material(ideal, around.materials, lambda material: float(material.kind == "lambertian"), 0.0)
         # A mirror shows a surface at another incidence than its row's: none may become brighter without bound.
-        least = max(_LEAST_COSINE, float(np.cos(np.deg2rad(self.level_from_deg))))
-        cosine = np.clip(np.cos(np.deg2rad(ideal.incidence_deg)), least, 1.0)
-        factor = cosine ** (self.exponent - 1.0)
+        least = max(_LEAST_COSINE, float(elementary.cos(np.deg2rad(self.level_from_deg))))
+        cosine = np.clip(elementary.cos(np.deg2rad(ideal.incidence_deg)), least, 1.0)
+        factor = elementary.power(cosine, self.exponent - 1.0)
         if self.factors:
             factor = factor * np.interp(ideal.incidence_deg / STEP_DEG, np.arange(len(self.factors)), self.factors)
         factor = np.where(lambertian > 0.0, factor, 1.0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import check_interval, normals, poisson_counts
@@ -66,7 +67,7 @@ class Interference(LightEffect):
         used = np.arange(most) < count[:, None]
         beam = np.repeat(struck, count)
         range_m = self._ranges(uniform[:, ::2][used], light.point[beam], around)
-        signal = self.signal * 10.0 ** (self.spread_decades * normals(uniform[:, 1::2][used]))
+        signal = self.signal * elementary.power(10.0, self.spread_decades * normals(uniform[:, 1::2][used]))
         return light.with_pulses(beam, range_m, signal)
 
     def _hit(self, light: Light, around: Surroundings) -> npt.NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.aiming import moving_of, rays_of, second_rows
@@ -89,7 +90,7 @@ class MirrorMultipath(LightEffect):
         )
         cosine = np.abs(np.einsum("ij,ij->i", rays.direction[row], mirror.normal[met]))
         signal = self._passage(cosine) * around.signal(image) * ideal.shares()[row]
-        signal *= np.exp(-2.0 * light.extinction_per_m * way[met])
+        signal *= elementary.exp(-2.0 * light.extinction_per_m * way[met])
         lit = signal > 0.0
         source = _rows_at(ideal, onward, hits, met)
         return light.with_pulses(beam[met][lit], way[met][lit], signal[lit], source[lit])
@@ -98,7 +99,7 @@ class MirrorMultipath(LightEffect):
         """The part of the light that two reflections leave."""
         rise = self.grazing * (1.0 - self.reflectivity) * (1.0 - np.minimum(cosine, 1.0)) ** 5
         reflectivity: FloatArray = self.reflectivity + rise
-        return np.where(reflectivity > 0.0, reflectivity, 0.0) ** self.exponent
+        return np.asarray(elementary.power(np.where(reflectivity > 0.0, reflectivity, 0.0), self.exponent))
 
     def _mirror(self, ideal: IdealScan, rays: Rays, around: Surroundings, max_range_m: float) -> _Mirror:
         """The rows that mirror, and their normals."""
@@ -113,13 +114,13 @@ class MirrorMultipath(LightEffect):
         some = below[:: max(1, len(below) // _SAMPLE)]
         normal = _cast(rays.take(some), rays, around).normal
         # Where no neighbour tells the slope, the incidence does: on level ground it is that of the elevation.
-        stated = np.abs(np.cos(np.deg2rad(ideal.incidence_deg[some])) + rays.direction[some, 2]) < 0.02
+        stated = np.abs(elementary.cos(np.deg2rad(ideal.incidence_deg[some])) + rays.direction[some, 2]) < 0.02
         ground = ground_of(point[some], np.where(np.any(normal != 0.0, axis=1), normal[:, 2] > 0.9, stated))
         if ground is None:
             return _Mirror(np.empty(0, dtype=np.int64), np.empty((0, 3)))
-        cosine = -rays.direction[below] @ ground.normal
-        level = np.abs(np.cos(np.deg2rad(ideal.incidence_deg[below])) - cosine) < _LEVEL
-        row = below[level & (np.abs(point[below] @ ground.normal + ground.height_m) < GROUND_M)]
+        cosine = -elementary.product(rays.direction[below], ground.normal)
+        level = np.abs(elementary.cos(np.deg2rad(ideal.incidence_deg[below])) - cosine) < _LEVEL
+        row = below[level & (np.abs(elementary.product(point[below], ground.normal) + ground.height_m) < GROUND_M)]
         return _Mirror(row, np.broadcast_to(ground.normal, (len(row), 3)))
 
     def _onward(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.beam_rows import BeamRows
@@ -76,7 +77,7 @@ class Rain(LightEffect):
         beam, range_m, signal = self._drops(light, around)
         rows = BeamRows.of(light, around.ideal, shares_that_end(around.ideal))
         # What took its toll before, as fog in the same air, takes it from the drops' light as well.
-        signal = signal * np.exp(-2.0 * light.extinction_per_m * range_m)
+        signal = signal * elementary.exp(-2.0 * light.extinction_per_m * range_m)
         signal *= rows.reaching(beam, range_m, ends_of(rows, around.ideal, math.inf))
         seen = signal > 0.0
         return light.attenuated(self.extinction_per_m).with_pulses(beam[seen], range_m[seen], signal[seen])
@@ -84,7 +85,7 @@ class Rain(LightEffect):
     @property
     def extinction_per_m(self) -> float:
         """Alpha of the rain."""
-        return self.extinction_coefficient * float(self.rate_mm_h**self.extinction_exponent)
+        return self.extinction_coefficient * float(elementary.power(self.rate_mm_h, self.extinction_exponent))
 
     def _drops(self, light: Light, around: Surroundings) -> tuple[npt.NDArray[np.int64], FloatArray, FloatArray]:
         """Beam, range and signal of every drop that matters, with nothing in its way; shape (m,) each."""
@@ -105,18 +106,18 @@ class Rain(LightEffect):
 
     @property
     def _slope_per_mm(self) -> float:
-        return 4.1 * float(self.rate_mm_h**-0.21)
+        return 4.1 * float(elementary.power(self.rate_mm_h, -0.21))
 
     @property
     def _whole_per_m3(self) -> float:
         """Drops of any size."""
         power = self.drop_shape + 1.0
-        return 8000.0 * math.gamma(power) / float(self._slope_per_mm**power)
+        return 8000.0 * float(elementary.exp(elementary.lgamma(power)) / elementary.power(self._slope_per_mm, power))
 
     def _larger(self, diameter_mm: FloatArray) -> FloatArray:
         """The part of the drops that are larger; same shape."""
         if self.drop_shape == 0.0:
-            return np.asarray(np.exp(-self._slope_per_mm * diameter_mm))
+            return np.asarray(elementary.exp(-self._slope_per_mm * diameter_mm))
         from scipy.special import gammaincc
 
         return np.asarray(gammaincc(self.drop_shape + 1.0, self._slope_per_mm * diameter_mm))
@@ -126,7 +127,7 @@ class Rain(LightEffect):
         near, far = self._larger(smallest_mm), self._larger(np.array(LARGEST_MM))
         larger = near - uniform * (near - far)
         if self.drop_shape == 0.0:
-            return np.asarray(-np.log(larger) / self._slope_per_mm)
+            return np.asarray(-elementary.log(larger) / self._slope_per_mm)
         from scipy.special import gammainccinv
 
         return np.asarray(gammainccinv(self.drop_shape + 1.0, larger) / self._slope_per_mm)
@@ -137,7 +138,7 @@ class Rain(LightEffect):
     def _covering(self, range_m: FloatArray, sensor: Sensor) -> FloatArray:
         """S of a drop that fills the beam."""
         strength = self.drop_echo * sensor.signal_at_1m * FRESNEL
-        return strength * np.exp(-2.0 * self.extinction_per_m * range_m) / range_m**2
+        return np.asarray(strength * elementary.exp(-2.0 * self.extinction_per_m * range_m) / range_m**2)
 
     def _signal(self, range_m: FloatArray, diameter_mm: FloatArray, sensor: Sensor) -> FloatArray:
         part = np.minimum((diameter_mm / self._beam_mm(range_m)) ** 2, 1.0)
@@ -162,9 +163,12 @@ class Rain(LightEffect):
         floor = _FAINT * (sensor.threshold + 1) / sensor.detectors
         if self._expected(sensor, floor)[1][-1] <= _MOST:
             return floor
-        low, high = math.log(floor), math.log(max(self.drop_echo * sensor.signal_at_1m / self.nearest_m**2, floor))
+        low, high = (
+            elementary.log(floor),
+            elementary.log(max(self.drop_echo * sensor.signal_at_1m / self.nearest_m**2, floor)),
+        )
         while high - low > 1e-3:
             middle = 0.5 * (low + high)
-            many = self._expected(sensor, math.exp(middle))[1][-1] > _MOST
+            many = self._expected(sensor, elementary.exp(middle))[1][-1] > _MOST
             low, high = (middle, high) if many else (low, middle)
-        return math.exp(high)
+        return float(elementary.exp(high))

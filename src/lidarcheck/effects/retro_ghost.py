@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.scan import Light
 
@@ -59,11 +60,11 @@ class RetroGhost(LightEffect):
         of = np.flatnonzero(self._makes_ghost(light, around, row, beam))
         range_m = light.pulse_range_m[of]
         with np.errstate(over="ignore", invalid="ignore"):
-            fall = (_REFERENCE_M / np.maximum(range_m, _NEAREST_M)) ** self.exponent
+            fall = elementary.power(_REFERENCE_M / np.maximum(range_m, _NEAREST_M), self.exponent)
             signal = self.strength * light.pulse_signal[of] * fall
         ghost_m = 2.0 * range_m + self.extra_m
         # The air that dimmed the target dims the ghost's longer way as well.
-        signal = signal * np.exp(-2.0 * light.extinction_per_m * np.maximum(ghost_m - range_m, 0.0))
+        signal = signal * elementary.exp(-2.0 * light.extinction_per_m * np.maximum(ghost_m - range_m, 0.0))
         # A ghost cannot be brighter than what it is a ghost of: at short range the power law has no meaning.
         signal = np.minimum(np.nan_to_num(signal, nan=0.0), light.pulse_signal[of])
         seen = (signal > 0.0) & (ghost_m > 0.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import normals
 from lidarcheck.effects.shared.ranges import at_range
@@ -54,7 +55,7 @@ class TimingJitter(ReadoutEffect):
         echo = np.maximum(scan.echo_number.astype(np.int64) - 1, 0)
         uniform = around.uniforms(scan.layer, scan.point, 2 * (int(echo.max()) + 1))
         rows = np.arange(len(scan))
-        weaker = (np.maximum(scan.area, 1.0) / _REFERENCE_AREA) ** -self.amplitude_power
+        weaker = elementary.power(np.maximum(scan.area, 1.0) / _REFERENCE_AREA, -self.amplitude_power)
         late_ns = self.sigma_ns * weaker * normals(uniform[rows, 2 * echo])
         late_ns += self.uniform_ns * (2.0 * uniform[rows, 2 * echo + 1] - 1.0)
         return at_range(scan, scan.range_m + 0.5 * LIGHT_SPEED_M_PER_NS * late_ns)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.aiming import rays_of, recast, redirected, turned
 from lidarcheck.effects.shared.draws import normals
@@ -64,8 +65,8 @@ class Vibration(AimEffect):
             # A layer beyond the sensor's own: what a frame has once is drawn apart from what columns have.
             phase = phase + 2.0 * np.pi * around.uniforms([LAYERS], [0])[0, 0]
         swing = 2.0 * np.pi * self.frequency_hz * sweep_time_s(columns) + phase
-        pitch = self.pitch_deg * np.sin(swing)
-        yaw = self.yaw_deg * np.sin(swing + np.deg2rad(self.yaw_phase_deg))
+        pitch = self.pitch_deg * elementary.sin(swing)
+        yaw = self.yaw_deg * elementary.sin(swing + np.deg2rad(self.yaw_phase_deg))
         if self.random_deg > 0.0:
             scatter = self._scatter(columns, around)
             pitch, yaw = pitch + self.random_deg * scatter[:, 0], yaw + self.random_deg * scatter[:, 1]
@@ -80,6 +81,6 @@ class Vibration(AimEffect):
         # All columns from 0 on, so that a column's angle does not depend on which others are looked at.
         every = np.arange(max(POINTS, int(columns.max(initial=0)) + 1))
         kicks = normals(around.uniforms(np.zeros(len(every), dtype=np.int32), every, 2))
-        keep = float(np.exp(-1.0 / self.memory_columns))
+        keep = float(elementary.exp(-1.0 / self.memory_columns))
         kicks[1:] *= np.sqrt(1.0 - keep**2)
         return np.asarray(lfilter([1.0], [1.0, -keep], kicks, axis=0)[columns])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, list_parameter, parameter
 from lidarcheck.effects.shared.ranges import at_range
@@ -56,13 +56,13 @@ class WalkError(ReadoutEffect):
 
     def shift_m(self, area: FloatArray) -> FloatArray:
         """The shift of echoes of that AREA, same shape."""
-        exponent = self.power * np.log(np.maximum(area, 1.0) / self.reference_area)
+        exponent = self.power * elementary.log(np.maximum(area, 1.0) / self.reference_area)
         if abs(self.power) < 1e-6:
-            y = np.log10(np.maximum(area, 1.0) / self.reference_area)
+            y = elementary.log10(np.maximum(area, 1.0) / self.reference_area)
         else:
-            y = np.expm1(exponent) / (self.power * math.log(10.0))
+            y = elementary.expm1(exponent) / (self.power * elementary.log(10.0))
         curve = self.per_decade_m * y + self.bend_m * y**2
         if not self.shifts_m:
             return np.asarray(curve)
-        quarters = QUARTERS * np.log10(np.maximum(area, 1.0))
+        quarters = QUARTERS * elementary.log10(np.maximum(area, 1.0))
         return np.asarray(curve + np.interp(quarters, np.arange(len(self.shifts_m)), self.shifts_m))

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.ply import read_ply
@@ -108,7 +109,7 @@ def _incidence_deg(table: Table, cosine: FloatArray) -> FloatArray:
     behind = int((cosine < -COSINE_SLACK).sum())
     if behind:
         logger.warning("%s: %d points with a negative CosAngle are taken as grazing, 90 degrees", table.path, behind)
-    return np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    return np.asarray(np.rad2deg(elementary.arccos(np.clip(cosine, 0.0, 1.0))))
 
 
 def _kept(table: Table, layer: Column, point: Column, distance: FloatArray) -> Rows:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.pairing import nearest_on_line
@@ -64,7 +65,7 @@ def blooming_profile(
     m_n, m_mean = _profile(m_off, m_area, start, stop)
     s_n, s_mean = _profile(s_off, s_area, start, stop)
     both = (m_mean > 0.0) & (s_mean > 0.0)
-    log_ratio = np.log10(m_mean[both] / s_mean[both])
+    log_ratio = elementary.log10(m_mean[both] / s_mean[both])
     rms = float(np.sqrt(np.mean(log_ratio**2))) if log_ratio.size else float("nan")
     only_m, only_s = int(np.sum((m_n > 0) & (s_n == 0))), int(np.sum((s_n > 0) & (m_n == 0)))
     return BloomingProfile(start, m_mean, s_mean, m_n, s_n, rms, only_m, only_s)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
@@ -44,8 +45,8 @@ def expected_counts(
         raise UsageError("a rate is negative or not a number", fix="give avalanches per bin, 0 or more")
     if background is not None and dead_bins is None and background > 0.0:
         raise UsageError("there is no steady state without an end of the dead time", fix="give dead_bins")
-    fired = -np.expm1(-rates)
-    before = 0.0 if background is None else -np.expm1(-background)
+    fired = -elementary.expm1(-rates)
+    before = 0.0 if background is None else -elementary.expm1(-background)
     steady = cycles / (1.0 + before * (dead - 1))
     armed = np.full(rates.shape[:-1], steady)
     counts = np.empty_like(rates)
@@ -73,7 +74,7 @@ def coates_rate(counts: npt.ArrayLike, cycles: float, *, dead_bins: int | None =
         )
     share = np.divide(h, armed, out=np.zeros_like(h), where=(armed > 0.0) & (h > 0.0))
     with np.errstate(divide="ignore"):
-        return np.asarray(-np.log1p(-np.minimum(share, 1.0)), dtype=np.float64)
+        return np.asarray(-elementary.log1p(-np.minimum(share, 1.0)), dtype=np.float64)
 
 
 def late_background(
@@ -89,7 +90,7 @@ def late_background(
     h = np.asarray(counts, dtype=np.float64)
     seen = h[..., early].sum(axis=-1)
     exposure = _armed(h, cycles, dead_bins)[..., early].sum(axis=-1)
-    background = -np.log1p(-np.divide(seen, exposure, out=np.zeros_like(seen), where=exposure > 0.0))
+    background = -elementary.log1p(-np.divide(seen, exposure, out=np.zeros_like(seen), where=exposure > 0.0))
     rate = coates_rate(h, cycles, dead_bins=dead_bins)
     rate[..., late] = background[..., None]
     expected = expected_counts(rate, cycles, dead_bins=dead_bins)[..., late].sum(axis=-1)

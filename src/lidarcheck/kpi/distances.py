@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
@@ -63,7 +64,7 @@ def wasserstein(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> float:
     if not _both(measured, simulated):
         return float("nan")
     at = steps(measured, simulated)
-    return float(np.abs(at.measured - at.simulated)[:-1] @ np.diff(at.value))
+    return float((np.abs(at.measured - at.simulated)[:-1] * np.diff(at.value)).sum())
 
 
 def ks(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> float:
@@ -83,7 +84,7 @@ def energy(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> float:
     if not _both(measured, simulated):
         return float("nan")
     at = steps(measured, simulated)
-    return float(np.sqrt(2.0 * (((at.measured - at.simulated) ** 2)[:-1] @ np.diff(at.value))))
+    return float(np.sqrt(2.0 * (((at.measured - at.simulated) ** 2)[:-1] * np.diff(at.value)).sum()))
 
 
 def js(measured: npt.ArrayLike, simulated: npt.ArrayLike, *, edges: npt.ArrayLike | None = None) -> float:
@@ -111,7 +112,7 @@ def shared_edges(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> FloatArra
     where all values are whole; the outer bins hold the tails.
     """
     m, s = ordered(measured), ordered(simulated)
-    most = int(np.clip(2.0 * min(m.size, s.size) ** (1.0 / 3.0), 2, MOST_BINS))
+    most = int(np.clip(2.0 * elementary.power(min(m.size, s.size), 1.0 / 3.0), 2, MOST_BINS))
     pooled = _pooled(m, s)
     distinct = pooled[np.append(True, pooled[1:] != pooled[:-1])]
     if distinct.size <= most:
@@ -147,4 +148,4 @@ def _shares(sample: FloatArray, borders: FloatArray) -> FloatArray:
 
 def _entropy_bits(p: FloatArray) -> float:
     some = p[p > 0.0]
-    return float(-(some @ np.log2(some)))
+    return float(-(some * elementary.log2(some)).sum())

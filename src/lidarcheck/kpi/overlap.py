@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 
@@ -73,5 +74,5 @@ def _without_stacks(cloud: FloatArray) -> FloatArray:
 
     A tree cannot part equal points, and some sensors write every lost echo at the origin: a query would visit them all.
     """
-    different = np.unique(cloud @ np.sqrt([1.0, 2.0, 3.0])).size
+    different = np.unique(elementary.product(cloud, np.sqrt([1.0, 2.0, 3.0]))).size
     return cloud if len(cloud) - different <= MOST_REPEATED else np.unique(cloud, axis=0)

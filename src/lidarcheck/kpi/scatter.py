@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.validation import GAUSS_SHARE
@@ -53,10 +54,10 @@ def range_scatter(
         raise UsageError("the two scans' ranges and the signals differ in number", fix="give a pair a beam")
     usable = (strength > 0.0) & np.isfinite(first) & np.isfinite(second)
     difference, strength = np.abs(second - first)[usable], strength[usable]
-    octave = np.floor(np.log2(strength)).astype(np.int64)
+    octave = np.floor(elementary.log2(strength)).astype(np.int64)
     kept = [o for o in np.unique(octave) if np.count_nonzero(octave == o) >= FEWEST_PAIRS]
     sigma = [_sigma(difference[octave == o], resolution_m) for o in kept]
-    mean_signal = [float(np.exp(np.mean(np.log(strength[octave == o])))) for o in kept]
+    mean_signal = [float(elementary.exp(np.mean(elementary.log(strength[octave == o])))) for o in kept]
     pairs = [int(np.count_nonzero(octave == o)) for o in kept]
     return _describe(np.array(mean_signal), np.array(sigma), np.array(pairs, dtype=np.int64))
 
@@ -87,11 +88,18 @@ def _describe(signal: FloatArray, sigma_m: FloatArray, pairs: IndexArray) -> Ran
     clear = sigma_m > 0.0
     s, y, w = signal[clear], sigma_m[clear], pairs[clear].astype(np.float64)
     nan = float("nan")
-    scale = float(np.exp(np.average(np.log(y * np.sqrt(s)), weights=w))) if s.size else nan
+    scale = float(elementary.exp(np.average(elementary.log(y * np.sqrt(s)), weights=w))) if s.size else nan
     if s.size < 2:
         return RangeScatter(signal, sigma_m, pairs, scale, nan, nan)
-    slope = float(np.polyfit(np.log(s), np.log(y), 1, w=np.sqrt(w))[0])
+    slope, _ = _line(elementary.log(s), elementary.log(y), w)
     # A variance's error goes with the variance: weight by its inverse, so that weak signals do not rule.
-    weight = np.sqrt(w) / y**2
-    _, floor_square = np.linalg.lstsq(np.stack([1.0 / s, np.ones_like(s)], axis=1) * weight[:, None], np.sqrt(w))[0]
+    _, floor_square = _line(1.0 / s, y**2, w / y**4)
     return RangeScatter(signal, sigma_m, pairs, scale, slope, float(np.sqrt(max(floor_square, 0.0))))
+
+
+def _line(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    """Slope and intercept of the straight line through points (n,) of such weights, by least squares."""
+    middle_x, middle_y = np.average(x, weights=weight), np.average(y, weights=weight)
+    off = x - middle_x
+    slope = float((weight * off * (y - middle_y)).sum() / (weight * off * off).sum())
+    return slope, float(middle_y - slope * middle_x)

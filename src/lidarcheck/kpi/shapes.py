@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 
 __all__ = [
@@ -78,11 +79,11 @@ def log_edges(samples: Sequence[npt.ArrayLike], bins: int = 40) -> FloatArray:
     good = [sample for sample in good if sample.size]
     low = min((float(sample.min()) for sample in good), default=1.0)
     high = max((float(sample.max()) for sample in good), default=10.0)
-    ratio = (high / low) ** (1.0 / max(bins, 1))
+    ratio = elementary.power(high / low, 1.0 / max(bins, 1))
     if not good or not _whole(good, high):
         room = 0.0 if ratio > 1.0 + 1e-9 else 0.05
-        even = np.linspace(math.log10(low) - room, math.log10(high) + room, max(bins, 1) + 1)
-        edges = np.power(10.0, even)
+        even = np.linspace(elementary.log10(low) - room, elementary.log10(high) + room, max(bins, 1) + 1)
+        edges = elementary.power(10.0, even)
         edges[[0, -1]] = min(edges[0], low), max(edges[-1], high)
         return np.asarray(edges, dtype=np.float64)
     whole = [low - 0.5]
@@ -188,7 +189,7 @@ def _bandwidth(ordered: FloatArray) -> float:
     spread = float(ordered.std(ddof=1))
     if high > low:
         spread = min(spread, (high - low) / 1.349)
-    return float(max(0.9 * spread * ordered.size**-0.2, _FINEST * _quantum(ordered)))
+    return float(max(0.9 * spread * elementary.power(ordered.size, -0.2), _FINEST * _quantum(ordered)))
 
 
 def _quantum(ordered: FloatArray) -> float:
@@ -213,7 +214,7 @@ def _convolved(ordered: FloatArray, x: FloatArray, width: float) -> FloatArray:
     weight = np.bincount(left, 1.0 - part, x.size) + np.bincount(left + 1, part, x.size)
     width = max(width, step)
     reach = min(math.ceil(6.0 * width / step), x.size - 1)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * step / width) ** 2)
+    kernel = elementary.exp(-0.5 * (np.arange(-reach, reach + 1) * step / width) ** 2)
     kernel /= kernel.sum() * step
     length = x.size + kernel.size - 1
     smooth = np.fft.irfft(np.fft.rfft(weight, length) * np.fft.rfft(kernel, length), length)

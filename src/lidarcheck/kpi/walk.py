@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 
@@ -69,7 +70,7 @@ def _in_decades(residual_m: npt.ArrayLike, area: npt.ArrayLike) -> tuple[FloatAr
     if residual.shape != amplitude.shape:
         raise UsageError(f"{residual.size} residuals and {amplitude.size} areas", fix="give one of each an echo")
     usable = np.isfinite(residual) & np.isfinite(amplitude) & (amplitude > 0.0)
-    return residual[usable], np.floor(np.log10(amplitude[usable])).astype(np.int64)
+    return residual[usable], np.floor(elementary.log10(amplitude[usable])).astype(np.int64)
 
 
 def _medians(residual_m: FloatArray, decade: IndexArray, wanted: IndexArray) -> FloatArray:

@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from lidarcheck.model.jit import inlined
 
-__all__ = ["LANES", "LN2", "exp", "expm1", "log", "log1m", "whole_below"]
+__all__ = ["LANES", "LN2", "exp", "expm1", "fired", "lgamma", "log", "log1m", "log1p", "log_rest", "whole_below"]
 
 LANES = 32
 """Beams that are worked on side by side: four times what a vector holds, so that sums do not wait for each other."""
@@ -30,6 +30,9 @@ _EXPONENT_OF_ONE, _FRACTION_BITS = 1023, 52
 _BITS_OF_ROOT = 0x3FE6A09E667F3BCD
 """Those of sqrt(1/2)."""
 _F2, _F3, _F4, _F5, _F6, _F7, _F8, _F9, _F10, _F11, _F12, _F13 = (1.0 / math.factorial(k) for k in range(2, 14))
+_STIRLING = (1 / 12, -1 / 360, 1 / 1260, -1 / 1680, 1 / 1188, -691 / 360360, 1 / 156)
+_HALF_LOG_TURN = 0.9189385332046727
+"""log(2 pi) / 2."""
 _I3, _I5, _I7, _I9, _I11, _I13, _I15, _I17, _I19, _I21 = (1.0 / k for k in range(3, 22, 2))
 
 
@@ -111,6 +114,44 @@ def log1m(x: float) -> float:
     high = (_I9 + z * _I11) + y * (_I13 + z * _I15)
     w = y * y
     return -4.0 * t * (low + w * (high + w * ((_I17 + z * _I19) + y * _I21)))
+
+
+@inlined
+def fired(rate: float) -> float:
+    """1 - exp(-rate), for a rate at or above 0, to as many digits near zero."""
+    if rate < 1.0:
+        more = expm1(rate)
+        return more / (1.0 + more)
+    return 1.0 - exp(-min(rate, 700.0))
+
+
+@inlined
+def log1p(x: float) -> float:
+    """log(1 + x) for x at or above 0, to as many digits near zero."""
+    u = 1.0 + x
+    return log(u) + (x - (u - 1.0)) / u
+
+
+@inlined
+def log_rest(share: float) -> float:
+    """log(1 - share) for a share between 0 and 1, to as many digits near zero; -inf for 1."""
+    if share <= 0.5:
+        return log1m(share)
+    return log(1.0 - share) if share < 1.0 else -math.inf
+
+
+@inlined
+def lgamma(x: float) -> float:
+    """The logarithm of the gamma function for x at or above 1: Stirling's series, above 10."""
+    below = 1.0
+    while x < 10.0:
+        below *= x
+        x += 1.0
+    z = 1.0 / (x * x)
+    series = _STIRLING[6]
+    for k in range(5, -1, -1):
+        series = series * z + _STIRLING[k]
+    return (x - 0.5) * log(x) - x + _HALF_LOG_TURN + series / x - log(below)
 
 
 @inlined

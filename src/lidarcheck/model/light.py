@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.sharing import Share, serially
@@ -33,7 +34,7 @@ def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> F
     def fill(start: int) -> None:
         rows = slice(start, start + _CHUNK)
         with np.errstate(invalid="ignore"):
-            cosine = np.cos(np.deg2rad(ideal.incidence_deg[rows]))
+            cosine = elementary.cos(np.deg2rad(ideal.incidence_deg[rows]))
         columns = (ideal.distance_m[rows], cosine, material[rows])
         wrong[start // _CHUNK] = range_equation(*columns, strength, falloff, signal[rows])
 

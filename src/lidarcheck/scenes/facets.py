@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
 
 __all__ = [
@@ -51,21 +52,21 @@ def rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> FloatArray:
     yaw = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
     pitch = np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
     roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    return np.asarray(yaw @ pitch @ roll)
+    return np.asarray(elementary.product(elementary.product(yaw, pitch), roll))
 
 
 def _cos_sin(angle_deg: float) -> tuple[float, float]:
     """Exact at quarter turns, so that a wall turned by 90 degrees stays straight."""
     quarters = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
     angle = angle_deg % 360.0
-    return quarters.get(angle) or (float(np.cos(np.deg2rad(angle))), float(np.sin(np.deg2rad(angle))))
+    return quarters.get(angle) or (float(elementary.cos(np.deg2rad(angle))), float(elementary.sin(np.deg2rad(angle))))
 
 
 def placed(
     facets: Facets, position_m: Point3, *, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0
 ) -> Facets:
     """Turned about the shape's origin, which then comes to stand at `position_m`."""
-    turned = facets.triangles_m @ rotation(yaw_deg, pitch_deg, roll_deg).T
+    turned = elementary.product(facets.triangles_m, rotation(yaw_deg, pitch_deg, roll_deg).T)
     return Facets(turned + np.asarray(position_m, dtype=np.float64), facets.material_id)
 
 
@@ -110,7 +111,7 @@ def cylinder(diameter_m: float, height_m: float, material: int, *, sides: int, t
     turned by at most 180 / sides degrees.
     """
     angle = np.arange(sides) * (2.0 * np.pi / sides)
-    round_ = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
+    round_ = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(sides)], axis=1)
     top = diameter_m if top_diameter_m < 0.0 else top_diameter_m
     low, high = round_ * (diameter_m / 2.0), round_ * (top / 2.0) + [0.0, 0.0, height_m]
     mantle = _mantle(low, high)
@@ -130,9 +131,9 @@ def ellipsoid(size_m: Point3, material: int, *, sides: int) -> Facets:
     polar, turn = np.arange(belts + 1) * (np.pi / belts), np.arange(sides) * (2.0 * np.pi / sides)
     rings = np.stack(
         [
-            np.multiply.outer(np.sin(polar), np.cos(turn)),
-            np.multiply.outer(np.sin(polar), np.sin(turn)),
-            np.broadcast_to(np.cos(polar)[:, None], (belts + 1, sides)),
+            np.multiply.outer(elementary.sin(polar), elementary.cos(turn)),
+            np.multiply.outer(elementary.sin(polar), elementary.sin(turn)),
+            np.broadcast_to(elementary.cos(polar)[:, None], (belts + 1, sides)),
         ],
         axis=-1,
     )

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster, Hits, Rays, Velocity, sweep_time_s
@@ -141,7 +142,7 @@ def _fired(how: Sampling) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32],
 
 def _turned(direction: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Directions turned to the left about Z."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    cosine, sine = elementary.cos(angle_rad), elementary.sin(angle_rad)
     x, y, z = direction[:, 0], direction[:, 1], direction[:, 2]
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Hits, Rays, Velocity
@@ -226,7 +227,7 @@ def _met(group: _Group, origin: FloatArray, direction: FloatArray, max_range_m: 
     distance[miss] = 0.0
     material, number = group.material_id[face], group.object_id[face]
     material[miss] = number[miss] = 0
-    incidence = np.rad2deg(np.arccos(np.minimum(np.abs(cosine), 1.0)))
+    incidence = np.rad2deg(elementary.arccos(np.minimum(np.abs(cosine), 1.0)))
     incidence[miss] = 0.0
     normal = group.bvh.normal[face] * np.where(miss, 0.0, np.where(cosine > 0.0, -1.0, 1.0))[:, None]
     return distance, material, number, incidence, normal

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import ReadoutEffect, Surroundings
 from lidarcheck.effects.empirical.covariates import EchoColumns
 from lidarcheck.effects.empirical.echoes import draws_of, whole
@@ -54,10 +55,10 @@ class EmpiricalAmplitude(Additive, ReadoutEffect):
         both = self.total(column, len(scan))
         peak_ln, area_ln = (both + self.total(column, len(scan), (suffix,)) for suffix in ("_peak", "_area"))
         lowest = np.minimum(scan.peak, np.floor(sensor.threshold) + 1.0)
-        peak = whole(scan.peak * np.exp(peak_ln), uniform[:, 0])
+        peak = whole(scan.peak * elementary.exp(peak_ln), uniform[:, 0])
         peak = np.clip(peak, lowest, np.maximum(sensor.peak_saturation, lowest))
         peak = np.where(peak_ln == 0.0, scan.peak, peak)
-        area = np.maximum(whole(scan.area * np.exp(area_ln), uniform[:, 1]), np.minimum(scan.area, peak))
+        area = np.maximum(whole(scan.area * elementary.exp(area_ln), uniform[:, 1]), np.minimum(scan.area, peak))
         wider_ns = self.total(column, len(scan), ("_width",))
         width_ns = scan.width_ns + sensor.bin_ns * whole(wider_ns / sensor.bin_ns, uniform[:, 2])
         width_ns = np.maximum(width_ns, np.minimum(scan.width_ns, sensor.bin_ns))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.scan import IdealScan, Light, Scan
@@ -120,7 +121,7 @@ class BeamColumns:
 def _feature(name: str, scan: Scan) -> FloatArray:
     if name == "width_ns":
         return np.asarray(scan.width_ns, dtype=np.float64)
-    return np.asarray(np.log10(np.maximum(getattr(scan, name.removesuffix("_log10")), 1.0)))
+    return np.asarray(elementary.log10(np.maximum(getattr(scan, name.removesuffix("_log10")), 1.0)))
 
 
 def keys_of(table: Scan | IdealScan) -> IndexArray:
@@ -155,7 +156,7 @@ def _of_rows(name: str, rows: npt.NDArray[np.integer], around: Surroundings) -> 
     known = np.flatnonzero(rows >= 0)
     known = known[ideal.distance_m[rows[known]] > 0.0]
     if name == "signal_log10":
-        column = np.log10(np.maximum(around.signal(ideal), _FAINTEST))
+        column = elementary.log10(np.maximum(around.signal(ideal), _FAINTEST))
     else:
         column = np.asarray(getattr(ideal, name), dtype=np.float64)
     values[known] = column[rows[known]]

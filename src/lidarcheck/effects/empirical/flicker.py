@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings
 from lidarcheck.effects.empirical.covariates import PulseColumns
 from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
@@ -40,5 +41,6 @@ class EmpiricalFlicker(Additive, LightEffect):
         drawn = normals(around.uniforms(light.layer, light.point)[:, 0])
         sigma = np.maximum(self.total(PulseColumns(light, around), len(light.pulse_signal)), 0.0)
         return replace(
-            light, pulse_signal=light.pulse_signal * np.exp(sigma * np.repeat(drawn, np.diff(light.first_pulse)))
+            light,
+            pulse_signal=light.pulse_signal * elementary.exp(sigma * np.repeat(drawn, np.diff(light.first_pulse))),
         )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings
 from lidarcheck.effects.empirical.covariates import PulseColumns
 from lidarcheck.effects.empirical.terms import (
@@ -46,4 +45,4 @@ class EmpiricalSignal(Additive, LightEffect):
         if self.is_zero():
             return light
         exponent = self.total(PulseColumns(light, around), len(light.pulse_signal))
-        return replace(light, pulse_signal=light.pulse_signal * np.exp(exponent))
+        return replace(light, pulse_signal=light.pulse_signal * elementary.exp(exponent))

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.own_rays import AimedRays, moving_of, rank_in_beam, rays_of, second_rows
@@ -111,8 +112,10 @@ def redirected(rays: Rays, direction: FloatArray) -> Rays:
 
 def directions_of(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
     """Unit vectors of angles [rad], shape (n, 3)."""
-    cosine = np.cos(elevation)
-    return np.stack([np.cos(azimuth) * cosine, np.sin(azimuth) * cosine, np.sin(elevation)], axis=-1)
+    cosine = elementary.cos(elevation)
+    return np.stack(
+        [elementary.cos(azimuth) * cosine, elementary.sin(azimuth) * cosine, elementary.sin(elevation)], axis=-1
+    )
 
 
 def turned(
@@ -131,8 +134,8 @@ def turned(
     """
     if not as_a_body:
         x, y, z = direction.T
-        azimuth = np.arctan2(y, x) + np.deg2rad(yaw_deg)
-        return directions_of(azimuth, np.arctan2(z, np.hypot(x, y)) + np.deg2rad(pitch_deg))
+        azimuth = elementary.arctan2(y, x) + np.deg2rad(yaw_deg)
+        return directions_of(azimuth, elementary.arctan2(z, elementary.hypot(x, y)) + np.deg2rad(pitch_deg))
     vector = np.broadcast_arrays(np.deg2rad(roll_deg), -np.deg2rad(pitch_deg), np.deg2rad(yaw_deg), direction[:, 0])[:3]
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     # Rodrigues' formula; np.sinc(x) is sin(pi x) / (pi x), which is 1 at 0.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS
@@ -27,8 +28,8 @@ def cells_of(position: FloatArray) -> IndexArray:
 def _lines(position: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Layer and point in whose direction each position (n, 3) lies, with fractions."""
     x, y, z = position[:, 0], position[:, 1], position[:, 2]
-    layer = np.arctan2(z, np.sqrt(x * x + y * y)) * (1.0 / _LAYER_RAD) + 259.5
-    return layer, np.arctan2(y, x) * (1.0 / _POINT_RAD) + 479.5
+    layer = elementary.arctan2(z, np.sqrt(x * x + y * y)) * (1.0 / _LAYER_RAD) + 259.5
+    return layer, elementary.arctan2(y, x) * (1.0 / _POINT_RAD) + 479.5
 
 
 def _uniforms(salt: int) -> npt.NDArray[np.float32]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
@@ -29,7 +30,7 @@ def spread_rays(rays: Rays, up_rad: FloatArray, left_rad: FloatArray) -> Rays:
     x, y, z = rays.direction.T
     flat = np.maximum(np.sqrt(x * x + y * y), 1e-12)
     east, north = x / flat, y / flat
-    up, left = np.tan(up), np.tan(left)
+    up, left = elementary.tan(up), elementary.tan(left)
     scale = 1.0 / np.sqrt(1.0 + up**2 + left**2)
     columns = (
         np.multiply.outer(x, scale) - np.multiply.outer(z * east, up * scale) - np.multiply.outer(north, left * scale),

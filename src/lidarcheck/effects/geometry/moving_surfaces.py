@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import BeamGrid, cells_of, nearest_marked
 from lidarcheck.rays import Velocity
@@ -39,7 +40,7 @@ class MovingSurface:
         distance = ideal.distance_m[rows]
         layer = np.clip(ideal.layer[rows], 0, LAYERS - 1).astype(np.int64)
         point = np.clip(ideal.point[rows], 0, POINTS - 1).astype(np.int64)
-        margin_deg = np.rad2deg(np.arcsin(min(1.0, shift_m / float(distance.min())))) + 0.5
+        margin_deg = np.rad2deg(elementary.arcsin(min(1.0, shift_m / float(distance.min())))) + 0.5
         up, aside = int(margin_deg / 0.05) + 1, int(margin_deg / 0.125) + 1
         low = max(int(layer.min()) - up, 0), max(int(point.min()) - aside, 0)
         high = min(int(layer.max()) + up, LAYERS - 1), min(int(point.max()) + aside, POINTS - 1)

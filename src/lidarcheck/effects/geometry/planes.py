@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import BeamGrid
 from lidarcheck.scan import IdealScan
@@ -53,7 +54,7 @@ def planes_of(ideal: IdealScan, direction: FloatArray, grid: BeamGrid) -> Planes
     left = _slope(ideal, grid, q, steps[1], vertical=False)
     # One-sided along a circle of equal elevation: the part along Z does not turn with the azimuth.
     m_z = q * sine + up.value * cosine
-    across = left.value - left.side * m_z * sine * np.tan(0.5 * steps[1])
+    across = left.value - left.side * m_z * sine * elementary.tan(0.5 * steps[1])
     across = np.where(left.known, across, 0.0) / cosine
     east, north = x / cosine, y / cosine
     m = np.stack(
@@ -83,7 +84,7 @@ def _slope(ideal: IdealScan, grid: BeamGrid, q: FloatArray, step_rad: float, *, 
         row = grid.beside(ideal, k, 0) if vertical else grid.beside(ideal, 0, k)
         near[k] = same_surface(ideal, row)
         beside[k] = q[row]
-    sine, cosine = np.sin(step_rad), np.cos(step_rad)
+    sine, cosine = elementary.sin(step_rad), elementary.cos(step_rad)
     forward, backward = beside[1] - q, q - beside[-1]
     best = np.full(len(q), np.inf)
     value, side = np.zeros(len(q)), np.zeros(len(q))

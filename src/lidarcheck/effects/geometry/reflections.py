@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
@@ -50,16 +51,19 @@ def ground_of(point_m: FloatArray, level: BoolArray) -> GroundPlane | None:
         return None
     gradient, height = np.zeros(2), float(np.median(points[:, 2]))
     for reach in (1.0, 0.5, 0.25, 2.0 * GROUND_M, GROUND_M, GROUND_M, GROUND_M):
-        near = np.abs(points[:, 2] - points[:, :2] @ gradient - height) < reach
+        near = np.abs(points[:, 2] - elementary.product(points[:, :2], gradient) - height) < reach
         middle = points[near].mean(axis=0) if near.sum() >= 12 else None
         if middle is None:
             return None
         apart = points[near] - middle
-        scatter = apart[:, :2].T @ apart[:, :2]
+        x, y, z = apart.T
+        more = 1e-9 * (1.0 + (x * x).sum() + (y * y).sum())
         # A narrow strip of ground does not tell its slope across: the smaller it is, the more it counts as level.
-        gradient = np.linalg.solve(scatter + 1e-9 * (1.0 + np.trace(scatter)) * np.eye(2), apart[:, :2].T @ apart[:, 2])
-        height = float(middle[2] - middle[:2] @ gradient)
-    scale = 1.0 / float(np.sqrt(1.0 + gradient @ gradient))
+        xx, xy, yy = (x * x).sum() + more, (x * y).sum(), (y * y).sum() + more
+        xz, yz = (x * z).sum(), (y * z).sum()
+        gradient = np.array([xz * yy - yz * xy, yz * xx - xz * xy]) / (xx * yy - xy * xy)
+        height = float(middle[2] - elementary.product(middle[:2], gradient))
+    scale = 1.0 / float(np.sqrt(1.0 + elementary.product(gradient, gradient)))
     ground = GroundPlane(np.array([-gradient[0], -gradient[1], 1.0]) * scale, -height * scale)
     return ground if ground.height_m > 0.0 and ground.normal[2] > 0.9 else None
 
@@ -109,13 +113,13 @@ def _march_block(
     distance: FloatArray,
 ) -> None:
     """Follow the rays `open_`; write what they meet."""
-    edges = _FIRST_M * (max(max_range_m, 1.0) / _FIRST_M) ** (np.arange(-1, _STEPS + 1) / _STEPS)
+    edges = _FIRST_M * elementary.power(max(max_range_m, 1.0) / _FIRST_M, np.arange(-1, _STEPS + 1) / _STEPS)
     start, along = (np.ascontiguousarray(c[open_].T, dtype=np.float32) for c in (rays.origin_m, rays.direction))
     for before, reach, after in zip(edges[:-2], edges[1:-1], edges[2:], strict=True):
         x, y, z = start + np.float32(reach) * along
         flat = np.sqrt(x * x + y * y)
-        layer = np.rint(np.arctan2(z, flat) * np.float32(np.rad2deg(20.0)) + np.float32(259.5)).astype(np.int32)
-        point = np.rint(np.arctan2(y, x) * np.float32(np.rad2deg(8.0)) + np.float32(479.5)).astype(np.int32)
+        layer = np.rint(elementary.arctan2(z, flat) * np.float32(np.rad2deg(20.0)) + np.float32(259.5)).astype(np.int32)
+        point = np.rint(elementary.arctan2(y, x) * np.float32(np.rad2deg(8.0)) + np.float32(479.5)).astype(np.int32)
         inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
         cell = np.where(inside, layer * POINTS + point, 0)
         behind = np.sqrt(flat * flat + z * z) - depth[cell]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.beam_grid import BeamGrid, cells_of
@@ -242,4 +243,4 @@ def _angle_deg(along: FloatArray, m: FloatArray) -> FloatArray:
     """The angle between rays and planes' normals, of m . u and m, 0 ... 90; 0 for no plane."""
     length = np.sqrt(np.square(m).sum(axis=1))
     cosine = np.divide(np.abs(along), length, out=np.ones(len(length)), where=length > 0.0)
-    return np.asarray(np.rad2deg(np.arccos(np.minimum(cosine, 1.0))))
+    return np.asarray(np.rad2deg(elementary.arccos(np.minimum(cosine, 1.0))))

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.shared.draws import normals
@@ -75,9 +76,11 @@ def brightness(
         here_m, weight = at_m[used], profile[used]
         cell = (here_m / _CELL_M).astype(np.int64)
         deep_m = np.cumsum(density, axis=1)[:, cell] * _CELL_M - density[:, cell] * ((cell + 1) - here_m)
-        sent = density[:, cell] * np.exp(-2.0 * extinction_per_m * (deep_m - here_m))
-        part = sent @ weight / max(float(weight.sum()), 1e-300)
-        part = np.exp2(np.round(np.log2(np.maximum(part, 1e-6)) * _STEPS_PER_DOUBLING) / _STEPS_PER_DOUBLING)
+        sent = density[:, cell] * elementary.exp(-2.0 * extinction_per_m * (deep_m - here_m))
+        part = elementary.product(sent, weight) / max(float(weight.sum()), 1e-300)
+        part = elementary.exp2(
+            np.round(elementary.log2(np.maximum(part, 1e-6)) * _STEPS_PER_DOUBLING) / _STEPS_PER_DOUBLING
+        )
         found.append(part[row])
     return np.concatenate(found)
 
@@ -97,8 +100,8 @@ def strata_of(around: Surroundings, thinning_per_m: float) -> Uneven:
     """Air that thins out with the height above the sensor as exp(-t z), z = R sin(elevation); t is `thinning_per_m`."""
     cells = max(int(np.ceil(around.sensor.max_range_m / _CELL_M)), 1)
     range_m = (np.arange(cells) + 0.5) * _CELL_M
-    climb = np.sin(np.deg2rad(elevation_deg(np.arange(LAYERS))))
-    density = np.exp(np.clip(-thinning_per_m * climb[:, None] * range_m, -_THICKEST, _THICKEST))
+    climb = elementary.sin(np.deg2rad(elevation_deg(np.arange(LAYERS))))
+    density = elementary.exp(np.clip(-thinning_per_m * climb[:, None] * range_m, -_THICKEST, _THICKEST))
     return Uneven(density, np.arange(LAYERS), "layer")
 
 
@@ -120,5 +123,5 @@ def patches_of(around: Surroundings, patchiness: float, patch_m: float, patch_de
         along[:, None, None] * range_m / patch_m
         + (across[:, None] * middle_deg / patch_deg + phase[:, None])[..., None]
     )
-    field = np.sqrt(2.0 / _WAVES) * np.cos(turn).sum(axis=0)
-    return Uneven(np.exp(patchiness * field - 0.5 * patchiness**2), sector, "point")
+    field = np.sqrt(2.0 / _WAVES) * elementary.cos(turn).sum(axis=0)
+    return Uneven(elementary.exp(patchiness * field - 0.5 * patchiness**2), sector, "point")

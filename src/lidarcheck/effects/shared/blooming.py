@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Curve, Surroundings
 from lidarcheck.scan import Light
@@ -70,8 +71,8 @@ def profile(plus: Side, minus: Side, core_width: float, skirt_power: float, reac
 
     def one(side: Side, x: FloatArray) -> FloatArray:
         off = np.abs(x)
-        skirt = np.exp(-np.minimum((off / side.skirt_width) ** skirt_power, 700.0))
-        return np.asarray(side.core * np.exp(-off / core_width) + side.skirt * skirt)
+        skirt = elementary.exp(-np.minimum(elementary.power(off / side.skirt_width, skirt_power), 700.0))
+        return np.asarray(side.core * elementary.exp(-off / core_width) + side.skirt * skirt)
 
     def y(x: FloatArray) -> FloatArray:
         return np.where(np.abs(x) <= reach, np.where(x > 0.0, one(plus, x), one(minus, x)), 0.0)
@@ -206,4 +207,4 @@ def _spread(
     ]
     places = (len(part) + 1) // 2
     across = part[places - 1 - used[:, None] + np.arange(places)]
-    return grids[0] @ across, grids[1] @ across
+    return elementary.product(grids[0], across), elementary.product(grids[1], across)

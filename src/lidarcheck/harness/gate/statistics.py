@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
+
 __all__ = [
     "POWER_Z",
     "Difference",
@@ -86,7 +88,7 @@ def exceedance_tail(above: int, fresh: int, rank: int, null: int) -> float:
     counts: npt.NDArray[np.float64] = np.arange(max(above, 0), fresh + 1, dtype=np.float64)
     ways = gammaln(fresh + 1) - gammaln(counts + 1) - gammaln(fresh - counts + 1)
     weight = betaln(rank + counts, null - rank + 1 + fresh - counts) - betaln(rank, null - rank + 1)
-    return min(float(np.exp(ways + weight).sum()), 1.0)
+    return min(float(elementary.exp(ways + weight).sum()), 1.0)
 
 
 def critical_count(share: float, fresh: int, rank: int, null: int) -> int:

@@ -80,7 +80,7 @@ def slope(x: npt.NDArray[Any], y: FloatArray) -> float:
     if len(x) < 3 or x.min() == x.max():
         return float("nan")
     off = x - x.mean()
-    return float(off @ (y - y.mean()) / (off @ off))
+    return float((off * (y - y.mean())).sum() / (off * off).sum())
 
 
 def spread_between(values: FloatArray, group: npt.NDArray[Any]) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.harness.kpis.base import (
     KpiKind,
@@ -123,7 +124,7 @@ def _lines(seen: KpiInput, line: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]
 
 def _walk(seen: KpiInput) -> float:
     some = seen.area > 0.0
-    return slope(np.log10(seen.area[some]), seen.residual_m[some])
+    return slope(elementary.log10(seen.area[some]), seen.residual_m[some])
 
 
 def _loss(seen: KpiInput) -> float:
@@ -132,11 +133,11 @@ def _loss(seen: KpiInput) -> float:
 
 
 def _falloff(seen: KpiInput) -> float:
-    cosine = np.cos(np.deg2rad(seen.incidence_deg))
+    cosine = elementary.cos(np.deg2rad(seen.incidence_deg))
     some = (seen.area > 0.0) & (cosine > _LEAST_COSINE)
-    return slope(np.log(cosine[some]), _log_signal(seen)[some])
+    return slope(elementary.log(cosine[some]), _log_signal(seen)[some])
 
 
 def _log_signal(seen: KpiInput) -> FloatArray:
     """ln(AREA R²), which does not depend on range in a clear atmosphere; of no use where AREA is 0."""
-    return np.asarray(np.log(np.maximum(seen.area, 1e-300)) + 2.0 * np.log(seen.distance_m))
+    return np.asarray(elementary.log(np.maximum(seen.area, 1e-300)) + 2.0 * elementary.log(seen.distance_m))

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.formats import load_ideal
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.seeds import Runner, ScenarioJob, SeedRecord
@@ -114,7 +115,7 @@ class KpiTrial:
         least = max(1.1 * resolution(SHARE, sd), 1.3 * sd, 0.02 * min(seen, default=0.0), 1e-6 * abs(mean), 1e-9)
         if not math.isfinite(least):
             return 1.0
-        step = 10.0 ** (math.floor(math.log10(least)) - 1)
+        step = 10.0 ** (math.floor(elementary.log10(least)) - 1)
         return float(f"{math.ceil(least / step - 1e-9) * step:.2g}")
 
     def catch(self, effect: str, kpi: str) -> Catch | None:

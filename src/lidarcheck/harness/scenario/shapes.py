@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.formats.config import Config
 from lidarcheck.scan import IdealScan
@@ -145,7 +146,7 @@ class Panels(Shape):
         layers_each = (self.layers[1] - self.layers[0] + 1) // len(self.x_m)
         panel = ((layer - self.layers[0]) // layers_each).astype(np.int32)
         forward = beam_directions(layer, point)[:, 0]
-        return Geometry(np.array(self.x_m)[panel] / forward, np.rad2deg(np.arccos(forward)), panel)
+        return Geometry(np.array(self.x_m)[panel] / forward, np.rad2deg(elementary.arccos(forward)), panel)
 
 
 class Incidence(Shape):
@@ -182,11 +183,11 @@ class Wall(Shape):
     def geometry(self, layer: IntArray, point: IntArray) -> Geometry:
         """R and incidence on the turned plane."""
         cosine = self._cosine(layer, point)
-        return _one_object(self.x_m * np.cos(np.deg2rad(self.turn_deg)) / cosine, _angle_deg(cosine))
+        return _one_object(self.x_m * elementary.cos(np.deg2rad(self.turn_deg)) / cosine, _angle_deg(cosine))
 
     def _cosine(self, layer: IntArray, point: IntArray) -> FloatArray:
         turn, direction = np.deg2rad(self.turn_deg), beam_directions(layer, point)
-        return np.asarray(direction[:, 0] * np.cos(turn) + direction[:, 1] * np.sin(turn))
+        return np.asarray(direction[:, 0] * elementary.cos(turn) + direction[:, 1] * elementary.sin(turn))
 
 
 class Ground(Shape):
@@ -314,4 +315,4 @@ def _one_object(range_m: FloatArray, incidence_deg: FloatArray) -> Geometry:
 
 
 def _angle_deg(cosine: FloatArray) -> FloatArray:
-    return np.asarray(np.rad2deg(np.arccos(np.minimum(cosine, 1.0))))
+    return np.asarray(np.rad2deg(elementary.arccos(np.minimum(cosine, 1.0))))

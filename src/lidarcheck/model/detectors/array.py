@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.model.exact.numbers import Numbers
@@ -146,7 +147,7 @@ def _distribution(longer: FloatArray, spread: float, recovery: float) -> FloatAr
 
         return np.asarray(ndtr(longer / spread))
     if spread == 0.0:
-        return np.asarray(-np.expm1(-np.maximum(longer, 0.0) / recovery))
+        return np.asarray(-elementary.expm1(-np.maximum(longer, 0.0) / recovery))
     from scipy.stats import exponnorm
 
     return np.asarray(exponnorm.cdf(longer, recovery / spread, scale=spread))

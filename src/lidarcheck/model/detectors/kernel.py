@@ -19,7 +19,6 @@ Primary avalanches and what they set off draw from two streams: taking crosstalk
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ from lidarcheck.model.detectors.scratch import (
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, window
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import fired, log, log1p
 from lidarcheck.model.streams import Stream
 
 __all__ = ["follow"]
@@ -61,7 +61,7 @@ def _delay_bins(stream: Stream, scratch: DetectorScratch, detectors: Detectors) 
     mean = detectors.delay
     if detectors.slow_share > 0.0 and secondary(stream, scratch) < detectors.slow_share:
         mean = detectors.slow_delay
-    return -math.log(1.0 - secondary(stream, scratch)) * mean
+    return -log(1.0 - secondary(stream, scratch)) * mean
 
 
 @kernel
@@ -239,7 +239,7 @@ def follow(
     bright = per_bin * numbers.detectors > _FEW
     if bright:
         begin, end = 0, numbers.bins
-    _enter(numbers, detectors, stream, scratch, math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin)))
+    _enter(numbers, detectors, stream, scratch, log1p((numbers.dead - 1) * fired(per_bin)))
     if bright:
         set_all(scratch.rates, detectors.warm_up, per_bin)
         _bin_by_bin(numbers, detectors, stream, scratch, -detectors.warm_up, 0)

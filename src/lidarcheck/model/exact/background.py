@@ -17,7 +17,6 @@ still settles almost all beams at once, and no light is cut off.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from lidarcheck.model.exact.blocks import Blocks, count, count_small
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import fired, log
 from lidarcheck.model.streams import Stream, fill, fill_four, skip
 
 __all__ = ["add_outside", "is_plainly_quiet", "is_quiet", "looks_quiet"]
@@ -42,7 +42,7 @@ _ALL_SMALL, _APART, _CROWDED = 0, 1, 2
 def _are_small(draw: float, log_chance: float) -> bool:
     """Whether blocks are all small, the logarithm of which chance is given."""
     # exp(x) >= 1 + x: most beams are settled without a logarithm.
-    return draw >= -log_chance or math.log(1.0 - draw) <= log_chance
+    return draw >= -log_chance or log(1.0 - draw) <= log_chance
 
 
 @inlined
@@ -74,7 +74,7 @@ def _search(
             small = last - at
             # exp(x) >= 1 + x: the rest of most beams is settled without a logarithm.
             if draw < -small * log_small:
-                small = int(min(math.log(1.0 - draw) / log_small, float(small)))
+                small = int(min(log(1.0 - draw) / log_small, float(small)))
             if record:
                 blocks.held[at : at + small] = _SMALL
             at += small
@@ -164,7 +164,7 @@ def _thin(
             armed -= counts[index - step * age]
         bin_ = first + step * n
         rate = rates[bin_] if 0 <= bin_ < numbers.bins else per_bin
-        accepted = 1.0 if rate == blocks.rate[0] else math.expm1(-rate) / math.expm1(-blocks.rate[0])
+        accepted = 1.0 if rate == blocks.rate[0] else fired(rate) / fired(blocks.rate[0])
         if candidates <= 4:
             fill_four(stream, draws)
         else:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import inlined, kernel
-from lidarcheck.model.lane_math import LN2, exp, expm1, log1m
+from lidarcheck.model.lane_math import LN2, exp, expm1, fired, lgamma, log, log1m, log_rest
 
 __all__ = ["BELOW_ONE", "binomial", "inverses"]
 
@@ -61,14 +59,14 @@ def _from_mode(uniform: float, trials: int, chance: float) -> int:
     odds = chance / (1.0 - chance)
     mode = int((trials + 1) * chance)
     log_term = (
-        math.lgamma(trials + 1.0)
-        - math.lgamma(mode + 1.0)
-        - math.lgamma(trials - mode + 1.0)
-        + mode * math.log(chance)
-        + (trials - mode) * math.log1p(-chance)
+        lgamma(trials + 1.0)
+        - lgamma(mode + 1.0)
+        - lgamma(trials - mode + 1.0)
+        + mode * log(chance)
+        + (trials - mode) * log_rest(chance)
     )
     up = down = mode
-    term_up = term_down = math.exp(log_term)
+    term_up = term_down = exp(max(log_term, -700.0))
     if uniform < term_up:
         return mode
     uniform -= term_up
@@ -107,7 +105,7 @@ def binomial(uniform: float, trials: int, rate: float, inverse: FloatArray) -> i
         if trials * rate < _SAFE_EXPONENT:
             zero = exp(-trials * rate)
             return 0 if uniform < zero else _from_zero(uniform, trials, zero, expm1(rate), inverse)
-        return _from_mode(uniform, trials, -math.expm1(-rate))
+        return _from_mode(uniform, trials, fired(rate))
     uniform *= BELOW_ONE
     miss = exp(-min(rate, 600.0))
     log_fire = log1m(miss)

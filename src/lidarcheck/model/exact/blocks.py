@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import kernel
+from lidarcheck.model.lane_math import exp, fired, lgamma, log, log_rest
 
 __all__ = ["Blocks", "count", "count_small", "new_blocks", "tabulate"]
 
@@ -70,10 +70,10 @@ def _calm_rate(numbers: Numbers, length: int, crowded: float) -> float:
 def _log_binomial_term(trials: int, k: int, per_bin: float) -> float:
     """Logarithm of P(K = k) for `trials` cells of chance 1 - exp(-per_bin)."""
     return (
-        math.lgamma(trials + 1.0)
-        - math.lgamma(k + 1.0)
-        - math.lgamma(trials - k + 1.0)
-        + k * math.log(-math.expm1(-per_bin))
+        lgamma(trials + 1.0)
+        - lgamma(k + 1.0)
+        - lgamma(trials - k + 1.0)
+        + k * log(fired(per_bin))
         - (trials - k) * per_bin
     )
 
@@ -83,7 +83,7 @@ def _tail(trials: int, above: int, per_bin: float) -> float:
     """P(K > above), summed from the far end so that small tails keep their digits."""
     total = 0.0
     for k in range(min(trials, above + 4 * _MOST), above, -1):
-        total += math.exp(_log_binomial_term(trials, k, per_bin))
+        total += exp(max(_log_binomial_term(trials, k, per_bin), -700.0))
     return min(total, 1.0)
 
 
@@ -103,9 +103,9 @@ def tabulate(blocks: Blocks, detectors: int, threshold: int, per_bin: float) -> 
         return
     blocks.above[_MOST] = _tail(cells, _MOST, per_bin)
     for c in range(_MOST - 1, -1, -1):
-        term = math.exp(_log_binomial_term(cells, c + 1, per_bin)) if c < cells else 0.0
+        term = exp(max(_log_binomial_term(cells, c + 1, per_bin), -700.0)) if c < cells else 0.0
         blocks.above[c] = min(blocks.above[c + 1] + term, 1.0)
-    blocks.log_small[0] = math.log1p(-blocks.above[blocks.small])
+    blocks.log_small[0] = log_rest(blocks.above[blocks.small])
     pairs = len(blocks.held) * _tail(2 * cells, threshold, per_bin)
     blocks.crowded[0] = pairs > _CROWDED_SHARE or blocks.above[_MOST] > 1e-15
 

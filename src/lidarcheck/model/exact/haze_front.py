@@ -7,7 +7,6 @@ it is worked out as everywhere. The counts are the same with the table and witho
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import fired
 
 __all__ = ["Front", "front_of", "look_up"]
 
@@ -65,7 +65,7 @@ def _armed(rates: FloatArray, dead: int) -> FloatArray:
     avalanche, armed = np.zeros(len(rates)), np.ones(len(rates))
     for k in range(len(rates)):
         armed[k] = 1.0 - avalanche[max(k - dead + 1, 0) : k].sum()
-        avalanche[k] = armed[k] * -math.expm1(-rates[k])
+        avalanche[k] = armed[k] * fired(rates[k])
     return armed
 
 

@@ -7,7 +7,6 @@ hazy ones, on their own (`single.py`).
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from lidarcheck.model.exact.single import (
     simulate_alone,
 )
 from lidarcheck.model.jit import kernel
-from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.lane_math import LANES, fired, log1p
 from lidarcheck.model.streams import Stream, fill, rewind
 
 __all__ = ["Scratch", "new_scratch", "simulate_beams", "trace_beams"]
@@ -56,7 +55,7 @@ def trace_beams(
         rates[:] = per_bin[i]
         add_rates(pulses, i, 0, numbers.bins, rates)
         fill(stream, draws, RESERVE + numbers.bins)
-        dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin[i]))
+        dead_rate = log1p((numbers.dead - 1) * fired(per_bin[i]))
         dead = enter(numbers, stream, scratch, dead_rate, 0)
         chain(numbers, scratch, 0, numbers.bins, dead)
         for k in range(numbers.bins):

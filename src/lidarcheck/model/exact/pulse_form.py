@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import FWHM_PER_SIGMA, Sensor
@@ -63,7 +64,7 @@ class PulseForm:
     def _gaussian_integral(self, z: FloatArray) -> FloatArray:
         from scipy.special import ndtr
 
-        return np.asarray(self.sigma * (z * ndtr(z) + np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)))
+        return np.asarray(self.sigma * (z * ndtr(z) + elementary.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)))
 
     def _late(self, z: FloatArray) -> FloatArray:
         """What is already there of the Gaussian, but not yet of its delayed twin: exp(r^2 / 2 - r z) Phi(z - r).
@@ -74,8 +75,8 @@ class PulseForm:
         from scipy.special import erfcx, ndtr
 
         r = self.sigma / self.tail
-        left = 0.5 * erfcx(np.maximum(r - z, 0.0) * _SQRT_HALF) * np.exp(-0.5 * z * z)
-        right = np.exp(np.minimum(r * (0.5 * r - z), 0.0)) * ndtr(z - r)
+        left = 0.5 * erfcx(np.maximum(r - z, 0.0) * _SQRT_HALF) * elementary.exp(-0.5 * z * z)
+        right = elementary.exp(np.minimum(r * (0.5 * r - z), 0.0)) * ndtr(z - r)
         return np.asarray(np.where(z < r, left, right))
 
     def reach(self, expected: npt.ArrayLike) -> tuple[IndexArray, IndexArray]:
@@ -88,12 +89,12 @@ class PulseForm:
         near = self._gaussian_reach(lost)
         if self.tail_share == 0.0:
             return near, near
-        delay = self.delay + self.tail * np.log(np.maximum(2.0 * self.tail_share * lost, 1.0))
+        delay = self.delay + self.tail * elementary.log(np.maximum(2.0 * self.tail_share * lost, 1.0))
         behind = self._gaussian_reach(2.0 * lost) + np.ceil(delay).astype(np.int64)
         return near, behind
 
     def _gaussian_reach(self, lost: FloatArray) -> IndexArray:
-        return np.ceil(self.sigma * np.sqrt(2.0 * np.log(np.maximum(lost, 1.0)))).astype(np.int64)
+        return np.asarray(np.ceil(self.sigma * np.sqrt(2.0 * elementary.log(np.maximum(lost, 1.0)))).astype(np.int64))
 
     def shares(self, before: int, behind: int) -> FloatArray:
         """The share of a pulse's light in each bin around it, shape (PHASES + 1, before + 1 + behind).

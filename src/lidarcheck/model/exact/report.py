@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import inlined
-from lidarcheck.sensor import LAYERS, POINTS, Sensor, azimuth_deg, elevation_deg
+from lidarcheck.sensor import LAYERS, POINTS, Sensor, cos_sin
 
 __all__ = ["EchoTable", "Report", "angles_of", "put", "report_of", "room_for"]
 
@@ -71,8 +71,7 @@ def _angles() -> Angles:
 
 def angles_of(layer: npt.ArrayLike, point: npt.ArrayLike) -> Angles:
     """Cosines and sines of layers and of points, as `beam_directions` takes them; same shapes."""
-    up, side = np.deg2rad(elevation_deg(layer)), np.deg2rad(azimuth_deg(point))
-    return np.cos(up), np.sin(up), np.cos(side), np.sin(side)
+    return *cos_sin(layer, "layer"), *cos_sin(point, "point")
 
 
 @inlined

@@ -9,7 +9,6 @@ Arrays of a beam's trace start `pad` bins before bin 0: bin k stands at index pa
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from lidarcheck.model.exact.haze_rates import haze_end
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
 from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.model.lane_math import fired, log, log1p
 from lidarcheck.model.streams import Stream, fill, rewind
 
 __all__ = [
@@ -88,7 +88,7 @@ def new_scratch(numbers: Numbers) -> Scratch:
 @inlined
 def level_of(numbers: Numbers, blocks: Blocks, pulses: Pulses, per_bin: float) -> BackgroundLevel:
     """A background's level, for which it fills the blocks' table."""
-    dead_rate = math.log1p(-(numbers.dead - 1) * math.expm1(-per_bin))
+    dead_rate = log1p((numbers.dead - 1) * fired(per_bin))
     faint = max(blocks.calm - per_bin, 0.1 * per_bin) if pulses.haze.last > 0 else 0.0
     tabulate(blocks, numbers.detectors, numbers.threshold, per_bin + faint)
     return BackgroundLevel(per_bin, dead_rate, faint)
@@ -153,7 +153,7 @@ def _candidates(
         if at == _BATCH:
             fill(stream, draws, _BATCH)
             at = 0
-        time -= math.log(1.0 - draws[at]) * wait
+        time -= log(1.0 - draws[at]) * wait
         if time >= end:
             return
         real = draws[at + 1] * most < rates[int(time) - origin]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model import streams
 from lidarcheck.model.exact.echoes import find_echoes, new_echoes
@@ -66,12 +67,12 @@ def _beginnings(numbers: Numbers, per_bin: float) -> tuple[IndexArray, FloatArra
     log = gammaln(numbers.detectors + 1.0) - gammaln(ways + 1.0).sum(axis=1) - gammaln(others + 1.0)
     log += xlogy(ways[:, 0], (numbers.on - 1) * share) + xlogy(ways[:, 1] + ways[:, 2], share)
     log += xlog1py(others, -(numbers.on + 1) * share)
-    return ways, np.exp(log)
+    return ways, elementary.exp(log)
 
 
 def _steady(numbers: Numbers, per_bin: float) -> float:
     """Chance that a detector avalanches in a given bin."""
-    chance = -np.expm1(-per_bin)
+    chance = -elementary.expm1(-per_bin)
     return float(chance / (1.0 + (numbers.dead - 1) * chance))
 
 
@@ -116,7 +117,7 @@ def _traces(numbers: Numbers, per_bin: float) -> tuple[IndexArray, int, FloatArr
         counts[:, begins - age] = _binomial(draws[at], rest, share / (1.0 - age * share))
         rest = rest - counts[:, begins - age]
         at += 1
-    chance = float(-np.expm1(-per_bin))
+    chance = float(-elementary.expm1(-per_bin))
     for k in range(1, reach + 1):
         for to, window in (
             (begins + k, slice(begins + k - dead + 1, begins + k)),

@@ -6,11 +6,11 @@ the lowest power of two the steps are even from S = 0 on. A block is what is fil
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PulseForm
@@ -55,7 +55,7 @@ class Span(NamedTuple):
 
 def lowest_octave(numbers: Numbers) -> int:
     """The power of two below which signals are faint."""
-    return math.floor(math.log2(_FAINT / numbers.detectors))
+    return int(elementary.log2(_FAINT / numbers.detectors) // 1.0)
 
 
 def octaves(numbers: Numbers) -> range:

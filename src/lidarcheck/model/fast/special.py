@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key
 from lidarcheck.model.fast.library import Samples
 from lidarcheck.model.jit import kernel
+from lidarcheck.model.lane_math import exp
 from lidarcheck.model.streams import philox, unit
 
 __all__ = ["new_found", "resolve"]
@@ -81,7 +81,7 @@ def _alarms(
     _, _, _, word = philox(key[0], key[1], 0, beam, key[2], 0)
     # The draw that was below P(any) is even below it: the number of clumps follows by inversion.
     left = unit(word)
-    term = mean * math.exp(-mean)
+    term = mean * exp(-mean)
     for clump in range(1, _MOST_CLUMPS + 1):
         pick, place, _, _ = philox(key[0], key[1], clump, beam, key[2], 0)
         number = np.int64(unit(pick) * (len(alarms.first) - 1))

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.showcase.features import Axis, Features, axes, stray_axes
 
@@ -104,7 +105,7 @@ def _quantities(without: Features, with_it: Features) -> list[Quantity]:
         return before, after
 
     def size(name: str, column: str, unit: str, weight: float = 1.0) -> Quantity:
-        before, after = np.log(of(column))
+        before, after = elementary.log(of(column))
         return Quantity(name, name, unit, before, after, ratio=True, relative="ratio", weight=weight)
 
     scatter = [np.abs(residual[0::2] - residual[1::2]) * (np.sqrt(np.pi) / 2.0) for residual in of("residual_m")]
@@ -140,7 +141,7 @@ def _compare(quantity: Quantity, axis: Axis) -> CandidateCurve:
     noise = max(squares / max(values, 1.0), quantity.least_noise)
     chi2 = float(((after - before) ** 2 / (1.0 / n_before[drawn] + 1.0 / n_after[drawn])).sum()) / noise
     if quantity.ratio:
-        before, after = np.exp(before), np.exp(after)
+        before, after = elementary.exp(before), elementary.exp(after)
     return CandidateCurve(quantity, axis, before, after, at, chi2)
 
 

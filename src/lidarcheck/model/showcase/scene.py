@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.rays import Hits, Rays, Velocity, sweep_time_s
 from lidarcheck.scan import IdealScan
@@ -73,7 +74,7 @@ class Rectangles:
             distance_m=np.where(met, best, 0.0),
             material_id=np.where(met, self.material_id[panel], 0).astype(np.int32),
             object_id=np.where(met, self.object_id[panel], 0).astype(np.int32),
-            incidence_deg=np.where(met, np.rad2deg(np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))), 0.0),
+            incidence_deg=np.where(met, np.rad2deg(elementary.arccos(np.clip(np.abs(cosine), 0.0, 1.0))), 0.0),
             normal=normal,
         )
 
@@ -83,10 +84,10 @@ class Rectangles:
         if velocity is not None:
             start = start - rays.time_s[:, None] * np.asarray(velocity)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            distance = -(start @ normal) / (rays.direction @ normal)
+            distance = -elementary.product(start, normal) / elementary.product(rays.direction, normal)
             at = start + distance[:, None] * rays.direction
-            along = np.abs(at @ self.u[i]) <= self.u[i] @ self.u[i]
-            across = np.abs(at @ self.v[i]) <= self.v[i] @ self.v[i]
+            along = np.abs(elementary.product(at, self.u[i])) <= elementary.product(self.u[i], self.u[i])
+            across = np.abs(elementary.product(at, self.v[i])) <= elementary.product(self.v[i], self.v[i])
         return np.where(along & across & (distance > _NEAREST_M), distance, np.inf)
 
 
@@ -107,15 +108,17 @@ class _Panel:
     def sides(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Centre, u and v, shape (3,) each."""
         a, e = np.deg2rad([self.azimuth_deg, self.elevation_deg])
-        forward = np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
-        left = np.array([-np.sin(a), np.cos(a), 0.0])
+        forward = np.array(
+            [elementary.cos(a) * elementary.cos(e), elementary.sin(a) * elementary.cos(e), elementary.sin(e)]
+        )
+        left = np.array([-elementary.sin(a), elementary.cos(a), 0.0])
         up = np.cross(forward, left)
         turn, roll = np.deg2rad([self.turned_deg, self.rolled_deg])
-        side = np.cos(turn) * left + np.sin(turn) * forward
-        half = self.range_m * np.tan(np.deg2rad([self.wide_deg / 2, self.high_deg / 2]))
-        u = np.cos(roll) * side + np.sin(roll) * up
-        v = np.cos(roll) * up - np.sin(roll) * side
-        return forward * self.range_m, u * half[0] / np.cos(turn), v * half[1]
+        side = elementary.cos(turn) * left + elementary.sin(turn) * forward
+        half = self.range_m * elementary.tan(np.deg2rad([self.wide_deg / 2, self.high_deg / 2]))
+        u = elementary.cos(roll) * side + elementary.sin(roll) * up
+        v = elementary.cos(roll) * up - elementary.sin(roll) * side
+        return forward * self.range_m, u * half[0] / elementary.cos(turn), v * half[1]
 
 
 def _panels() -> list[_Panel]:
