@@ -130,3 +130,11 @@ class TestCommands:
         back = read_table(tmp_path / f"c{suffix}")
         assert back.columns["timestamp"].tolist() == times.tolist()
         np.testing.assert_allclose(back.columns["Time"], [0.0, 5e-9, 2.5e-7], rtol=1e-12)
+
+    def test_a_column_time_makes_room_for_the_seconds(self, tmp_path: Path) -> None:
+        path = self.written(tmp_path / "a.csv", time=EPOCH_NS + np.arange(2))
+        convert(path, tmp_path / "b.csv", time_unit="ns")
+        back = read_table(tmp_path / "b.csv")
+        assert back.columns["TimeRaw"].tolist() == [EPOCH_NS, EPOCH_NS + 1]
+        assert back.columns["Time"].tolist() == [0.0, 1e-9]
+        assert describe(tmp_path / "b.csv").facts["time"].startswith("Time in s by its name")

@@ -24,6 +24,7 @@ from lidarcheck.formats.times import TimeUnit, clock_of, seconds
 __all__ = ["FileDescription", "convert", "describe"]
 
 _WHOLE = ("Layer", "Point", "EchoNumber", "MaterialID", "ObjectID")
+_TIME_AS_WRITTEN = "TimeRaw"
 _NEEDS_POSITION = ("las", "ply", "pcd")
 _NO_POSITION = {"las": 0.0, "pcd": np.nan}
 """What a format has in X, Y and Z of a row without a return; the others keep what the row says."""
@@ -43,8 +44,10 @@ def convert(
     semantic LiDAR become an ideal scan, and X, Y, Z of a scan are placed as declared. From text to text (or CSV to CSV)
     every other byte stays as it was. Rows without a return stay such, as the target's format has them; `drop_empty`
     leaves them out. `time_unit`: the unit of the time column, which makes a column `Time` [s from the frame's start]
-    beside it. `UsageError` for a suffix that cannot be written, when `target` is `source` and would change, or for a
-    `time_unit` without a time; `InputError` for what is wrong with the file. Nothing is written then.
+    beside it; a column of that name becomes `TimeRaw`.
+
+    `UsageError` for a suffix that cannot be written, when `target` is `source` and would change, or for a `time_unit`
+    without a time; `InputError` for what is wrong with the file. Nothing is written then.
     """
     form = target_format(target)
     table = read_table(source)
@@ -95,10 +98,12 @@ def _with_time(table: Table, unit: TimeUnit) -> Table:
     clock = clock_of(table.columns, unit)
     if clock is None:
         raise UsageError("the file has no time whose unit could be given", file=table.path)
-    if clock.column.casefold() == "time":
-        what = f"the column {clock.column} stands where Time would: a file has one of them"
-        raise UsageError(what, file=table.path, fix="rename the column")
-    return table.with_column("Time", seconds(table.columns, clock))
+    found = seconds(table.columns, clock)
+    own = table.spelling("Time")
+    if own is not None:  # names differ in more than case
+        renamed = {_TIME_AS_WRITTEN if name == own else name: column for name, column in table.columns.items()}
+        table = replace(table, columns=renamed, layout=None, edited=frozenset())
+    return table.with_column("Time", found)
 
 
 def _whole_numbers(table: Table) -> Table:
