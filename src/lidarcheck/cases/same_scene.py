@@ -244,12 +244,11 @@ def _median(residual: FloatArray) -> float:
 def _compared(own: FloatArray, other: FloatArray) -> int:
     """1 where the other residuals are smaller beyond chance, 0 where the two cannot be told apart, else -1.
 
-    With an offset of all ranges left in and taken out: an offset alone must not make another frame fit better.
+    With an offset of all ranges left in and taken out, which must agree: an offset alone must not make another frame
+    fit better.
     """
-    plain = _better(own, other)
-    if plain <= 0:
-        return plain
-    return 1 if _better(_centred(own), _centred(other)) > 0 else -1
+    plain, centred = _better(own, other), _better(_centred(own), _centred(other))
+    return plain if plain == centred else 0
 
 
 def _centred(residual: FloatArray) -> FloatArray:
