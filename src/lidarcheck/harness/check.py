@@ -72,6 +72,8 @@ def check(
 
     run.seeds([case.paired_job for case in active], _PAIRED)
     compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
+    for case in compared:
+        case.need_chance()
     fresh = fresh_seeds(seed, FULL_SEEDS)
     run.seeds([case.fresh_job for case in compared], fresh[:FIRST_SEEDS])
     doubtful = [case for case in compared if _in_doubt(case, share)]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from lidarcheck.errors import GoldenError
+from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.harness.gate.seeds import REFERENCE_SEEDS, ScenarioJob, SeedRecord
 from lidarcheck.harness.goldens.file import load_golden
-from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, thresholds_changed
+from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, paired_identical, thresholds_changed
 from lidarcheck.harness.goldens.provenance import Provenance, provenance_of
 from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
@@ -74,6 +74,15 @@ class ScenarioRun:
             return any(spec.feature in record.quantiles for record in self.paired)
         return any(spec.name in record.values for record in self.paired)
 
+    def need_chance(self) -> None:
+        """`InputError` where the model is a program that gives every seed the same: a golden rests on chance."""
+        if self.model.external is None or len(self.paired) < 2 or len({record.digest for record in self.paired}) > 1:
+            return
+        what = f"the program gives the same echoes for {len(self.paired)} seeds in the scenario {self.scenario.name}: "
+        what += "it ignores its seed, so that nothing says what chance is"
+        fix = "let it draw its noise from {seed}, or from PostPro.Seed in {ini}"
+        raise InputError(what, file=self.model.file, fix=fix)
+
     def problems(self) -> list[str]:
         """What fails the scenario beyond its KPIs, each with what to do."""
         golden, name = self.golden, self.scenario.name
@@ -100,6 +109,13 @@ class ScenarioRun:
         golden = self.golden
         if golden and self.paired and not self.foreign:
             differ = tuple(record.digest for record in self.paired) != golden.digests
+            moved = [] if differ else [name for name, kpi in golden.kpis.items() if self._is_counted_otherwise(kpi)]
+            if moved:
+                notes.append(
+                    f"the echoes are the golden's bit for bit, but {len(moved)} of its {len(golden.kpis)} KPIs are "
+                    f"computed otherwise than by the version that made it ({moved[0]}{', ...' if moved[1:] else ''}): "
+                    f"run `lidarcheck review {self.scenario.name}` and accept them"
+                )
             if differ and golden.provenance.same_model(provenance_now(self.scenario, self.model)):
                 made = golden.provenance
                 notes.append(
@@ -107,6 +123,12 @@ class ScenarioRun:
                     f"(golden: python {made.python}, numpy {made.numpy}, numba {made.numba})"
                 )
         return notes
+
+    def _is_counted_otherwise(self, kpi: KpiGolden) -> bool:
+        """Whether the same echoes no longer give the value that the golden has of them."""
+        return (
+            self.golden is not None and self.measures(kpi.spec) and not paired_identical(self.golden, kpi, self.paired)
+        )
 
     def proposal(self, verdicts: Mapping[str, str]) -> Golden:
         """What this run knows of a new golden: the paired seeds alone, which a review completes."""

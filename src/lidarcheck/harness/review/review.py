@@ -126,6 +126,8 @@ def review(
     run.seeds([case.paired_job for case in cases], _PAIRED)
     proposals = [_known_proposal(case, base) for case, base in zip(cases, bases, strict=True)]
     lacking = [case for case, known in zip(cases, proposals, strict=True) if known is None and complete]
+    for case in lacking:
+        case.need_chance()
     run.seeds([case.fresh_job for case in lacking], _REST)
     references: dict[Path, list[SeedRecord]] = {case.scenario.path: [] for case in lacking if _has_distance(case)}
     distances = [case for case in lacking if _has_distance(case)]
