@@ -3,8 +3,9 @@ import pytest
 
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.detection import detection_probability, false_alarms, range_edges, wilson
-from lidarcheck.kpi.pairing import pair_echoes, pair_with_ideal, ranges
+from lidarcheck.kpi.pairing import pair_echoes, pair_with_ideal, ranges, surface_window_m
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import VARIANTS, Sensor
 
 
 def ideal_of(rows):
@@ -97,9 +98,13 @@ class TestDetection:
         np.testing.assert_array_equal(d.beams, [2, 1])
         np.testing.assert_array_equal(d.detected, [2, 0])
 
-    def test_half_a_metre_is_the_limit(self):
-        for range_m, seen in ((19.5, True), (20.5, True), (20.51, False), (19.49, False)):
+    def test_half_a_pulse_is_the_limit(self):
+        """c·FWHM/2 = 0.299792458 · 5 / 2 = 0.749481 m for both variants; of another pulse as much more."""
+        for range_m, seen in ((19.2506, True), (20.7494, True), (20.7495, False), (19.2505, False)):
             assert pair_with_ideal(IDEAL, scan_of([(5, 8, range_m)])).detected[0] == seen
+        assert [surface_window_m(Sensor.of(name)) for name in VARIANTS] == pytest.approx([0.749481145] * 2, abs=1e-9)
+        longer = Sensor.of("SLIM", pulse_fwhm_ns=10.0)
+        assert pair_with_ideal(IDEAL, scan_of([(5, 8, 21.4)]), longer).detected[0]
 
     def test_nothing_to_see(self):
         d = detection_probability([0.0, 0.0], [False, False])
@@ -151,7 +156,7 @@ class TestWilson:
 
 
 def test_false_alarms_by_hand():
-    scan = scan_of([(7, 3, 10.0), (7, 3, 25.0), (5, 9, 3.0), (5, 8, 20.6), (6, 1, 12.0)])
+    scan = scan_of([(7, 3, 10.0), (7, 3, 25.0), (5, 9, 3.0), (5, 8, 20.8), (6, 1, 12.0)])
     alarms = false_alarms(pair_with_ideal(IDEAL, scan))
     assert (alarms.echoes, alarms.beams, alarms.per_beam) == (3, 4, 0.75)
     none = false_alarms(pair_with_ideal(IDEAL.take(np.zeros(0, dtype=int)), scan_of([])))

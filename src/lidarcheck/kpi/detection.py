@@ -108,7 +108,7 @@ def detection_probability(
 
 
 def false_alarms(pairing: Pairing) -> FalseAlarms:
-    """Echoes farther than the tolerance (0.5 m) from every surface of their beam, per fired beam.
+    """Echoes outside the window of every surface of their beam (`pairing.surface_window_m`), per fired beam.
 
     Counts every echo of a beam that meets nothing, and none where nobody knows what it meets. NaN per beam where no
     beam was fired.

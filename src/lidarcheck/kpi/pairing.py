@@ -11,10 +11,10 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.fired import judged_rows
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, VARIANTS, Sensor
 
 __all__ = [
     "OF_SURFACE_M",
-    "ON_SURFACE_M",
     "EchoPairs",
     "Pairing",
     "beam_keys",
@@ -22,14 +22,12 @@ __all__ = [
     "pair_echoes",
     "pair_with_ideal",
     "ranges",
+    "surface_window_m",
 ]
-
-ON_SURFACE_M = 0.5
-"""An echo this close to a surface of its beam lies on it: the surface is detected, the echo is no false alarm."""
 
 OF_SURFACE_M = 2.0
 """An echo this close to a surface of its beam comes from it: pile-up shifts the echo of a retro-reflector by
-more than a metre, so that a residual must not be cut at `ON_SURFACE_M`."""
+more than a metre, so that a residual must not be cut at the window of `surface_window_m`."""
 
 RANGE_DIGITS = 4
 
@@ -45,7 +43,7 @@ class Pairing:
 
     Per echo, shape (n_echoes,), in the scan's order: `echo_beam` (index of its beam), `residual_m` (range minus the
     distance of the surface of its beam that lies closest to it; NaN where the beam meets nothing), `on_surface`
-    (within 0.5 m of it), `of_surface` (within 2 m of it), and `surface`, that surface's row in the ideal scan (-1
+    (within the window of it), `of_surface` (within 2 m of it), and `surface`, that surface's row in the ideal scan (-1
     where there is none).
     """
 
@@ -91,11 +89,22 @@ def beam_keys(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> Ind
     return layer.astype(np.int64) * 2**32 + point
 
 
-def pair_with_ideal(ideal: IdealScan, scan: Scan) -> Pairing:
-    """Find the surface of every echo and the beams that were detected.
+def surface_window_m(sensor: Sensor | None = None) -> float:
+    """How far an echo may lie from a surface that it still lies on [m]: half the way that light goes in a pulse.
 
-    Rows of one (layer, point) in the ideal scan are sub-beams: the beam counts once and an echo on any of their
-    surfaces detects it. `UsageError` names the first echo's beam that the ideal scan does not have.
+    c·FWHM/2, 0.749 m at 5 ns. Two surfaces closer than this share a pulse, and pile-up moves an echo by no more than
+    its front half. `sensor`: whose pulse; None: the reference sensor's, which all variants share.
+    """
+    pulse_ns = (sensor or Sensor.of(VARIANTS[0])).pulse_fwhm_ns
+    return 0.5 * LIGHT_SPEED_M_PER_NS * pulse_ns
+
+
+def pair_with_ideal(ideal: IdealScan, scan: Scan, sensor: Sensor | None = None) -> Pairing:
+    """Find the surface of every echo and the beams that were detected, within the window of `surface_window_m`.
+
+    `sensor`: what made the scan, the reference sensor where None. Rows of one (layer, point) in the ideal scan are
+    sub-beams: the beam counts once and an echo on any of their surfaces detects it. `UsageError` names the first echo's
+    beam that the ideal scan does not have.
     """
     keys = beam_keys(ideal.layer, ideal.point)
     beams, first_row, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
@@ -108,7 +117,7 @@ def pair_with_ideal(ideal: IdealScan, scan: Scan) -> Pairing:
     row = np.where(surface >= 0, order[surface] if order.size else -1, -1)
     residual = np.full(len(scan), np.nan)
     residual[row >= 0] = range_m[row >= 0] - ideal.distance_m[row[row >= 0]]
-    on_surface = np.abs(residual) <= ON_SURFACE_M
+    on_surface = np.abs(residual) <= surface_window_m(sensor)
 
     distance = np.zeros(beams.size)
     # Descending distance within a beam: the last written, and so kept, is the nearest.

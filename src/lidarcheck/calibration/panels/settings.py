@@ -18,7 +18,7 @@ class PanelSettings:
     `trim_points`, `trim_m`: what each of the four borders loses; the larger of beams and metres counts. `floor_m`,
     `roof_m`: heights in the sensor frame, found in the data where None. `clearance_m`: what is this close to floor or
     roof belongs to it. `max_incidence_deg`: a panel faces the sensor up to this angle. `window_m`: an echo this close
-    to the panel's plane is the panel's. 1 m, not the KPI's 0.5 m: pile-up shifts a white panel at 5 m by 0.65 m.
+    to the panel's plane is the panel's. 1 m, not the KPI's 0.749 m: pile-up shifts a white panel at 5 m by 0.65 m.
     `expect`: how many panels there must be, None where nobody knows.
     """
 

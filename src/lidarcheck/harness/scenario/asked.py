@@ -15,14 +15,18 @@ from lidarcheck.formats.config_words import shown
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
 from lidarcheck.harness.kpis.spec import KpiSpec
-from lidarcheck.harness.scenario.file import WINDOW_M, KpiTable
-from lidarcheck.kpi.pairing import pair_with_ideal
+from lidarcheck.harness.scenario.file import KpiTable
+from lidarcheck.kpi.pairing import pair_with_ideal, surface_window_m
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["AskedKpi", "ask", "hashed"]
 
 _LATER_KEYS = ("layers", "points", "echo_range_m")
 """Keys that younger scenarios may have: left out they say nothing, so that older goldens keep their hash."""
+
+_FORMER_WINDOW_M = 0.5
+"""The window of KPIs that name none, before it followed from the pulse. Goldens were hashed with it, and names made."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +43,22 @@ class AskedKpi:
 
 
 def ask(
-    tables: Sequence[KpiTable], ideal: IdealScan, measured: Scan | None, lines: LineIndex, faults: list[InputError]
+    tables: Sequence[KpiTable],
+    ideal: IdealScan,
+    sensor: Sensor,
+    measured: Scan | None,
+    lines: LineIndex,
+    faults: list[InputError],
 ) -> tuple[AskedKpi, ...]:
-    """The KPIs; to `faults` come names that occur twice and selections that cannot show what is asked."""
+    """The KPIs; to `faults` come names that occur twice and selections that cannot show what is asked.
+
+    `sensor`: whose pulse gives the window of KPIs that name none.
+    """
     fired = FiredBeams.of(ideal)
     asked: list[AskedKpi] = []
     for index, table in enumerate(tables):
         try:
-            made = _one(table, ideal, fired, measured)
+            made = _one(table, ideal, sensor, fired, measured)
         except UsageError as error:
             faults.append(lines.fault(("kpis", index), error.what, fix=error.fix))
             continue
@@ -60,12 +72,14 @@ def ask(
 def hashed(table: KpiTable) -> dict[str, Any]:
     """What of a KPI enters the scenario's content hash, by the keys that the file has."""
     values = table.model_dump(mode="json", by_alias=True)
+    if table.window_m is None:
+        values["window_m"] = _FORMER_WINDOW_M
     return {key: value for key, value in values.items() if value is not None or key not in _LATER_KEYS}
 
 
-def _one(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
+def _one(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
     kind = KINDS[kpi.kpi]
-    selection = _selection(kpi, ideal, fired)
+    selection = _selection(kpi, ideal, sensor, fired)
     name = kpi.name or ".".join([kpi.kpi, *_label(kpi)])
     from_file = kind.sample is not None and measured is not None
     spec = KpiSpec(
@@ -80,13 +94,13 @@ def _one(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams, measured: Scan | No
     )
     if kind.sample is None or measured is None:
         return AskedKpi(kpi.kpi, spec, selection)
-    sample = kind.sample(selection.seen(SelectedEchoes.of(measured, pair_with_ideal(ideal, measured))))
+    sample = kind.sample(selection.seen(SelectedEchoes.of(measured, pair_with_ideal(ideal, measured, sensor))))
     if not len(sample):
         raise UsageError(f"the measured file has no echo for {name}", fix="look at other beams, or widen window_m")
     return AskedKpi(kpi.kpi, spec, selection, sample)
 
 
-def _selection(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams) -> KpiSelection:
+def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams) -> KpiSelection:
     """The part of the scenario that a KPI looks at; windows include both ends."""
     rows = np.ones(len(ideal), dtype=np.bool_)
     if kpi.object is not None:
@@ -107,12 +121,13 @@ def _selection(kpi: KpiTable, ideal: IdealScan, fired: FiredBeams) -> KpiSelecti
     if not rows.any():
         fix = "check its object, material, layers, points, range_m and incidence_deg"
         raise UsageError("the KPI selects no beams", fix=fix)
-    selection = KpiSelection(fired, rows, kpi.window_m, kpi.echo_range_m)
+    window_m = surface_window_m(sensor) if kpi.window_m is None else kpi.window_m
+    selection = KpiSelection(fired, rows, window_m, kpi.echo_range_m)
     needs = KINDS[kpi.kpi].needs
     if needs == "surface" and not selection.meeting.any():
         raise UsageError(f"{kpi.kpi} needs a surface, and no selected beam meets one", fix="select other beams")
     if needs == "edge" and not selection.at_edge.any():
-        what = f"{kpi.kpi} needs neighbouring surfaces more than {2.0 * kpi.window_m:g} m apart in range"
+        what = f"{kpi.kpi} needs neighbouring surfaces more than {2.0 * window_m:g} m apart in range"
         raise UsageError(f"{what}, and no selected beam has them", fix="select beams at an edge, or lower window_m")
     return selection
 
@@ -133,6 +148,6 @@ def _label(kpi: KpiTable) -> list[str]:
     ):
         if window is not None:
             parts.append(f"{word}{window[0]:g}_{window[1]:g}{unit}".replace(".", "p"))
-    if kpi.window_m != WINDOW_M:
+    if kpi.window_m not in (None, _FORMER_WINDOW_M):
         parts.append(f"within_{kpi.window_m:g}m".replace(".", "p"))
     return parts

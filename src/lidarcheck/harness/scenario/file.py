@@ -15,9 +15,6 @@ from lidarcheck.scenes.files.file import SamplingTable
 
 __all__ = ["KpiTable", "ScenarioTable"]
 
-WINDOW_M = 0.5
-"""An echo within this distance of a surface belongs to it, unless the KPI says otherwise."""
-
 ID_MIN, ID_MAX = -(2**31), 2**31 - 1
 """What the MaterialID and ObjectID of an ideal scan may be."""
 
@@ -74,7 +71,7 @@ class KpiTable(Config):
     layers: LayerSpan | None = None
     points: PointSpan | None = None
     echo_range_m: _Window | None = None
-    window_m: Annotated[float, Field(gt=0.0, le=1000.0)] = WINDOW_M
+    window_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     tolerance: Annotated[float, Field(gt=0.0)]
     direction: Direction | None = None
     low: float | None = None

@@ -84,7 +84,7 @@ def load_scenario(path: Path | str) -> Scenario:
         model = replace(model, materials={**model.materials, **(scene.materials or {})})
         ideal, faults = _cast(scene, table, model, lines)
     measured = _measured(table, ideal, lines)
-    asked = ask(table.kpis, ideal, measured, lines, faults)
+    asked = ask(table.kpis, ideal, model.sensor, measured, lines, faults)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
     return Scenario(
