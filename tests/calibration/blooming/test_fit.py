@@ -37,7 +37,7 @@ SIDEWAYS = parse_lut(lut_text(key="LUT_bloomingH").encode())
 def cells_at(distance_m, variant, seed, axis="vertical"):
     scan, ideal = sign_frame(distance_m, variant, seed, axis=axis)
     light, _ = light_after_effects(ideal, sign_model(variant))
-    target = bright_beams(light, axis, 30.0, distance_m, "scan")
+    target = bright_beams(light, Sensor.of(variant), axis, 30.0, distance_m, "scan")
     return cells_of_scan(scan, target, axis, own=own_light(light, target, axis, 30.0))
 
 

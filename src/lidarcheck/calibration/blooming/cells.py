@@ -36,7 +36,7 @@ class Cells:
     over those, NaN where not known. `range_m`: their mean range. `target`, `other`: S that a beam has of the target
     and of other surfaces at its range without any bloom. `sources`: the bright beams on each line, `line` which of
     those lines a cell is on. `left_out`: beams near a surface close to the target's range. `setting`: the one that
-    said where the target is, None where none did.
+    said where the target is, None where none did. `within`: where in a bin the target's light comes (`response_of`).
     """
 
     name: str
@@ -53,6 +53,7 @@ class Cells:
     sources: tuple[Sources, ...]
     left_out: int = 0
     setting: Setting | None = None
+    within: tuple[float, ...] = ()
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -146,7 +147,7 @@ def cells_of_scan(
         value=np.column_stack([mean(scan.peak), mean(scan.area), mean(scan.width_ns)]).reshape(n, len(FEATURES)),
         range_m=mean(scan.range_m),
         target=of_beams(own.target), other=of_beams(own.other), line=line[keep][first].astype(np.int64),
-        sources=sources, left_out=int(own.left_out.sum()), setting=target.setting,
+        sources=sources, left_out=int(own.left_out.sum()), setting=target.setting, within=target.within,
     )  # fmt: skip
 
 

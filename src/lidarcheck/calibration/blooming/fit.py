@@ -179,7 +179,8 @@ def _result(
     with np.errstate(divide="ignore"):
         alone = 1.0 / np.sqrt(np.diag(known)[:k])
     light, values = problem.light(theta), theta[k:]
-    expected = problem.response(theta).features(np.log10(light))[0]
+    every = np.ones(len(light), dtype=bool)
+    expected = problem.response(values, every).features(np.log10(light))[0]
     ends = np.cumsum([len(part) for part in problem.cells])[:-1]
     given = np.log10(np.maximum(problem.nodes.y, LEAST_Y))
     dark, clear = _sight(problem, theta)

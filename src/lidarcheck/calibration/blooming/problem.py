@@ -18,7 +18,7 @@ from lidarcheck.calibration.blooming.residuals import (
     smoothness_rows,
     weights,
 )
-from lidarcheck.calibration.blooming.response import Response
+from lidarcheck.calibration.blooming.response import Responses
 from lidarcheck.scan import PulseShape
 from lidarcheck.sensor import Sensor
 
@@ -27,6 +27,8 @@ __all__ = ["TableProblem"]
 _ANCHOR = 0.25
 """Weight of the table that was given, per decade: too little to move what data say, enough to hold what they do not."""
 
+_START_ROUNDS = 60
+"""Rounds after which the light of a start no longer changes by a tenth."""
 _FENCE = 100.0
 """Weight of leaving the bounds, per decade."""
 _STOP = {"gtol": 0.02, "maxiter": 40}
@@ -42,7 +44,9 @@ class TableProblem:
         self, cells: Sequence[Cells], nodes: Nodes, sensor: Sensor, *, shape: PulseShape, free: FreeLight
     ) -> None:  # fmt: skip
         self.cells, self.nodes = tuple(cells), nodes
-        self.pulses = FreePulse(sensor, shape, free)
+        own = {part.within: FreePulse(sensor, shape, free, part.within) for part in cells}
+        self._pulses_of_set = [own[part.within] for part in cells]
+        self.pulses = self._pulses_of_set[0]
         matrix = np.concatenate([spread(part, nodes) for part in cells])
         join: Callable[[str], Any] = lambda name: np.concatenate([getattr(part, name) for part in cells])  # noqa: E731
         self.target, self.other, self.value = join("target"), join("other"), join("value")
@@ -56,9 +60,10 @@ class TableProblem:
         self.anchor = np.log10(np.maximum(nodes.y[self.active], LEAST_Y))
         self.k = int(self.active.sum())
 
-    def response(self, theta: FloatArray, cell: FloatArray | None = None) -> Response:
-        """What the sensor makes of light, with the pulse of `theta`."""
-        return self.pulses.response(theta[self.k :], cell)
+    def response(self, values: FloatArray, use: BoolArray, cell: FloatArray | None = None) -> Responses:
+        """What the sensor makes of the light of the cells in `use`, with the pulse that `values` make."""
+        made = {pulses: pulses.response(values, cell) for pulses in dict.fromkeys(self._pulses_of_set)}
+        return Responses(tuple(made[pulses] for pulses in self._pulses_of_set), self.set_of[use])
 
     def light(self, theta: FloatArray) -> FloatArray:
         """S of every cell."""
@@ -67,15 +72,27 @@ class TableProblem:
         return np.asarray(np.maximum(bright * (self.target + bloom) + self.other, 1e-9))
 
     def start(self) -> FloatArray:
-        """Where to begin: each node such that the cells which it lights most have the light that their AREA shows."""
-        z = self.pulses.response(self.pulses.start).light_of_area(np.nan_to_num(self.value[:, 1]))
-        beside = self.used & (self.target == 0.0) & np.isfinite(self.value[:, 1])
+        """Where to begin: a table that gives the cells the light that their AREA shows, and dark ones none to be seen.
+
+        A wide target lights each cell by many nodes at once, so that no cell tells of one node alone: each node is
+        moved by what its cells lack, each as far as the node lights it, again and again.
+        """
+        every = np.ones(len(self.value), dtype=bool)
+        response = self.response(self.pulses.start, every)
+        beside = self.used & (self.target == 0.0)
+        seen = beside & np.isfinite(self.value[:, 1])
+        dark = beside & (self.beams > 0) & (self.echoes == 0)
+        wanted = np.where(seen, response.light_of_area(np.nan_to_num(self.value[:, 1])), response.of_set[0].dark)
         log_y = self.anchor.copy()
-        total = self.matrix.sum(axis=1)
-        for k in range(self.k):
-            near = beside & (self.matrix[:, k] > 0.3 * total)
-            if np.any(near):
-                log_y[k] = np.median(z[near] - np.log10(total[near]))
+        rows = np.flatnonzero(seen | dark)
+        for _ in range(_START_ROUNDS):
+            part = self.matrix[rows] * 10.0**log_y
+            light = np.maximum(self.fixed[rows] + self.other[rows] + part.sum(axis=1), 1e-9)
+            off = wanted[rows] - np.log10(light)
+            share = part / light[:, None]
+            weight = share.sum(axis=0)
+            moved = share.T @ np.where(dark[rows], np.minimum(off, 0.0), off)
+            log_y += np.where(weight > 0.0, moved / np.maximum(weight, 1e-12), 0.0)
         low, high = self.bounds()
         return np.asarray(np.clip(np.concatenate([log_y, self.pulses.start]), low, high))
 
@@ -88,25 +105,29 @@ class TableProblem:
 
     def weights(self, theta: FloatArray) -> FloatArray:
         """One over the standard deviations of all cells' features at the light of `theta`."""
-        return weights(self.response(theta), np.log10(self.light(theta)), self.value, self.echoes)
+        every = np.ones(len(self.value), dtype=bool)
+        response = self.response(theta[self.k :], every)
+        return weights(response, np.log10(self.light(theta)), self.value, self.echoes)
 
     def residuals(
         self, theta: FloatArray, weight: FloatArray, use: BoolArray, cell: FloatArray | None = None
     ) -> FloatArray:
         """Of the cells in `use`: three features of each that has echoes, then detection of each whose beams count."""
-        response, z = self.response(theta, cell), np.log10(self.light(theta))
+        z, values = np.log10(self.light(theta)), theta[self.k :]
         seen, fired = use & (self.echoes > 0), use & (self.beams > 0)
-        mean, _ = response.features(z[seen])
+        mean, _ = self.response(values, seen, cell).features(z[seen])
         off = np.where(np.isfinite(self.value[seen]), mean - np.nan_to_num(self.value[seen]), 0.0)
         features = weight[seen] * off
+        response = self.response(values, fired, cell)
         lost, _ = detection_residual(response, z[fired], self.echoes[fired], self.beams[fired])
         return np.concatenate([features.ravel(), lost])
 
     def slopes(self, theta: FloatArray, weight: FloatArray, use: BoolArray) -> FloatArray:
         """Slopes of the residuals over the parameters."""
-        response, z = self.response(theta), np.log10(self.light(theta))
+        z, values = np.log10(self.light(theta)), theta[self.k :]
         seen, fired = use & (self.echoes > 0), use & (self.beams > 0)
-        _, slope = response.features(z[seen])
+        _, slope = self.response(values, seen).features(z[seen])
+        response = self.response(values, fired)
         _, lost = detection_residual(response, z[fired], self.echoes[fired], self.beams[fired])
         steep = np.concatenate([(weight[seen] * slope).ravel(), lost])
         rows = np.concatenate([np.repeat(np.flatnonzero(seen), 3), np.flatnonzero(fired)])

@@ -52,8 +52,8 @@ class FreePulse:
     since a fit looks at few.
     """
 
-    def __init__(self, sensor: Sensor, shape: PulseShape, free: FreeLight) -> None:
-        self.sensor, self.shape = sensor, shape
+    def __init__(self, sensor: Sensor, shape: PulseShape, free: FreeLight, within: tuple[float, ...] = ()) -> None:
+        self.sensor, self.shape, self.within = sensor, shape, within
         length = float(np.log10(shape.fwhm_ns))
         extras: tuple[FreeNumber, ...] = (
             (FreeNumber("fwhm_ns", "ns", length, length - 1.0, length + 0.7, 0.04),) if free.pulse else ()
@@ -102,5 +102,5 @@ class FreePulse:
         key = tuple(int(p) for p in place)
         if key not in self._made:
             values = np.array([e.start + p * e.step for e, p in zip(self.extras, place, strict=True)])
-            self._made[key] = response_of(self.sensor, self.pulse(values))
+            self._made[key] = response_of(self.sensor, self.pulse(values), within=self.within)
         return self._made[key]

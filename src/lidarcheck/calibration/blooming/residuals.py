@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.calibration.blooming.response import Response
+from lidarcheck.calibration.blooming.response import Responses
 
 __all__ = ["detection_residual", "huber_cost", "huber_weight", "smoothness_rows", "weights"]
 
@@ -16,7 +16,7 @@ _HUBER = 3.0
 _BEND_ROWS = 10.0
 
 
-def weights(response: Response, z: FloatArray, value: FloatArray, echoes: IndexArray) -> FloatArray:
+def weights(response: Responses, z: FloatArray, value: FloatArray, echoes: IndexArray) -> FloatArray:
     """One over the standard deviation of each mean feature at light z, shape (n, 3); 0 where `value` is NaN.
 
     The variance is that of the mean of `echoes` echoes, and of what no model does better. It is taken once for each
@@ -32,7 +32,7 @@ def weights(response: Response, z: FloatArray, value: FloatArray, echoes: IndexA
 
 
 def detection_residual(
-    response: Response, z: FloatArray, echoes: IndexArray, beams: IndexArray
+    response: Responses, z: FloatArray, echoes: IndexArray, beams: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Signed root of the binomial deviance of `echoes` among `beams`, and its slope over z; shapes (n,)."""
     p, slope = response.probability(z)

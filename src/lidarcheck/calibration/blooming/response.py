@@ -7,7 +7,7 @@ exists only above the threshold, so near it the mean of what is seen lies far ab
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import Light, PulseShape, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
-__all__ = ["FEATURES", "GATE_M", "Response", "response_of", "strongest_echoes"]
+__all__ = ["FEATURES", "GATE_M", "Response", "Responses", "bin_length_m", "response_of", "strongest_echoes"]
 
 FEATURES = ("PEAK", "AREA", "WIDTH")
 GATE_M = 1.5
@@ -68,6 +68,11 @@ class Response:
         rise = np.maximum.accumulate(self.mean[: top + 1, 1] + 1e-9 * np.arange(top + 1))
         return np.interp(np.asarray(area, dtype=np.float64), rise, self.levels[: top + 1])
 
+    @property
+    def dark(self) -> float:
+        """z up to which an echo is seen less often than once in ten beams."""
+        return float(self.levels[np.flatnonzero(self.detected < 0.1)[-1]])
+
     def _within(self, z: npt.ArrayLike) -> FloatArray:
         return np.clip(np.asarray(z, dtype=np.float64), self.levels[0], self.levels[-1])
 
@@ -100,16 +105,56 @@ class Response:
         return replace(self, mean=np.asarray(mean), detected=np.asarray(1.0 / (1.0 + np.exp(-logit))))
 
 
+@dataclass(frozen=True)
+class Responses:
+    """The responses of several data sets as one: light z of row i is seen as by that of the set `set_of[i]`, (n,)."""
+
+    of_set: tuple[Response, ...]
+    set_of: IndexArray
+
+    def features(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `Response.features`."""
+        mean, slope = self._by_set(Response.features, z)
+        return mean, slope
+
+    def probability(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `Response.probability`."""
+        p, slope = self._by_set(Response.probability, z)
+        return p, slope
+
+    def scatter(self, z: FloatArray) -> FloatArray:
+        """As `Response.scatter`."""
+        return self._by_set(lambda one, at: (one.scatter(at),), z)[0]
+
+    def light_of_area(self, area: FloatArray) -> FloatArray:
+        """As `Response.light_of_area`."""
+        return self._by_set(lambda one, at: (one.light_of_area(at),), area)[0]
+
+    def _by_set(self, ask: Callable[[Response, FloatArray], tuple[FloatArray, ...]], z: FloatArray) -> list[FloatArray]:
+        found = [np.zeros((len(z), *part.shape[1:])) for part in ask(self.of_set[0], z[:0])]
+        for number, one in enumerate(self.of_set):
+            rows = np.flatnonzero(self.set_of == number)
+            for whole, part in zip(found, ask(one, z[rows]), strict=True):
+                whole[rows] = part
+        return found
+
+
 def _logit(p: FloatArray) -> FloatArray:
     return np.asarray(np.log(p / (1.0 - p)))
 
 
-def response_of(sensor: Sensor, shape: PulseShape | None = None, *, seed: int = 0) -> Response:
-    """The response of a sensor to a pulse of that shape, its own where None; the same seed gives the same numbers."""
+def response_of(
+    sensor: Sensor, shape: PulseShape | None = None, *, within: tuple[float, ...] = (), seed: int = 0
+) -> Response:
+    """The response of a sensor to a pulse of that shape, its own where None; the same seed gives the same numbers.
+
+    `within`: where in a bin pulses come, 0 to 1, each as often; all places alike where empty. It counts for bright
+    light: whether detectors fire a second time before the pulse is over goes by it, and AREA by a quarter.
+    """
     from lidarcheck.model.chain import echoes_of
 
     levels: FloatArray = np.linspace(_FROM, _TO, round((_TO - _FROM) / _STEP) + 1)
-    light = _ladder(levels, sensor, shape)
+    light = _ladder(levels, sensor, shape, within)
     scan = echoes_of(light, sensor, seed=seed, rounded=False)
     echoes = strongest_echoes(scan.take(np.abs(scan.range_m - _range_m(sensor)) <= GATE_M))
     values = np.column_stack([echoes.peak, echoes.area, echoes.width_ns])
@@ -127,19 +172,27 @@ def response_of(sensor: Sensor, shape: PulseShape | None = None, *, seed: int = 
     return Response(levels, mean, variance, detected)
 
 
-def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None) -> Light:
+def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
     """A beam for each level (its layer) and position within a bin (its point)."""
     n = len(levels) * _BEAMS
-    bin_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns
+    bin_m = bin_length_m(sensor)
+    beam = np.arange(_BEAMS)
+    place = np.asarray(within)[beam % len(within)] if within else (beam + 0.5) / _BEAMS
+    first_m = bin_m * np.floor(_range_m(sensor) / bin_m)
     return Light(
         layer=np.repeat(np.arange(len(levels)), _BEAMS),
         point=np.tile(np.arange(_BEAMS), len(levels)),
         background_per_ns=np.full(n, sensor.background_per_ns),
         first_pulse=np.arange(n + 1),
-        pulse_range_m=_range_m(sensor) + bin_m * np.tile((np.arange(_BEAMS) + 0.5) / _BEAMS, len(levels)),
+        pulse_range_m=first_m + bin_m * np.tile(place, len(levels)),
         pulse_signal=np.repeat(10.0**levels, _BEAMS),
         shape=shape,
     )
+
+
+def bin_length_m(sensor: Sensor) -> float:
+    """The range that a bin of the trace spans."""
+    return 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns
 
 
 def _range_m(sensor: Sensor) -> float:

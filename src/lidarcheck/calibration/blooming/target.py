@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IntArray
-from lidarcheck.calibration.blooming.response import GATE_M
+from lidarcheck.calibration.blooming.response import GATE_M, bin_length_m, strongest_echoes
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting, Settings
@@ -36,6 +36,12 @@ _SATURATED = 0.97
 _AGAIN = 1.15
 _NEAR_M = 3.0
 """How far a target may stand from the distance that a setting, or the user, names."""
+_MOSTLY = 0.5
+"""Share of a target's beams that must fire again before AREA can tell it from its bloom."""
+_LINES = 3
+"""Lines to either side on which a beam's neighbours are looked at: more than half of 7 are no chance."""
+_PLACES = 30
+"""Places within a bin that stand for all beams of a target."""
 _MERGED_M = 0.3
 """Light this near in range makes one echo with the target's."""
 _BESIDE_M = 4.0
@@ -46,7 +52,8 @@ _BESIDE_M = 4.0
 class BrightTarget:
     """Bright beams of one target: `line`, `place` and S, shape (m,) each; `center` is the place that offset 0 means.
 
-    Lines and places are point columns and layers for vertical blooming, layers and points for horizontal.
+    Lines and places are point columns and layers for vertical blooming, layers and points for horizontal. `within`:
+    where in a bin its light comes, as `response_of` takes it; empty where its true range is not known.
     """
 
     distance_m: float
@@ -55,6 +62,7 @@ class BrightTarget:
     place: IntArray
     signal: FloatArray
     setting: Setting | None = None
+    within: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,8 @@ def target_in_scan(
     The setting of its distance says where to look; defaults hold only where something saturates there. `InputError`
     names what was found instead.
     """
-    bright = scan.take(saturated(scan.peak, scan.area, sensor))
+    # A beam whose detectors fire twice may show two echoes, each of which saturates: it is one beam.
+    bright = strongest_echoes(scan.take(saturated(scan.peak, scan.area, sensor)))
     if not len(bright):
         full = sensor.detectors * sensor.on_bins
         most = f"the largest AREA is {scan.area.max():g}" if len(scan) else "it has no echoes"
@@ -114,29 +123,48 @@ def target_in_scan(
     inside = np.abs(range_m - at) <= GATE_M
     line, place = lines_and_places(bright, axis)
     keep = inside if setting is None else inside & _in_setting(line, place, setting, axis)
-    keep &= _brightest(bright.area, line, place, keep, sensor)
+    keep &= _brightest(bright.area, line, place, inside, sensor)
     signal = np.full(int(keep.sum()), signal_at_1m / at**2)
     center = float(np.median(place[keep])) if setting is None else float(setting.center)
     return BrightTarget(at, center, line[keep], place[keep], signal, setting)
 
 
-def _brightest(area: FloatArray, line: IntArray, place: IntArray, keep: BoolArray, sensor: Sensor) -> BoolArray:
+def _brightest(area: FloatArray, line: IntArray, place: IntArray, inside: BoolArray, sensor: Sensor) -> BoolArray:
     """Whether beams lie within the target, not in bloom so strong that all detectors fire there too.
 
     Where detectors fire again while the target's light lasts its AREA is well above one firing of each; then beams
-    count from the first to the last on each line that are nearer to the target's AREA. Else all count.
+    count from the first to the last on each line that are nearer to the target's AREA, or whose neighbours on the
+    lines beside are as often as on the target: a beam of it may fire once by chance. Where most of its beams fire
+    once, as the target's place within a bin decides, AREA does not tell and all count. `inside`: at its range.
     """
     one_firing = sensor.detectors * sensor.on_bins
-    top = float(np.quantile(area[keep], 0.9)) if np.any(keep) else 0.0
-    if top < _AGAIN * one_firing:
+    top = float(np.quantile(area[inside], 0.9)) if np.any(inside) else 0.0
+    far = inside & (area >= 0.5 * (top + one_firing))
+    if top < _AGAIN * one_firing or np.mean(far[inside & _between(far, line, place)]) < _MOSTLY:
         return np.ones(len(area), dtype=bool)
-    far = keep & (area >= 0.5 * (top + one_firing))
-    within = np.zeros(len(area), dtype=bool)
-    for one in np.unique(line[far]):
+    often = far | (inside & (_share_beside(far, inside, line, place) >= 0.5 * np.mean(far[inside])))
+    return _between(often, line, place)
+
+
+def _between(which: BoolArray, line: IntArray, place: IntArray) -> BoolArray:
+    """Beams from the first to the last of those in `which` on their line."""
+    within = np.zeros(len(which), dtype=bool)
+    for one in np.unique(line[which]):
         on = line == one
-        low, high = place[far & on].min(), place[far & on].max()
+        low, high = place[which & on].min(), place[which & on].max()
         within |= on & (place >= low) & (place <= high)
     return within
+
+
+def _share_beside(far: BoolArray, inside: BoolArray, line: IntArray, place: IntArray) -> FloatArray:
+    """Of the beams at the same place on up to three lines to either side, the share that is far; shape (n,)."""
+    shape = (int(line.max()) + 1 + 2 * _LINES, int(place.max()) + 1)
+    counts = []
+    for which in (far, inside):
+        held = np.zeros(shape)
+        np.add.at(held, (line[which] + _LINES, place[which]), 1.0)
+        counts.append(sum(held[line + k, place] for k in range(2 * _LINES + 1)))
+    return np.asarray(counts[0] / np.maximum(counts[1], 1.0))
 
 
 def _setting(
@@ -201,7 +229,9 @@ def _clusters_m(range_m: FloatArray) -> Sequence[float]:
     return [float(np.median(part)) for part in sorted(parts, key=len, reverse=True)[:5]]
 
 
-def bright_beams(light: Light, axis: Axis, bright_signal: float, distance_m: float | None, name: str) -> BrightTarget:
+def bright_beams(
+    light: Light, sensor: Sensor, axis: Axis, bright_signal: float, distance_m: float | None, name: str
+) -> BrightTarget:
     """The target by the light of an ideal scan: pulses of S >= `bright_signal`, as the effect takes them.
 
     Without a distance there must be but one range at which such light is. `InputError` names those there are.
@@ -225,7 +255,14 @@ def bright_beams(light: Light, axis: Axis, bright_signal: float, distance_m: flo
     beam = light.pulse_beam[keep]
     order = np.lexsort((places[beam], lines[beam]))
     beam, signal = beam[order], light.pulse_signal[keep][order]
-    return BrightTarget(at, float(np.median(places[beam])), lines[beam], places[beam], signal)
+    center, within = float(np.median(places[beam])), _within(light.pulse_range_m[keep], sensor)
+    return BrightTarget(at, center, lines[beam], places[beam], signal, within=within)
+
+
+def _within(range_m: FloatArray, sensor: Sensor) -> tuple[float, ...]:
+    """Where in a bin light from these ranges comes, each place as often as it does there."""
+    part = np.sort(range_m / bin_length_m(sensor) % 1.0)
+    return tuple(part[((np.arange(_PLACES) + 0.5) * len(part) / _PLACES).astype(np.int64)].tolist())
 
 
 def own_light(light: Light, target: BrightTarget, axis: Axis, bright_signal: float) -> OwnLight:

@@ -192,7 +192,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             raise InputError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
         return cells_of_scan(scan, target, axis, name=name)
     light, _ = _light_of(ideal_of(measured.ideal), bench.model)
-    target = bright_beams(light, axis, bench.bright_signal, measured.distance_m, name)
+    target = bright_beams(light, bench.sensor, axis, bench.bright_signal, measured.distance_m, name)
     own = own_light(light, target, axis, bench.bright_signal)
     return cells_of_scan(scan, target, axis, own=own, name=name)
 
@@ -231,9 +231,11 @@ def calibrate(
     for number, row in enumerate(rows):
         if row.status != "held":
             new = new.with_y(bench.axis, number, row.y)
-    response = response_of(bench.sensor, fit.shape)
     final = nodes_of(new.tables[bench.axis], bench.axis)
-    expected = tuple(expected_profile(cells, final, response, fit.brightness) for cells in measured)
+    expected = tuple(
+        expected_profile(cells, final, response_of(bench.sensor, fit.shape, within=cells.within), fit.brightness)
+        for cells in measured
+    )
     profiles = tuple(profile_of(cells) for cells in measured)
     return BloomingCalibration(bench.axis, fit, new, rows, tuple(measured), profiles, expected)
 

@@ -137,8 +137,8 @@ def _expected(cells: Sequence[Cells], bench: ModelSide, lut: Path) -> list[Profi
     from lidarcheck.formats.lut import load_lut
 
     nodes = nodes_of(table_of(load_lut(lut), bench.axis, lut), bench.axis)
-    response = response_of(bench.sensor, bench.shape)
-    return [expected_profile(one, nodes, response) for one in cells]
+    responses = [response_of(bench.sensor, bench.shape, within=one.within) for one in cells]
+    return [expected_profile(one, nodes, response) for one, response in zip(cells, responses, strict=True)]
 
 
 def fit(

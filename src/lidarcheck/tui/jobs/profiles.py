@@ -104,7 +104,7 @@ class Profiles:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._responses: dict[tuple[str, Axis], Response] = {}
+        self._responses: dict[tuple[str, Axis, tuple[float, ...]], Response] = {}
 
     def measured(self, choice: Choice) -> Node:
         """The dataset as it was read: `ProfileData`."""
@@ -154,16 +154,17 @@ class Profiles:
         from lidarcheck.calibration.blooming.workflow import expected_profile
 
         shown: ProfileData = self.session.compute(measured).value
-        return expected_profile(shown.cells, nodes_of(table, shown.cells.axis), self._response(choice))
+        response = self._response(choice, shown.cells.within)
+        return expected_profile(shown.cells, nodes_of(table, shown.cells.axis), response)
 
-    def _response(self, choice: Choice) -> Response:
+    def _response(self, choice: Choice, within: tuple[float, ...]) -> Response:
         """How the sensor answers to light. The first one on a machine compiles the model's kernels."""
         from lidarcheck.calibration.blooming.response import response_of
 
-        of = (self._bare(choice), choice.axis)
+        of = (self._bare(choice), choice.axis, within)
         if of not in self._responses:
             bench = self._bench(choice)
-            self._responses[of] = response_of(bench.sensor, bench.shape)
+            self._responses[of] = response_of(bench.sensor, bench.shape, within=within)
         return self._responses[of]
 
     def _bench(self, choice: Choice) -> ModelSide:
