@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +12,18 @@ from lidarcheck.errors import InputError
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import VARIANTS, Sensor
 
-__all__ = ["ABOVE_SATURATION", "above_saturation", "check_variant", "check_variants", "other_variant", "variant_of"]
+if TYPE_CHECKING:
+    from lidarcheck.model.spec import Model
+
+__all__ = [
+    "ABOVE_SATURATION",
+    "OneVariant",
+    "above_saturation",
+    "check_variant",
+    "check_variants",
+    "other_variant",
+    "variant_of",
+]
 
 ABOVE_SATURATION, FEWEST_ABOVE = 1.05, 3
 FEWEST_AT_TOP = 10
@@ -86,3 +98,24 @@ def check_variant(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "mo
     what = other_variant([scan], sensor)
     if what:
         raise InputError(what, file=file or None, fix=f"name the {asked} of the variant that measured")
+
+
+class OneVariant:
+    """Holds all scans of a command to one variant: its model's, else that of the first scan that gives one away."""
+
+    def __init__(self, model: Model | None = None) -> None:
+        """`model`: None where none is known; a model that runs a program may see with any detector."""
+        self._sensor = model.sensor if model is not None and model.external is None else None
+        self._first: tuple[str, str] | None = None
+
+    def check(self, scan: Scan, file: str | Path) -> None:
+        """`InputError` names the file that another variant has measured, and by what that is seen."""
+        if self._sensor is not None:
+            check_variant(scan, self._sensor, file)
+            return
+        found = variant_of(scan)
+        if self._first is None:
+            self._first = (found, str(file)) if found else None
+        elif found and found != self._first[0]:
+            what = f"saturates as {found} does (PEAK up to {scan.peak.max():g}), {self._first[1]} as {self._first[0]}"
+            raise InputError(what, file=file, fix="give scans of one variant")

@@ -19,13 +19,13 @@ from lidarcheck.calibration.panels.workflow import (
     PanelSettings,
     characterise,
     panel_scan,
-    same_scene,
 )
 from lidarcheck.cli import main
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.pages.panels import document, page
 from lidarcheck.formats import load_ideal, load_scan, save_scan
 from lidarcheck.formats.plain import plain
+from lidarcheck.kpi.scenes import same_scene
 from lidarcheck.scan import Fired, Scan
 from lidarcheck.sensor import beam_directions
 from places import shared_path

@@ -259,3 +259,21 @@ def test_echoes_where_none_is_simulated_are_said_in_percent():
     """All beams, not 1e+02 % of them."""
     assert _how_much("echo", 1.0, 0.0) == "echoes on 100 % of the beams instead of none"
     assert _how_much("echo", 0.038, 0.0) == "echoes on 3.8 % of the beams instead of none"
+
+
+def test_several_scenes_in_one_map_are_said(street):
+    """The same street with another wall: two scenes. Frames of one scene, and copies of it, are one."""
+    _, _, ideal, scan, model = street
+    farther = replace(ideal, distance_m=np.where(ideal.distance_m > 0.0, ideal.distance_m + 0.5, 0.0))
+    frames = [
+        simulated_frame(scan, ideal, model, seed=1, number=0),
+        simulated_frame(scan, replace(ideal), model, seed=2, number=1),
+        simulated_frame(simulate(farther, model, seed=3), farther, model, seed=3, number=2),
+    ]
+    assert compare_scene(frames[:2]).scenes == 1
+    result = compare_scene(frames)
+    assert (result.frames, result.scenes) == (3, 2)
+    shown = page(result)
+    assert "3 frames of 2 scenes, taken together," in shown.summary
+    (sectors,) = [section for section in shown.sections if section.title == "By sector"]
+    assert any(line.startswith("The 2 scenes stand in one map") for line in sectors.words)

@@ -12,11 +12,10 @@ from lidarcheck.cases.source import Named, scan_of
 from lidarcheck.errors import InputError
 from lidarcheck.formats import save_scan
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
-from lidarcheck.kpi.variant import above_saturation, other_variant
+from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import load_model, simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Sensor
 
 __all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
 
@@ -64,7 +63,8 @@ def find_in(
     """What a scan, placed as declared, shows. `InputError` where it is not what the ideal scan and the model say."""
     scan = scan_of(path, placement)
     sensor = None if model is None else model.sensor
-    _check_variant(path, scan, sensor)
+    if sensor is not None:
+        check_variant(scan, sensor, str(path))
     view = None if ideal is None else _view(ideal)
     try:
         found = find_ghosts(scan, name=name, sensor=sensor, above=bright, expected_m=expected_m, view=view)
@@ -81,18 +81,6 @@ def find_simulated(
     """The same search in what the model makes of the ideal scan."""
     scan = simulate(ideal, model, seed=seed)
     return find_ghosts(scan, name=f"the simulation of {found.name}", sensor=found.sensor, above=bright)
-
-
-def _check_variant(path: Named, scan: Scan, sensor: Sensor | None) -> None:
-    """Refuse a scan of another variant than the model's."""
-    if sensor is None or "PEAK" in scan.defaulted or not len(scan):
-        return
-    fault = above_saturation(scan, sensor, str(path))
-    if fault is not None:
-        raise fault
-    other = other_variant([scan], sensor)
-    if other:
-        raise InputError(other, file=str(path), fix="name the model of the variant that measured")
 
 
 def _view(ideal: IdealScan) -> tuple[int, int, int, int]:

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame, same_scene
+from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame
 from lidarcheck.cases.source import Named, ideal_of, scan_of
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
+from lidarcheck.kpi.scenes import same_scene
+from lidarcheck.kpi.variant import OneVariant
 from lidarcheck.model import Model, simulate
-from lidarcheck.scan import IdealScan
+from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["arrangements_of", "provenance"]
 
@@ -28,13 +30,17 @@ def arrangements_of(
 ) -> Iterator[Arrangement]:
     """The frames by the scene that they show: those of ideal scans that say the same belong together.
 
-    `placement`: what is declared of the measured files.
+    A frame of another variant than the model's, or than the frames before, is refused when it is read. `placement`:
+    what is declared of the measured files.
     """
-    real = [_frame(path, placement) for path in measured]
+    variant = OneVariant(model)
+    real = [_frame(path, variant, placement) for path in measured]
     if len(ideals) < 2:
         scene = ideal_of(ideals[0]) if ideals else None
         made = (
-            [_frame(path) for path in simulated] if scene is None or model is None else _made(scene, model, seed, real)
+            [_frame(path, variant) for path in simulated]
+            if scene is None or model is None
+            else _made(scene, model, seed, real)
         )
         yield Arrangement(scene, real, made)
         return
@@ -42,7 +48,7 @@ def arrangements_of(
         if model is not None:
             made = _made(scene, model, seed + members[0], [real[i] for i in members])
         else:
-            made = [_frame(simulated[i]) for i in members] if simulated else []
+            made = [_frame(simulated[i], variant) for i in members] if simulated else []
         yield Arrangement(scene, [real[i] for i in members], made)
 
 
@@ -59,8 +65,13 @@ def _scenes(ideals: Sequence[Named]) -> list[tuple[IdealScan, list[int]]]:
     return scenes
 
 
-def _frame(path: Named, placement: Placement = AS_IT_IS) -> PanelFrame:
-    return PanelFrame(str(path), partial(scan_of, path, placement))
+def _frame(path: Named, variant: OneVariant, placement: Placement = AS_IT_IS) -> PanelFrame:
+    def load() -> Scan:
+        scan = scan_of(path, placement)
+        variant.check(scan, str(path))
+        return scan
+
+    return PanelFrame(str(path), load)
 
 
 def _made(scene: IdealScan, model: Model, seed: int, real: Sequence[PanelFrame]) -> list[PanelFrame]:

@@ -24,7 +24,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.kpi.scatter import RangeScatter
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["Arrangement", "PanelFrame", "PanelSettings", "PanelsResult", "characterise", "panel_scan", "same_scene"]
+__all__ = ["Arrangement", "PanelFrame", "PanelSettings", "PanelsResult", "characterise", "panel_scan"]
 
 Progress = Callable[[int, int, str], object]
 
@@ -38,7 +38,6 @@ FEWEST_SEEN = 20.0
 """Beams on panels that a frame usually shows, from which on a frame without any is no chance."""
 SOME_REJECTS = 4
 WALK_BINS_ALL = 24
-SAME_M, SAME_SHARE = 0.02, 0.99
 
 
 @dataclass(frozen=True)
@@ -124,15 +123,6 @@ def panel_scan(samples: PanelSamples) -> Scan:
     """The echoes of a panel with the frame that each comes from, counted from 0, as column Frame."""
     extra = {name: column for name, column in samples.scan.extra.items() if name.upper() != "FRAME"}
     return replace(samples.scan, extra={**extra, "Frame": samples.frame.astype(np.int32)})
-
-
-def same_scene(one: IdealScan, other: IdealScan) -> bool:
-    """Whether two ideal scans are of one scene: the same beams, 99 % of which meet something at one distance."""
-    if len(one) != len(other) or not (
-        np.array_equal(one.layer, other.layer) and np.array_equal(one.point, other.point)
-    ):
-        return False
-    return bool(np.mean(np.abs(one.distance_m - other.distance_m) <= SAME_M) >= SAME_SHARE)
 
 
 def _one(arrangement: Arrangement, settings: PanelSettings, progress: Progress) -> _Part:

@@ -35,6 +35,7 @@ from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.overlap import RADIUS_M, Overlap, overlap
+from lidarcheck.kpi.scenes import number_of_scenes
 from lidarcheck.scan import Scan
 
 __all__ = ["MOST_SECTORS", "SceneComparison", "compare_scene"]
@@ -48,7 +49,8 @@ FLOOR_EVERY = 10
 class SceneComparison:
     """What a scene comparison found.
 
-    `by`: what the parts are, "object", "material" or "surface". `overlap`: of each frame; `overlap_floor`: of two
+    `by`: what the parts are, "object", "material" or "surface". `scenes`: how many the frames show, by their ideal
+    scans; maps and parts hold them together. `overlap`: of each frame; `overlap_floor`: of two
     simulations of the first, looked at from a tenth of the points, None without a second. `features`: over all echoes
     from a surface. `disagreements`: the largest first; `more`: groups that also stand out and are not listed;
     `bound_z`, `tests`: of `scene_compare_rank`. `layer_echo`: by layer (from 0) the share of beams with an echo,
@@ -57,6 +59,7 @@ class SceneComparison:
 
     by: str
     frames: int
+    scenes: int
     beams: int
     echoes_measured: int
     echoes_simulated: int
@@ -127,6 +130,7 @@ def _without_covers(
     return SceneComparison(
         by=kind,
         frames=len(frames),
+        scenes=number_of_scenes(frame.ideal for frame in frames),
         beams=int(np.count_nonzero(units.first)),
         echoes_measured=sum(len(frame.measured) for frame in frames),
         echoes_simulated=sum(len(frame.simulated) for frame in frames),

@@ -208,11 +208,15 @@ def _simulated(
     from lidarcheck.calibration.ghosts.files import find_simulated
     from lidarcheck.calibration.ghosts.workflow import find_ghosts
     from lidarcheck.cases.source import scan_of
+    from lidarcheck.kpi.variant import check_variant
 
     others = []
     for i, one in enumerate(found):
         if paths:
-            others.append(find_ghosts(scan_of(paths[i]), name=str(paths[i]), sensor=one.sensor, above=bright))
+            scan = scan_of(paths[i])
+            if one.sensor is not None:
+                check_variant(scan, one.sensor, str(paths[i]))
+            others.append(find_ghosts(scan, name=str(paths[i]), sensor=one.sensor, above=bright))
         elif ideals and model is not None:
             with stage(f"simulating {one.name}"):
                 others.append(find_simulated(one, ideals[i], model, bright=bright, seed=seed))

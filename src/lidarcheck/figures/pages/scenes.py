@@ -34,6 +34,8 @@ def page(result: SceneComparison, provenance: Mapping[str, str] | None = None) -
 
 def _summary(result: SceneComparison) -> str:
     frames = "frame" if result.frames == 1 else f"{result.frames} frames"
+    if result.scenes > 1:
+        frames += f" of {result.scenes} scenes, taken together,"
     if not result.disagreements:
         chance = (
             f"chance gives in {100.0 * (1.0 - FALSE_ALARMS):.0f} % of frames" if result.has_floor else "chance gives"
@@ -156,6 +158,11 @@ def _sectors(result: SceneComparison) -> Section:
     rows, columns = s.beams.shape
     standing = int(np.count_nonzero(np.nan_to_num(s.strength) > 0.0))
     words = [f"{columns} by {rows} sectors, {standing} of which stand out by themselves."]
+    if result.scenes > 1:
+        words.append(
+            f"The {result.scenes} scenes stand in one map, direction by direction, whatever is there in each; name the "
+            "frames of one scene alone for a map of it."
+        )
     table = _sector_table(s)
     left = int(np.count_nonzero(s.beams)) - len(table.rows)
     words += [f"The {len(table.rows)} that stand out most; result.json has {left} more."] if left else []
