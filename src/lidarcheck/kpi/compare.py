@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -11,13 +12,14 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.errors import UsageError
-from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile, target_offset
+from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile
 from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, SurfaceGap, TargetGap
 from lidarcheck.kpi.detection import detection_probability, false_alarms, range_edges
 from lidarcheck.kpi.distances import energy, js, ks, ordered, wasserstein
-from lidarcheck.kpi.ghost import Ghost, ghost, ghost_partners
+from lidarcheck.kpi.ghost import Ghost, ghost
 from lidarcheck.kpi.overlap import RADIUS_M, overlap
-from lidarcheck.kpi.pairing import OF_SURFACE_M, Pairing, pair_echoes, pair_with_ideal, ranges
+from lidarcheck.kpi.pairing import EchoPairs, Pairing, pair_echoes, pair_with_ideal
+from lidarcheck.kpi.target import beside_target, ghost_rows, target_rows
 from lidarcheck.kpi.validation import dvm, mean, spread
 from lidarcheck.kpi.walk import WalkOffset, walk_offset
 from lidarcheck.scan import IdealScan, Scan
@@ -25,13 +27,41 @@ from lidarcheck.scan import IdealScan, Scan
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
 
-__all__ = ["COLUMNS", "STAND_INS", "Comparison", "KpiRow", "compare", "feature_column", "feature_gap"]
+__all__ = [
+    "COLUMNS",
+    "RANGE_RESIDUAL",
+    "STAND_INS",
+    "Compared",
+    "Comparison",
+    "KpiRow",
+    "compare",
+    "feature_column",
+    "feature_gap",
+]
 
 RANGE_RESIDUAL = "range_residual"
 COLUMNS = {"PEAK": ("peak", ""), "AREA": ("area", ""), "WIDTH": ("width_ns", "ns")}
 """Standard features: column of the scan, unit (PEAK and AREA count detectors)."""
 STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
 """What sensors without PEAK and AREA bring."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two scans with what a comparison has found out of them, for whoever looks at single rows.
+
+    `m`, `s`: beside the surfaces, None without an ideal scan; `target`: its rows there, shape (n_ideal,), or None;
+    `pairs`: echoes of one beam.
+    """
+
+    measured: Scan
+    simulated: Scan
+    m: Pairing | None
+    s: Pairing | None
+    ideal: IdealScan | None
+    target: BoolArray | None
+    pairs: EchoPairs
+    comparison: Comparison
 
 
 def compare(
@@ -43,46 +73,54 @@ def compare(
     target: npt.ArrayLike | None = None,
     radius_m: float = RADIUS_M,
     files: Mapping[str, PathLike[str] | str] | None = None,
+    look: Callable[[Compared], object] | None = None,
 ) -> Comparison:
     """Every KPI that the two scans, and what is known besides, allow.
 
     PEAK, AREA, WIDTH and, where both scans have them, INTENSITY, SIGNAL and REFLECTIVITY are compared over all
     echoes. With the ideal scan: the range residuals and the walk of the echoes that come from a surface (±2 m),
-    detection probability per 10 m and false alarms (±0.5 m). Without it there is no residual; `paired` then tells how
-    the ranges of one beam differ. Ghost and blooming need a target: the rows of the ideal scan in the mask `target`,
-    shape (n_ideal,), or else those whose material is a retro-reflector in `model`. `left_out` names what was not
-    compared. `files`: where the scans `measured` and `simulated` were read from, for messages. `UsageError`: an echo on
-    a beam that the ideal scan does not have; a mask of another shape.
+    detection probability per 10 m and false alarms (`pairing.surface_window_m`). Without it there is no residual;
+    `paired` then tells how the ranges of one beam differ. Ghost and blooming need a target: the rows of the ideal scan
+    in the mask `target`, shape (n_ideal,), or else those whose material is a retro-reflector in `model`. `left_out`
+    names what was not compared. `files`: where the scans `measured` and `simulated` were read from, for messages.
+    `look`: gets the rows that the comparison rests on, as a test against chance does. `UsageError`: an echo on a beam
+    that the ideal scan does not have; a mask of another shape.
     """
     features: dict[str, FeatureGap] = {}
     left_out: dict[str, str] = {}
     surfaces: SurfaceGap | None = None
     bright: TargetGap | None = None
+    m = s = mask = None
     if ideal is None:
         left_out[RANGE_RESIDUAL] = "needs the ideal scan"
     else:
         m, s = (
-            _pair(ideal, scan, side, files or {}) for side, scan in (("measured", measured), ("simulated", simulated))
+            _pair(ideal, scan, side, files or {}, model)
+            for side, scan in (("measured", measured), ("simulated", simulated))
         )
         features[RANGE_RESIDUAL] = feature_gap(m.residual_m[m.of_surface], s.residual_m[s.of_surface], unit="m")
         surfaces = _surfaces(measured, simulated, m, s)
         if surfaces.walk is None:
             left_out["walk_offset"] = "needs AREA in both scans"
-        mask = _target(ideal, model, target)
+        mask = target_rows(ideal, model, target)
         bright = None if mask is None else _bright(measured, simulated, m, s, ideal, mask)
     if bright is None:
         left_out["ghost, blooming_profile"] = "need the ideal scan and a model with the retro-reflector that it shows"
     _compare_columns(measured, simulated, features, left_out)
-    return Comparison(
+    pairs = pair_echoes(measured, simulated)
+    comparison = Comparison(
         n_measured=len(measured),
         n_simulated=len(simulated),
         features=features,
         left_out=left_out,
-        paired=_paired(measured, simulated),
+        paired=_paired(pairs),
         overlap=overlap(_positions(measured), _positions(simulated), radius_m=radius_m),
         surfaces=surfaces,
         target=bright,
     )
+    if look is not None:
+        look(Compared(measured, simulated, m, s, ideal, mask, pairs, comparison))
+    return comparison
 
 
 def feature_gap(measured: npt.ArrayLike, simulated: npt.ArrayLike, *, unit: str = "") -> FeatureGap:
@@ -127,9 +165,11 @@ def feature_column(scan: Scan, name: str) -> FloatArray | None:
     return named.get(name)
 
 
-def _pair(ideal: IdealScan, scan: Scan, side: str, files: Mapping[str, PathLike[str] | str]) -> Pairing:
+def _pair(
+    ideal: IdealScan, scan: Scan, side: str, files: Mapping[str, PathLike[str] | str], model: Model | None
+) -> Pairing:
     try:
-        return pair_with_ideal(ideal, scan)
+        return pair_with_ideal(ideal, scan, None if model is None else model.sensor)
     except UsageError as error:
         what = error.what.replace("the scan", f"the {side} scan", 1)
         raise UsageError(what, file=files.get(side), fix=error.fix) from error
@@ -152,24 +192,6 @@ def _surfaces(measured: Scan, simulated: Scan, m: Pairing, s: Pairing) -> Surfac
     )
 
 
-def _target(ideal: IdealScan, model: Model | None, target: npt.ArrayLike | None) -> BoolArray | None:
-    """Rows of the ideal scan that are the target, shape (n_ideal,), or None where none is known."""
-    if target is not None:
-        mask = np.asarray(target)
-        if mask.dtype != np.bool_ or mask.shape != (len(ideal),):
-            raise UsageError(
-                f"the target is {mask.dtype} of shape {mask.shape}",
-                fix=f"give a mask of the ideal scan's {len(ideal)} rows",
-            )
-    elif model is not None:
-        retro = [number for number, material in model.materials.items() if material.kind == "retro"]
-        mask = np.isin(ideal.material_id, retro)
-    else:
-        return None
-    hit = mask & (ideal.distance_m > 0.0)
-    return hit if hit.any() else None
-
-
 def _bright(measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: IdealScan, target: BoolArray) -> TargetGap:
     return TargetGap(
         ghost_measured=_ghost(measured, m, target),
@@ -179,44 +201,26 @@ def _bright(measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: Idea
     )
 
 
-def _on_target(pairing: Pairing, target: BoolArray) -> BoolArray:
-    return pairing.of_surface & target[pairing.surface] & (pairing.surface >= 0)
-
-
 def _ghost(scan: Scan, pairing: Pairing, target: BoolArray) -> Ghost:
-    on_target = _on_target(pairing, target)
-    partner = ghost_partners(scan, on_target)
-    # What stands at twice the range is a surface, not a ghost.
-    found = np.flatnonzero((partner >= 0) & ~pairing.of_surface)
-    rows, xyz = np.flatnonzero(on_target), _positions(scan)
+    rows, found, partner = ghost_rows(scan, pairing, target)
+    xyz = _positions(scan)
     return ghost(
         *(xyz[rows], scan.area[rows], scan.peak[rows]),
         *(xyz[found], scan.area[found], scan.peak[found]),
-        partner=np.searchsorted(rows, partner[found]),
+        partner=partner,
     )
 
 
 def _blooming(
     measured: Scan, simulated: Scan, m: Pairing, s: Pairing, ideal: IdealScan, target: BoolArray, axis: Axis
 ) -> BloomingProfile:
-    m_offset, m_area = _beside_target(measured, m, ideal, target, axis)
-    s_offset, s_area = _beside_target(simulated, s, ideal, target, axis)
-    return blooming_profile(m_offset, m_area, s_offset, s_area)
+    (m_row, m_offset), (s_row, s_offset) = (
+        beside_target(scan, pairing, ideal, target, axis) for scan, pairing in ((measured, m), (simulated, s))
+    )
+    return blooming_profile(m_offset, measured.area[m_row], s_offset, simulated.area[s_row])
 
 
-def _beside_target(
-    scan: Scan, pairing: Pairing, ideal: IdealScan, target: BoolArray, axis: Axis
-) -> tuple[FloatArray, FloatArray]:
-    """Offset and AREA of the target's echoes and of those at its range on beams that do not see it."""
-    rows = np.flatnonzero(target)
-    offset, near = target_offset(scan.layer, scan.point, ideal.layer[rows], ideal.point[rows], axis)
-    at_its_range = np.abs(ranges(scan) - ideal.distance_m[rows[near]]) <= OF_SURFACE_M
-    of_target = _on_target(pairing, target) | (~pairing.of_surface & at_its_range)
-    return offset[of_target], scan.area[of_target]
-
-
-def _paired(measured: Scan, simulated: Scan) -> Paired:
-    pairs = pair_echoes(measured, simulated)
+def _paired(pairs: EchoPairs) -> Paired:
     d = ordered(pairs.difference_m)
     median = float(np.median(d)) if d.size else float("nan")
     return Paired(d.size, median, mean(d), spread(d), pairs.beams_both, pairs.beams_measured, pairs.beams_simulated)

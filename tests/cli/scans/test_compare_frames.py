@@ -28,11 +28,13 @@ def frames(bench_dir):
 def test_directories_are_compared_frame_by_frame(frames, capsys):
     assert main(["compare", "real", "sim", "--ideal", "ideal.txt", "--json", "kpis.json", "-q"]) == 0
     header, *rows = capsys.readouterr().out.splitlines()
-    assert header.split() == ["KPI", "of", "frames", "median", "5", "%", "95", "%", "unit"]
+    assert header.split() == ["KPI", "of", "median", "chance", "unit", "verdict", "frames", "5", "%", "95", "%"]
     found = json.loads(Path("kpis.json").read_text())
     assert [Path(one["measured"]).name for one in found["frames"]] == ["frame_0.txt", "frame_1.txt", "frame_2.txt"]
     assert [Path(one["simulated"]).name for one in found["frames"]] == ["frame_0.pcd", "frame_1.pcd", "frame_2.pcd"]
-    assert len(rows) == len(found["over_frames"])
+    assert rows[-1] == found["chance"]["closing"]
+    assert rows[-1].endswith("chance between frames is not in it.")
+    assert len(rows) > len(found["over_frames"])
     areas = [one["features"]["AREA"]["wasserstein"] for one in found["frames"]]
     (area,) = [k for k in found["over_frames"] if (k["kpi"], k["of"]) == ("wasserstein", "AREA")]
     assert area["frames"] == 3
@@ -49,6 +51,20 @@ def test_each_frame_may_have_an_ideal_scan(frames, capsys):
     one = json.loads(capsys.readouterr().out)
     assert main(["compare", "real", "sim", "--ideal", "ideal.txt", "--json", "-", "-q"]) == 0
     assert json.loads(capsys.readouterr().out) == one
+
+
+def test_frames_of_several_scenes_are_said(frames, capsys):
+    """The wall of the last frame stands elsewhere."""
+    Path("ideals").mkdir()
+    for k in range(3):
+        shutil.copy("ideal.txt", f"ideals/frame_{k}.txt")
+    assert main(["compare", "real", "sim", "--ideal", "ideals", "-q"]) == 0
+    assert "another scene" not in capsys.readouterr().out
+    file = Path("ideals/frame_2.txt")
+    file.write_text(file.read_text().replace(" 30.0 ", " 30.6 "))
+    assert main(["compare", "real", "sim", "--ideal", "ideals", "--json", "kpis.json", "-q"]) == 0
+    assert "1 of 3 frames show another scene than the first: each KPI is of all of them." in capsys.readouterr().out
+    assert json.loads(Path("kpis.json").read_text())["other_scenes"] == 1
 
 
 @pytest.mark.parametrize(

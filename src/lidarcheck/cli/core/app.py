@@ -45,10 +45,12 @@ COMMANDS = (
         "Compare a measured scan with a simulated one.",
         "Prints the KPIs: distances of range residual, PEAK, AREA and WIDTH, detection, walk, overlap. With the ideal "
         "scan also those that need to know which beams meet a surface. Of many frames, paired by name or number, the "
-        "median and the spread of each KPI.",
+        "median and the spread of each KPI. Beside each stands what chance gives: the 95th percentile when the two "
+        "sides are exchanged at random, by blocks of columns or by frames; the last line says which KPIs stand out "
+        "from that. Exit code 0: done; 1: a --fail-on is met; 2: could not run.",
         (
             "lidarcheck compare real.txt sim.pcd --ideal ideal.txt --json kpis.json",
-            "lidarcheck compare drive.pcd simulated_frames --ideal ideals",
+            "lidarcheck compare drive.pcd frames --ideal ideals --fail-on 'wasserstein:AREA>20' --out compared",
         ),
     ),
     Command(

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from lidarcheck.cli.core.outputs import json_text, with_origin, write_result
-from lidarcheck.cli.core.terminal import columns, emit, note, number_text, progress, table
+from lidarcheck.cli.core.terminal import columns, note, number_text, progress
+from lidarcheck.cli.scans.compare_results import chance_cells, say, write
+from lidarcheck.cli.scans.fail_on import Condition, Value, outcomes
 
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
     from lidarcheck.formats.geometry import Placement
+    from lidarcheck.kpi.chance.verdict import Verdict
     from lidarcheck.kpi.over_frames import FrameKpi
     from lidarcheck.model import Model
     from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["compare_frames", "geometry_notes"]
 
-COLUMNS = columns("KPI", "of", "frames", "median", "5 %", "95 %", "unit", right=("frames", "median", "5 %", "95 %"))
+COLUMNS = columns(
+    *("KPI", "of", "median", "chance", "unit", "verdict", "frames", "5 %", "95 %"),
+    right=("median", "chance", "frames", "5 %", "95 %"),
+)
 
 
 def compare_frames(
@@ -26,33 +31,62 @@ def compare_frames(
     simulated: Sequence[FrameFile],
     ideal: Path | None,
     model: Model | None,
-    json: str | None,
     placement: Placement,
-) -> None:
-    """Compare the frames of two sides, each read and forgotten; `ideal`: of all, or one for each."""
+    conditions: Sequence[Condition],
+    out: Path | None,
+    json: str | None,
+) -> int:
+    """Compare the frames of two sides, each read and forgotten; `ideal`: of all, or one for each.
+
+    The exit code: 1 where a condition is met. What chance gives is over all frames' rows together.
+    """
     from lidarcheck.cases.partners import paired
     from lidarcheck.cases.source import frames_in, ideal_of, scan_of
+    from lidarcheck.kpi.chance.verdict import ChanceTest
     from lidarcheck.kpi.compare import compare
     from lidarcheck.kpi.over_frames import OverFrames
+    from lidarcheck.kpi.scenes import same_scene
+    from lidarcheck.kpi.variant import OneVariant
 
     pairs = list(zip(measured, paired(measured, simulated), strict=True))
     ideals = [] if ideal is None else frames_in(ideal)
     scenes = paired(measured, ideals) if len(ideals) > 1 else []
     common = ideal_of(ideals[0]) if len(ideals) == 1 else None
-    together, each = OverFrames(), []
+    together, each, test, variant = OverFrames(), [], ChanceTest(), OneVariant(model)
+    first, others = common, 0
     with progress("comparing") as show:
         for done, (one, other) in enumerate(pairs):
             show(done, len(pairs), one.name)
             scene = ideal_of(scenes[done]) if scenes else common
+            first = scene if first is None else first
+            others += scene is not None and first is not None and not same_scene(first, scene)
             files = {"measured": str(one), "simulated": str(other)}
             scans = scan_of(one, placement), scan_of(other)
+            for scan, file in zip(scans, files.values(), strict=True):
+                variant.check(scan, file)
             said = geometry_notes(*scans, scene, Path(str(one)), Path(str(other)))
-            found = compare(*scans, scene, model=model, files=files)
+            found = compare(*scans, scene, model=model, files=files, look=test.add)
             together.add(found)
-            each.append({"measured": str(one), "simulated": str(other), **found.to_dict(), "geometry": said})
+            each.append({**files, **found.to_dict(), "geometry": said})
     for said in [text for one in each for text in one["geometry"]]:
         note(said)
-    _tell(together.kpis(), each, json)
+    verdict, kpis = test.verdict(), together.kpis()
+    left_out = {name: why for one in each for name, why in one["left_out"].items()}
+    failed = outcomes(conditions, [Value(k.kpi, _own(k), k.median) for k in kpis], verdict, left_out)
+    words = [f"{others} of {len(pairs)} frames show another scene than the first: each KPI is of all of them."]
+    frames = {"other_scenes": others, "over_frames": [kpi._asdict() for kpi in kpis], "frames": each}
+    document = {**frames, "chance": verdict.to_dict(), "fail_on": failed}
+    write(out, json, document, [_record(kpi, verdict) for kpi in kpis], verdict)
+    if json != "-":
+        say(
+            COLUMNS,
+            [_row(kpi, verdict) for kpi in kpis],
+            verdict,
+            [f"{n}: {w}" for n, w in left_out.items()],
+            failed,
+            words if others else (),
+        )
+    return int(any(one.met for one in failed))
 
 
 def geometry_notes(
@@ -75,15 +109,19 @@ def geometry_notes(
     return [text for text in said if text]
 
 
-def _tell(kpis: list[FrameKpi], each: list[dict[str, Any]], json: str | None) -> None:
-    if json is not None:
-        write_result(json, json_text(with_origin({"over_frames": [kpi._asdict() for kpi in kpis], "frames": each})))
-    if json != "-":
-        emit(table(COLUMNS, [_row(kpi) for kpi in kpis]))
-    reasons = {f"{name}: {why}" for one in each for name, why in one["left_out"].items()}
-    for reason in sorted(reasons):
-        note(f"not compared: {reason}")
+def _own(kpi: FrameKpi) -> str:
+    """What the KPI is of, as in a single comparison."""
+    return kpi.of.removeprefix("measured ")
 
 
-def _row(kpi: FrameKpi) -> tuple[str, ...]:
-    return kpi.kpi, kpi.of, str(kpi.frames), *map(number_text, (kpi.median, kpi.low, kpi.high)), kpi.unit
+def _record(kpi: FrameKpi, verdict: Verdict) -> dict[str, object]:
+    """A line of the CSV."""
+    chance, word = chance_cells(verdict, kpi.kpi, _own(kpi))
+    found = verdict.kpis.get((kpi.kpi, _own(kpi)))
+    return {**kpi._asdict(), "chance_95": chance, "verdict": word, "why": "" if found is None else found.not_judged}
+
+
+def _row(kpi: FrameKpi, verdict: Verdict) -> tuple[str, ...]:
+    chance, word = chance_cells(verdict, kpi.kpi, _own(kpi))
+    median, chance_text, low, high = map(number_text, (kpi.median, chance, kpi.low, kpi.high))
+    return kpi.kpi, kpi.of, median, chance_text, kpi.unit, word, str(kpi.frames), low, high

@@ -11,7 +11,7 @@ from lidarcheck.figures.svg.shapes import svg, text
 from lidarcheck.figures.svg.subplot import HEIGHT, WIDTH, subplot_svg
 from lidarcheck.figures.words import short
 
-__all__ = ["figure_svg", "svg_file"]
+__all__ = ["figure_svg", "style", "svg_file"]
 
 _TITLE = 16.0
 """Height of a file's title."""
@@ -34,11 +34,11 @@ def svg_file(figure: Figure, *, kind: str = "histogram") -> str:
     whole = svg(figure.title, "".join(parts), name="chart", width=WIDTH, height=height)
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * WIDTH:g}" '
     opening, _, body = whole.replace("<svg ", head, 1).partition(">")
-    return f"{opening}><style>{_style()}.paper {{ fill: var(--paper); }}</style>{body}\n"
+    return f"{opening}><style>{style()}.paper {{ fill: var(--paper); }}</style>{body}\n"
 
 
 @cache
-def _style() -> str:
+def style() -> str:
     """The pages' CSS, of which a picture on its own needs the colours and the plot's rules."""
     templates = resources.files("lidarcheck.figures") / "templates"
     return "\n".join((templates / name).read_text(encoding="utf-8") for name in ("colours.css", "chart.css"))

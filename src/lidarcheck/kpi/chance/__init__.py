@@ -1,0 +1,1 @@
+"""What chance gives: two scans' sides exchanged by whole units, and which KPIs stand out from that."""

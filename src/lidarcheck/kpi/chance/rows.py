@@ -1,0 +1,161 @@
+"""From a frame's comparison to its tallies: which rows a KPI rests on, and in which unit each lies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
+from lidarcheck.kpi.blooming import STEP, Axis
+from lidarcheck.kpi.chance.tallies import Histogram, Sums, block_of
+from lidarcheck.kpi.compare import COLUMNS, RANGE_RESIDUAL, STAND_INS, Compared, feature_column
+from lidarcheck.kpi.detection import Detection
+from lidarcheck.kpi.pairing import Pairing
+from lidarcheck.kpi.target import beside_target, ghost_rows
+from lidarcheck.scan import Scan
+
+__all__ = ["Tallies"]
+
+_OFFSETS = 1024
+"""More layers or points than any target's bloom spans, to either side."""
+Blocks = tuple[IndexArray, IndexArray]
+
+
+@dataclass
+class Tallies:
+    """All that the frames so far hold, by what it is of; `units`: of each frame."""
+
+    units: list[int] = field(default_factory=list)
+    features: dict[str, Histogram] = field(default_factory=dict)
+    counts: dict[tuple[str, str], Sums] = field(default_factory=dict)
+    decades: dict[str, Histogram] = field(default_factory=dict)
+    paired: Histogram = field(default_factory=Histogram)
+    blooming: dict[Axis, Sums] = field(default_factory=dict)
+    ghost: dict[str, Sums] = field(default_factory=dict)
+    ghost_range: Histogram = field(default_factory=Histogram)
+
+    def add(self, found: Compared) -> None:
+        """Take in a frame."""
+        frame, blocks = len(self.units), (block_of(found.measured.point), block_of(found.simulated.point))
+        beams = [] if found.m is None else [int(block_of(found.m.point).max(initial=0))]
+        units = 1 + max(*(int(block.max(initial=0)) for block in blocks), *beams)
+        self.units.append(units)
+        self._features(frame, units, blocks, found)
+        here = [np.bincount(block, minlength=units).astype(np.float64) for block in blocks]
+        _sums(self.counts, ("echoes", "")).frames[frame] = np.stack(here)[:, :, None]
+        difference = found.pairs.difference_m
+        at = blocks[0][found.pairs.measured]
+        self.paired.add(frame, units, (at, at), (difference, -difference))
+        if found.m is not None and found.s is not None:
+            self._surfaces(frame, units, blocks, found, found.m, found.s)
+            if found.target is not None:
+                self._target(frame, units, blocks, found, (found.m, found.s), found.target)
+
+    def merge(self) -> None:
+        """Make each frame one unit."""
+        tables = (self.features, self.counts, self.decades, self.blooming, self.ghost)
+        for sums in (*(one for table in tables for one in table.values()), self.paired, self.ghost_range):
+            sums.merge()
+        self.units = [1] * len(self.units)
+
+    def echoes(self) -> FloatArray:
+        """Number of echoes of both sides in each unit, shape (2, units)."""
+        return self.counts["echoes", ""].all(self.units)[:, :, 0]
+
+    def _features(self, frame: int, units: int, blocks: Blocks, found: Compared) -> None:
+        for name in found.comparison.features:
+            if name == RANGE_RESIDUAL:
+                continue
+            values = [feature_column(scan, name) for scan in (found.measured, found.simulated)]
+            assert name in (*COLUMNS, *STAND_INS)
+            if values[0] is not None and values[1] is not None:
+                _histogram(self.features, name).add(frame, units, blocks, (values[0], values[1]))
+
+    def _surfaces(self, frame: int, units: int, blocks: Blocks, found: Compared, m: Pairing, s: Pairing) -> None:
+        own = [side.of_surface for side in (m, s)]
+        residual = [side.residual_m[rows] for side, rows in zip((m, s), own, strict=True)]
+        at = [block[rows] for block, rows in zip(blocks, own, strict=True)]
+        _histogram(self.features, RANGE_RESIDUAL).add(frame, units, (at[0], at[1]), (residual[0], residual[1]))
+        beam = block_of(m.point)
+        surfaces = found.comparison.surfaces
+        assert surfaces is not None
+        for of, counted in _range_bins(m.distance_m, surfaces.detection_measured):
+            table = [_share(beam, counted & side.judged, side.detected, units) for side in (m, s)]
+            _sums(self.counts, ("detection_probability", of)).frames[frame] = np.stack(table)
+        table = []
+        for block, side in zip(blocks, (m, s), strict=True):
+            away = np.bincount(block[~side.on_surface & side.judged[side.echo_beam]], minlength=units)
+            table.append(np.stack([away, np.bincount(beam[side.judged], minlength=units)], axis=1).astype(np.float64))
+        _sums(self.counts, ("false_alarms", "per beam")).frames[frame] = np.stack(table)
+        if surfaces.walk is not None:
+            self._walk(frame, units, at, residual, [found.measured.area[own[0]], found.simulated.area[own[1]]])
+
+    def _walk(
+        self, frame: int, units: int, at: list[IndexArray], residual: list[FloatArray], area: list[FloatArray]
+    ) -> None:
+        decade = [np.floor(np.log10(np.where(a > 0.0, a, np.nan))) for a in area]
+        for d in np.unique(np.concatenate(decade)[np.isfinite(np.concatenate(decade))]).tolist():
+            rows = [side == d for side in decade]
+            low = 10.0**d
+            _histogram(self.decades, f"AREA {low:g}–{10.0 * low:g}").add(
+                frame, units, (at[0][rows[0]], at[1][rows[1]]), (residual[0][rows[0]], residual[1][rows[1]])
+            )
+
+    def _target(
+        self, frame: int, units: int, blocks: Blocks, found: Compared, sides: tuple[Pairing, Pairing], target: BoolArray
+    ) -> None:
+        assert found.ideal is not None
+        scans = (found.measured, found.simulated)
+        for axis in ("vertical", "horizontal"):
+            per_side = []
+            for scan, pairing, block in zip(scans, sides, blocks, strict=True):
+                rows, offset = beside_target(scan, pairing, found.ideal, target, axis)
+                per_side.append(_by_offset(block[rows], offset / STEP[axis], scan.area[rows], units))
+            self.blooming.setdefault(axis, Sums()).frames[frame] = np.stack(per_side)
+        parts = [ghost_rows(scan, pairing, target) for scan, pairing in zip(scans, sides, strict=True)]
+        for name, which in (("target", 0), ("ghost", 1)):
+            moments = [_moments(s, b, part[which], units) for s, b, part in zip(scans, blocks, parts, strict=True)]
+            self.ghost.setdefault(name, Sums()).frames[frame] = np.stack(moments)
+        ratio = [s.range_m[g] / s.range_m[t[p]] for s, (t, g, p) in zip(scans, parts, strict=True)]
+        at = [block[part[1]] for block, part in zip(blocks, parts, strict=True)]
+        self.ghost_range.add(frame, units, (at[0], at[1]), (ratio[0], ratio[1]))
+
+
+def _histogram(table: dict[str, Histogram], name: str) -> Histogram:
+    return table.setdefault(name, Histogram())
+
+
+def _sums(table: dict[tuple[str, str], Sums], key: tuple[str, str]) -> Sums:
+    return table.setdefault(key, Sums())
+
+
+def _share(beam: IndexArray, counted: BoolArray, hit: BoolArray, units: int) -> FloatArray:
+    """Of the beams that count those that are hit, and all, in each unit, shape (units, 2)."""
+    counts = [np.bincount(beam[which], minlength=units) for which in (counted & hit, counted)]
+    return np.stack(counts, axis=1).astype(np.float64)
+
+
+def _range_bins(distance_m: FloatArray, detection: Detection) -> Iterator[tuple[str, BoolArray]]:
+    """The beams of each line of `detection_probability`, by what the line is of."""
+    edges = detection.edges_m
+    yield "all", distance_m > 0.0
+    for i in np.flatnonzero(detection.beams).tolist():
+        inside = (distance_m > 0.0) & (distance_m >= edges[i]) & (distance_m < edges[i + 1])
+        yield f"{edges[i]:g}–{edges[i + 1]:g} m", inside
+
+
+def _by_offset(block: IndexArray, steps: FloatArray, area: FloatArray, units: int) -> FloatArray:
+    """Number of echoes and their AREA by offset, shape (units, offsets, 2)."""
+    size = 2 * _OFFSETS + 1
+    key = block * size + np.clip(np.rint(steps), -_OFFSETS, _OFFSETS).astype(np.int64) + _OFFSETS
+    counts = [np.bincount(key, weights=weight, minlength=units * size) for weight in (np.ones(len(key)), area)]
+    return np.stack(counts, axis=1).reshape(units, size, 2).astype(np.float64)
+
+
+def _moments(scan: Scan, block: IndexArray, rows: IndexArray, units: int) -> FloatArray:
+    """Number of the rows, and sums of their AREA, PEAK, x, y, z and r², shape (units, 7)."""
+    xyz = [column[rows] for column in (scan.x_m, scan.y_m, scan.z_m)]
+    columns = [np.ones(len(rows)), scan.area[rows], scan.peak[rows], *xyz, sum(c**2 for c in xyz)]
+    return np.stack([np.bincount(block[rows], weights=column, minlength=units) for column in columns], axis=1)
