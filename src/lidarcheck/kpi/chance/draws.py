@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 
 __all__ = ["Mixed", "blooming_draws", "difference_draws", "mixed", "moments_draws", "ratio_draws", "scatter_draws"]
@@ -64,7 +65,7 @@ class Mixed:
 
 def _entropy_bits(p: FloatArray) -> FloatArray:
     some = np.maximum(p, 0.0)
-    return np.asarray(-np.sum(some * np.log2(np.where(some > 0.0, some, 1.0)), axis=1))
+    return np.asarray(-np.sum(some * elementary.log2(np.where(some > 0.0, some, 1.0)), axis=1))
 
 
 def mixed(value: FloatArray, counts: FloatArray, signs: FloatArray) -> Mixed | None:
@@ -151,5 +152,5 @@ def blooming_draws(sums: FloatArray, signs: FloatArray) -> FloatArray:
     (m, s) = _both_sides(sums * (share * weight)[:, :, None, None], signs)
     m_mean, s_mean = (_ratio(side[..., 1], side[..., 0]) for side in (m, s))
     both = (m_mean > 0.0) & (s_mean > 0.0)
-    log = np.log10(np.where(both, m_mean, 1.0) / np.where(both, s_mean, 1.0))
+    log = elementary.log10(np.where(both, m_mean, 1.0) / np.where(both, s_mean, 1.0))
     return np.sqrt(_ratio((log**2).sum(axis=1), both.sum(axis=1).astype(np.float64)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.kpi.blooming import STEP, Axis
 from lidarcheck.kpi.chance.tallies import Histogram, Sums, block_of
@@ -95,7 +96,7 @@ class Tallies:
     def _walk(
         self, frame: int, units: int, at: list[IndexArray], residual: list[FloatArray], area: list[FloatArray]
     ) -> None:
-        decade = [np.floor(np.log10(np.where(a > 0.0, a, np.nan))) for a in area]
+        decade = [np.floor(elementary.log10(np.where(a > 0.0, a, np.nan))) for a in area]
         for d in np.unique(np.concatenate(decade)[np.isfinite(np.concatenate(decade))]).tolist():
             rows = [side == d for side in decade]
             low = 10.0**d
