@@ -110,7 +110,7 @@ def _whole_numbers(table: Table) -> Table:
     """Whole numbers as such, which text may spell as 331.000000."""
     for name in _WHOLE:
         column = table.get(name)
-        if column is not None and column.dtype.kind == "f" and not np.isnan(column).any():
+        if column is not None and column.dtype.kind == "f" and np.isfinite(column).all():
             table = table.with_column(name, column.astype(np.int32))
     return table
 
