@@ -10,6 +10,7 @@ from ghost_frames import Recipe, made
 from lidarcheck.cli import main
 from lidarcheck.formats import load_scan
 from lidarcheck.model import load_model
+from merging import merge
 
 
 @pytest.fixture(scope="session")
@@ -171,3 +172,17 @@ def test_find_shows_its_steps(here, capsys):
     out = capsys.readouterr().out
     assert "1_25m: step by step" in out
     assert "the search at twice the range" in out
+
+
+def test_frames_of_a_merged_file_are_datasets_of_their_own(here, capsys):
+    merge(["1_25m.txt", "2_45m.txt"], "drive.csv", number="frame_id", first=1)
+    assert main(["ghosts", "find", "drive.csv", "--out", "out", "--quiet"]) == 0
+    assert capsys.readouterr().out.startswith("2 signs")
+    assert sorted(path.name for path in Path("out").glob("*.pcd")) == [
+        "drive_000001_ghosts.pcd",
+        "drive_000002_ghosts.pcd",
+    ]
+    assert main(["ghosts", "find", "1_25m.txt", "--out", "one", "--quiet"]) == 0
+    merged, one = load_scan("out/drive_000001_ghosts.pcd"), load_scan("one/1_25m_ghosts.pcd")
+    assert np.array_equal(merged.range_m, one.range_m)
+    assert np.array_equal(merged.extra["Label"], one.extra["Label"])

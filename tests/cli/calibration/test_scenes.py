@@ -13,6 +13,7 @@ from lidarcheck.formats.recognise import read_table
 from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.model import save_model, simulate
 from lidarcheck.scenes.files.file import builtin_path, load_scene
+from merging import merge
 from scene_kit import hits_of, ideal_of, measured, model_of, scene_of
 
 MODEL = 'variant = "SMART"\n' + "".join(
@@ -162,6 +163,31 @@ def test_another_variant_is_refused(here, capsys):
     assert "name the model of the variant that measured, SLIM?" in capsys.readouterr().err
     assert scenes("slim.pcd", "--ideal", "ideal.parquet", "--simulated", "saturated.pcd") == 2
     assert "slim.pcd: saturates as SLIM does" in capsys.readouterr().err
+
+
+def test_frames_of_a_merged_file_are_compared_as_those_of_files(here, capsys):
+    merge(["real.pcd", "dead.pcd"], "drive.pcd", number="Frame")
+    merge(["sim.pcd", "sim.pcd"], "shown.parquet", number="FrameNumber")
+    assert scenes("drive.pcd", "--ideal", "ideal.parquet", "--simulated", "shown.parquet", "--json", "-", "-q") == 0
+    merged = json.loads(capsys.readouterr().out)["result"]
+    Path("ideal_2.parquet").write_bytes(Path("ideal.parquet").read_bytes())
+    Path("sim_2.pcd").write_bytes(Path("sim.pcd").read_bytes())
+    ideals, shown = ("ideal.parquet", "ideal_2.parquet"), ("sim.pcd", "sim_2.pcd")
+    assert scenes("real.pcd", "dead.pcd", "--ideal", *ideals, "--simulated", *shown, "--json", "-", "-q") == 0
+    apart = json.loads(capsys.readouterr().out)["result"]
+    assert {k: v for k, v in merged.items() if k != "frames"} == {k: v for k, v in apart.items() if k != "frames"}
+
+
+def test_vehicles_of_a_merged_file_are_compared_frame_by_frame(here, capsys):
+    merge(["car_25m.pcd", "sim_25m.pcd"], "drive.pcd", number="Frame")
+    merge(["sim_25m.pcd", "car_25m.pcd"], "shown.pcd", number="Frame")
+    common = ("--vehicle", "car", "--json", "-", "-q")
+    assert vehicles("compare", "drive.pcd@25", "--simulated", "shown.pcd", *common) == 0
+    merged = json.loads(capsys.readouterr().out)["result"]
+    assert len(merged["distances"]) == 2
+    assert vehicles("compare", "car_25m.pcd@25", "--simulated", "sim_25m.pcd", *common) == 0
+    alone = json.loads(capsys.readouterr().out)["result"]
+    assert merged["distances"][0]["features"] == alone["distances"][0]["features"]
 
 
 # --- vehicles -------------------------------------------------------------------------------------------------------

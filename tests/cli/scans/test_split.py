@@ -8,8 +8,9 @@ import pytest
 
 from command_kit import simulate
 from lidarcheck.cli.core.entry import main
-from lidarcheck.formats.recognise import read_table, write_table
+from lidarcheck.formats.recognise import read_table
 from lidarcheck.formats.table import Table
+from merging import merge
 
 
 @pytest.fixture
@@ -19,15 +20,6 @@ def frames(bench_dir):
     for k in range(3):
         assert simulate(f"real/frame_{k}.pcd", "--seed", str(k), "-q") == 0
     return [read_table(f"real/frame_{k}.pcd") for k in range(3)]
-
-
-def merge(tables, file, *, number=None, leave_out=()):
-    """One file of the tables, behind each other; `number`: a column of that name with the frame's number from 5."""
-    names = [name for name in tables[0].names if name not in leave_out]
-    columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in names}
-    if number is not None:
-        columns[number] = np.repeat(np.arange(5, 5 + len(tables)), [len(table) for table in tables])
-    write_table(Table(columns), file)
 
 
 def assert_frames(files, tables):
