@@ -2,6 +2,7 @@
 
 import asyncio
 import difflib
+import json
 import os
 import re
 import time
@@ -111,6 +112,22 @@ def status(app):
 def written(directory):
     """The files below a directory with their bytes."""
     return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
+def apart_from_key(directory):
+    """(what a command or an export has written, the same for both; the files that it says it was computed from).
+
+    Their keys are of different nodes, and so are the hashes of the pages that show them.
+    """
+    files = written(directory)
+    result = json.loads(files["result.json"])
+    origin = result.pop("computed_from", {"key": "", "files": {}})
+    result["provenance"].pop("computed from", None)
+    shown = files["report.html"].decode()
+    assert origin["key"] in shown
+    files["report.html"] = re.sub(r"\n<div><dt>computed from</dt>.*?</div>", "", shown, flags=re.DOTALL)
+    del result["page"]["sha256"]
+    return files | {"result.json": result}, origin["files"]
 
 
 def undated(app):

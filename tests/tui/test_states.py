@@ -6,7 +6,6 @@ from lidarcheck.formats.lut import load_lut
 from lidarcheck.session.session import CURRENT, OLD, SAVED, Session
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.profiles import Profiles
-from lidarcheck.tui.screens.pages import work
 from lidarcheck.tui.screens.pages.screen import PageView
 from states_kit import ROW, cheap, check, make_stateful
 from tui_kit import drive, on_blooming, scaled, sees, text_of, until
@@ -115,7 +114,7 @@ def test_after_an_edit_no_screen_shows_what_was_before_as_current(project, runs,
     async def do(app, pilot):
         await everything_computed(app, pilot)
         before = dict(runs)
-        monkeypatch.setattr(work, "RENEWED_S", -1.0)  # as if all were dear
+        monkeypatch.setattr(Session, "is_cheap", lambda _session, _derived: False)  # as if all were dear
         await edit(app, pilot)
         for name in ALL:
             await go(app, pilot, name)
@@ -182,7 +181,7 @@ def test_verdicts_are_of_the_saved_model_until_it_is_saved_and_run_again(project
 
 @pytest.mark.parametrize("name", ["histograms", "overview", "explain", "goldens"])
 def test_what_another_program_changes_makes_it_old_within_two_seconds(project, runs, name, monkeypatch):
-    monkeypatch.setattr(work, "RENEWED_S", -1.0)
+    monkeypatch.setattr(Session, "is_cheap", lambda _session, _derived: False)
 
     async def do(app, pilot):
         await everything_computed(app, pilot)
@@ -198,7 +197,7 @@ def test_what_another_program_changes_makes_it_old_within_two_seconds(project, r
 
 def test_words_about_states_are_true_after_each_step(project, runs, monkeypatch):
     """Edit, undo, save, reading again, another file, another screen."""
-    monkeypatch.setattr(work, "RENEWED_S", -1.0)
+    monkeypatch.setattr(Session, "is_cheap", lambda _session, _derived: False)
 
     async def do(app, pilot):
         await everything_computed(app, pilot)

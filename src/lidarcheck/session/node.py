@@ -68,7 +68,8 @@ class Derived:
     """A value with what it was computed from.
 
     `files`: the digests of all that its node named or its computation opened, by real path; `edit`: the number of the
-    session's last edit then; `seconds`: how long it took; `when`: seconds since the epoch.
+    session's last edit then; `seconds`: how long it took; `when`: seconds since the epoch;
+    `first`: it was the first of its kind in this process.
     """
 
     value: Any
@@ -77,3 +78,4 @@ class Derived:
     edit: int
     seconds: float
     when: float
+    first: bool = False

@@ -28,8 +28,10 @@ CURRENT, OLD, SAVED = "current", "OLD", "saved model"
 FAILED = "failed: "
 """The words for results of exactly these inputs; of others; of the files, where edits of these are not saved. What
 could not be computed has failed, and why stands behind it."""
-RENEWED_S = 2.0
-"""What took no longer than this is computed again by itself when its inputs change."""
+RENEWED_S, _FIRST_S = 2.0, 10.0
+"""What took no longer than this is computed again by itself when its inputs change; the second where it was the first
+of its kind in this process, which loads libraries and compiled code besides.
+"""
 _LOOKS_S = 1.0
 """How often files are looked at: what another program changes is seen within two seconds."""
 
@@ -50,6 +52,7 @@ class Session:
         self._last: dict[Hashable, str] = {}
         self._failed: dict[str, str] = {}
         self._running: dict[str, str] = {}
+        self._kinds: set[str] = set()
         self._ended = threading.Event()
 
     # Inputs
@@ -145,7 +148,7 @@ class Session:
         return made
 
     def _made(self, node: Node, part: Part, inputs: Inputs, on_progress: ProgressCallback) -> Derived:
-        start, when = time.monotonic(), time.time()
+        start, when, first = time.monotonic(), time.time(), node.name not in self._kinds
         with reading(inputs.edited) as read:
             value = node.compute(on_progress)
         named = {os.path.realpath(path) for path in inputs.with_named(node.files)}
@@ -155,7 +158,8 @@ class Session:
         if changed:
             raise InputError("was changed while this was computed", file=changed[0][0], fix="compute it again")
         files = {name: inputs.digest(name) for name in sorted(named | read.files.keys())}
-        return Derived(value, node.key_of(part), files, inputs.edit, time.monotonic() - start, when)
+        self._kinds.add(node.name)
+        return Derived(value, node.key_of(part), files, inputs.edit, time.monotonic() - start, when, first)
 
     def _counted(self, key: str, on_progress: ProgressCallback) -> ProgressCallback:
         def progress(done: int, of: int, now: str) -> None:
@@ -164,13 +168,9 @@ class Session:
 
         return progress
 
-    def forget(self, node: Node) -> None:
-        """Try again what has failed."""
-        self._failed.pop(node.key(self.inputs()), None)
-
     def is_cheap(self, derived: Derived) -> bool:
         """Whether it is computed again by itself when its inputs change."""
-        return derived.seconds <= RENEWED_S
+        return derived.seconds <= (_FIRST_S if derived.first else RENEWED_S)
 
     # What belongs to what
 

@@ -215,7 +215,7 @@ def test_without_a_sign_the_list_says_what_is_there(project):
         await says(app, pilot, "3_65m.txt: no sign: the brightest of 3 echoes has AREA 310")
         assert view.running is None
         await sees(app, pilot, "cannot")
-        assert any("AREA 310" in fault for fault in view.faults.values())
+        assert "AREA 310" in view.fault_of(view.job)
 
     drive(app_on(project), do)
 

@@ -61,7 +61,7 @@ async def on_noise(app, pilot):
 async def computed(app, pilot, view):
     """The page of what is under the cursor."""
     await pilot.press("r")
-    await until(pilot, lambda: view.running is None and (view.page or view.faults), lambda: text_of(app))
+    await until(pilot, lambda: view.running is None and (view.page or view.fault_of(view.job)), lambda: text_of(app))
     return view.page
 
 

@@ -203,8 +203,10 @@ class Lines(Widget, can_focus=True):
             return words
         room = max(self.size.width - cell_len(printable(self._short_state)) - 1, 0)
         words = printable(words)
-        while cell_len(words) > room:
-            words = words[:-1]
+        if cell_len(words) > room:
+            while words and cell_len(words) > max(room - 2, 0):
+                words = words[:-1]
+            words += ".."[: max(room, 0)]
         return f"{words}{' ' * (room - cell_len(words))} "
 
     def render_line(self, y: int) -> Strip:

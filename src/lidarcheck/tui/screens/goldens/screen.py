@@ -138,10 +138,10 @@ class Goldens(Accepting):
         of = self.states.get(one.path, "")
         what = f"{counted(sum(kpi.open for kpi in one.kpis), 'KPI')}{f', {fell} in doubt' if fell else ''}"
         return (
-            (f"{pointer}{one.name:30} ", "text"),
-            (f"{one.state:26} ", "bad" if one.fault or fell else "text"),
-            (f"{what}  ", "text"),
-            (of, "edited" if is_old(of) else "dim"),
+            (f"{pointer}{one.name:24} ", "text"),
+            (f"{one.state:24} ", "bad" if one.fault or fell else "text"),
+            (f"{of.partition(',')[0]:11} ", "edited" if is_old(of) else "dim"),
+            (what, "text"),
         )
 
     def kpis(self) -> list[str]:

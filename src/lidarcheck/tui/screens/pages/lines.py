@@ -45,7 +45,7 @@ def job_line(job: Job, state: str, fault: str, here: bool, room: int) -> Line:
     if fault:
         return ((name, "text"), ("cannot    ", "bad"), (fault, "dim"))
     role: Role = "good" if state == CURRENT else "edited" if state else "dim"
-    return ((name, "text"), (f"{state or '-':10} ", role), (job.words, "dim"))
+    return ((name, "text"), (f"{state.partition(',')[0] or '-':10} ", role), (job.words, "dim"))
 
 
 def note_lines(job: Job, width: int) -> list[Line]:

@@ -9,7 +9,7 @@ from typing import Any
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.node import Cancelled
 from lidarcheck.session.origin import origin_of
-from lidarcheck.session.session import CURRENT, FAILED, OLD, RENEWED_S, Session
+from lidarcheck.session.session import CURRENT, FAILED, OLD, Session
 from lidarcheck.tui.host import STOPS, Host
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.screens.shared.view import View
@@ -78,8 +78,9 @@ class PageWork(View):
         job = self.job
         if job is None or job.fault or self.running is not None or not self.is_chosen:
             return
-        word, derived = self.host.session.status(job.node)
-        if word.startswith(OLD) and derived is not None and derived.seconds <= RENEWED_S:
+        session = self.host.session
+        word, derived = session.status(job.node)
+        if word.startswith(OLD) and derived is not None and session.is_cheap(derived):
             self._start(job)
 
     def _start(self, job: Job) -> None:
