@@ -1,15 +1,22 @@
 """What speaks against saying that there is no gap: lost and added echoes, each beyond chance, and nothing usual."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from explain_core_kit import WALL, frames, model
 from lidarcheck.effects import make
+from lidarcheck.explain import steps
 from lidarcheck.explain.decision.against_no_gap import rates_beyond_chance, still_tells
+from lidarcheck.explain.decision.answer import Answer
+from lidarcheck.explain.report.explanation import Finding
 from lidarcheck.inference.classifier import Chance, Classifier
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.simulator import Simulator
+from lidarcheck.workers import WorkerPool
 
+WORDS = "30 of 5000 surfaces that are surely seen are lost, by chance 0.1"
 FINE = {"layers": range(230, 290), "points": range(320, 640, 3)}
 USUAL = Nuisance(yaw=1.0, pitch=-1.0, materials={WALL: 1.0})
 
@@ -47,3 +54,20 @@ def test_usual_errors_are_not_what_a_classifier_tells_and_a_form_is() -> None:
         said.append(still_tells(select, classifier, Nuisance(), chance))
     assert said[0] == ""
     assert said[1].startswith("a classifier tells")
+
+
+@pytest.mark.parametrize(("words", "verdict"), [(WORDS, "unknown"), ("", "no_gap")])
+def test_what_speaks_against_no_gap_makes_it_unknown_and_is_said(
+    words: str, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finding = Finding("unknown", {}, 1.0, (), "AREA depends on range", "", ())
+    monkeypatch.setattr(steps, "against_no_gap", lambda *_: words)
+    monkeypatch.setattr(steps.Workflow, "_unknown", lambda *_: Answer("unknown", (finding,), (("", model()),), ""))
+    run = steps.Workflow(model(), 1, (), WorkerPool(), lambda *_: None)
+    bench = SimpleNamespace(select=SimpleNamespace(frames=frames(model(), 1), seed=4))
+    search = SimpleNamespace(fit=SimpleNamespace(nuisance=Nuisance()))
+    answer = run.doubt_no_gap(bench, None, search, Answer("no_gap", (), (("", model()),), ""))  # type: ignore[arg-type]
+    assert answer.verdict == verdict
+    assert [one.where for one in answer.findings] == ([f"{WORDS}; AREA depends on range"] if words else [])
+    named = Answer("explained", (finding,), (("", model()),), "")
+    assert run.doubt_no_gap(bench, None, search, named) is named  # type: ignore[arg-type]
