@@ -1,6 +1,8 @@
 """Files are written whole or not at all."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -72,3 +74,30 @@ def test_a_directory_that_cannot_be_synced_is_no_failure(tmp_path: Path, monkeyp
     monkeypatch.setattr(os, "fsync", of_files_alone)
     write_text(tmp_path / "a.txt", "x")
     assert (tmp_path / "a.txt").read_text() == "x"
+
+
+def test_a_read_only_file_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    path.chmod(0o444)
+    with pytest.raises(InputError, match=r"cannot write: it is read-only; make it writable \(chmod u\+w\), or name"):
+        write_text(path, "new")
+    (tmp_path / "link.txt").symlink_to(path)
+    with pytest.raises(InputError, match="read-only"):
+        write_text(tmp_path / "link.txt", "new")
+    assert path.read_text() == "old"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.txt", "link.txt"]
+
+
+def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path: Path) -> None:
+    code = (
+        "import os, signal, sys; from lidarcheck.formats.atomic import atomic_write\n"
+        "with atomic_write(sys.argv[1]) as stream:\n    stream.write(b'x'); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    for name in ("a.txt", "b.txt"):
+        subprocess.run([sys.executable, "-c", code, str(tmp_path / name)], check=False)
+    assert len(list(tmp_path.glob(".*.part"))) == 2
+    (tmp_path / ".a.txt.mine.part").write_text("somebody's own")
+    write_text(tmp_path / "a.txt", "new")
+    assert [path.name[:7] for path in sorted(tmp_path.iterdir())] == [".a.txt.", ".b.txt.", "a.txt"]
+    assert (tmp_path / ".a.txt.mine.part").exists()

@@ -46,10 +46,12 @@ def convert(
     leaves them out. `time_unit`: the unit of the time column, which makes a column `Time` [s from the frame's start]
     beside it; a column of that name becomes `TimeRaw`.
 
-    `UsageError` for a suffix that cannot be written, when `target` is `source` and would change, or for a `time_unit`
+    `UsageError` for a suffix that cannot be written, when `target` is `source`, or for a `time_unit`
     without a time; `InputError` for what is wrong with the file. Nothing is written then.
     """
     form = target_format(target)
+    if Path(target).exists() and Path(source).exists() and Path(target).samefile(source):
+        raise UsageError(f"{target} would be overwritten by its own conversion", fix="name another file to write")
     table = read_table(source)
     scan = _checked(table, placement)
     columns = table if scan else ideal_table(table) if is_semantic(table) else table
@@ -59,11 +61,6 @@ def convert(
     if empty is not None and drop_empty:
         columns, empty = replace(columns.take(np.flatnonzero(~empty)), origin=None, first_line=None), None
     columns = _placed(columns, placement, empty)
-    if Path(target).exists() and Path(target).samefile(source):
-        whole = len(columns) == len(table) and columns.names == table.names
-        if recognise(source) != form.name or columns.edited or not whole:
-            raise UsageError(f"{target} would be overwritten by its own conversion", fix="name another file to write")
-        return
     if scan and form.name in _NEEDS_POSITION:
         columns = _with_positions(columns, form, empty, same=recognise(source) == form.name)
     form.write(_whole_numbers(columns), target)

@@ -57,6 +57,15 @@ class _Task(NamedTuple):
     place: Path
 
 
+def _identity(path: Path) -> object:
+    """What is the same for all names of a file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return os.path.realpath(path)
+    return found.st_dev, found.st_ino
+
+
 @dataclass(frozen=True)
 class FrameBatch:
     """`count` frames of each of some ideal scans, or each as it is where None, into the directory `out`.
@@ -88,9 +97,9 @@ class FrameBatch:
             if other is not ideal:
                 what = f"{other} and {ideal} would be written to the same files"
                 raise UsageError(what, fix="name each once, and give them different names")
-        read = {os.path.realpath(ideal): ideal for ideal in self.ideals}
+        read = {_identity(Path(os.fspath(ideal))): ideal for ideal in self.ideals}
         for task in self._tasks():
-            if found := read.get(os.path.realpath(task.place)):
+            if found := read.get(_identity(task.place)):
                 raise UsageError(f"{found} would be replaced by its frame", fix="name another directory for --out")
         if self.out.exists() and not self.out.is_dir():
             raise InputError("is not a directory", file=self.out, fix="name a directory for the frames")

@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,8 +140,9 @@ def test_on_an_interrupt_the_files_of_a_workflow_are_as_they_were(tmp_path, befo
 
 
 def test_a_full_disk_is_said_of_the_place_that_a_picture_was_to_take(tmp_path, monkeypatch):
-    def full(_descriptor):
-        raise OSError(errno.ENOSPC, "No space left on device")
+    def full(descriptor):
+        if Path(f"/dev/fd/{descriptor}").resolve().parent.name == "pictures":
+            raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(InputError) as caught:

@@ -12,7 +12,7 @@ import pytest
 from explain_kit import explanation, write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.cli import main
-from lidarcheck.cli.explain.files import write_together
+from lidarcheck.cli.explain.files import write_set
 from lidarcheck.cli.explain.watch import JsonLines, Pace, clock_text, watched
 from lidarcheck.errors import InputError
 from lidarcheck.explain.report.explanation import Calibrated, Progress, SearchStep
@@ -236,7 +236,7 @@ def test_the_last_file_is_put_back_when_the_others_cannot_follow(tmp_path, monke
     (tmp_path / "c").write_text("old")
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(5, "I/O error")))
     with pytest.raises(InputError, match="nothing was changed"):
-        write_together(tmp_path, {name: lambda path: path.write_text("new") for name in "abc"})
+        write_set(tmp_path, {name: lambda path: path.write_text("new") for name in "abc"})
     assert (tmp_path / "c").read_text() == "old"
     assert listed(tmp_path) == ["c"]
 

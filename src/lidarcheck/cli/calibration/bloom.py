@@ -195,16 +195,17 @@ def fit(
         cells = gather(measured, bench, reach_of(reach))
     with stage("fitting"):
         result = calibrate(cells, bench, given, free=choice, smoothness=smoothness)
-    file = out / lut.name
     provenance = provenance_of(model, [lut, *(m.path for m in measured)])
     files: dict[str, Writer] = {
         lut.name: lambda place: save_lut(result.lut, place),
-        MODEL: lambda place: write_model(model, fitted_model(load_model(model), bench, result, file, choice), place),
+        MODEL: lambda place: write_model(
+            model, fitted_model(load_model(model), bench, result, place.with_name(lut.name), choice), place
+        ),
     }
     finish(
         calibration_page(result, provenance), calibration_document(result), out=out, json=json, plot=plot, files=files
     )
-    note(f"{file}: the table; {out / MODEL}: the model that uses it")
+    note(f"{out / lut.name}: the table; {out / MODEL}: the model that uses it")
     return 0
 
 

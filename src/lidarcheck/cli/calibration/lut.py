@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Whole
-from lidarcheck.cli.core.outputs import alone, as_it_was, check_writable, json_text
+from lidarcheck.cli.core.outputs import alone, as_it_was, check_writable, json_text, same_file
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, table
 from lidarcheck.errors import InputError, UsageError
 
@@ -199,7 +198,7 @@ def _finish(
     from lidarcheck.formats.lut import save_lut
 
     target = out or file
-    in_place = os.path.realpath(target) == os.path.realpath(file)
+    in_place = same_file(target, file)
     changed = before.content != after.content
     if not dry_run:
         check_writable(target, option="--out")

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import codecs
 import contextlib
@@ -14,6 +15,7 @@ import gc
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,6 +38,8 @@ _SIGNS = {
 INTERRUPTED = 130
 NO_READER = 141
 TERMINATED = 143
+_AGAIN_S = 0.05
+"""Longer than the callback takes to return, in which it would be lost once more."""
 
 
 class Terminated(KeyboardInterrupt):
@@ -44,6 +48,17 @@ class Terminated(KeyboardInterrupt):
 
 def _terminate(*_: object) -> None:
     raise Terminated
+
+
+def _raise_again(lost: sys.UnraisableHookArgs) -> None:
+    """A signal whose exception was lost in a callback, as LLVM has when it compiles, is raised again a moment later."""
+    if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
+        number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+        later = threading.Timer(_AGAIN_S, _thread.interrupt_main, (number,))
+        later.daemon = True
+        later.start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _spelled_out(error: UnicodeError) -> tuple[str, int]:
@@ -68,6 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Numeric warnings of the libraries below mean nothing to a user; the package says what it has to say itself.
         warnings.simplefilter("ignore")
         signal.signal(signal.SIGTERM, _terminate)
+        sys.unraisablehook = _raise_again
     _provide_streams()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):

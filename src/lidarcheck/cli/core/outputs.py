@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.cli.core.command import ARGUMENTS
 from lidarcheck.cli.core.terminal import emit
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, as_it_was, check_writable, json_text, write_file
+from lidarcheck.figures.files.outputs import STANDARD_OUTPUT, check_writable, json_text, same_file, write_file
+from lidarcheck.figures.files.sets import as_it_was
 
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
@@ -23,6 +23,7 @@ __all__ = [
     "check_writable",
     "files_given",
     "json_text",
+    "same_file",
     "with_origin",
     "write_result",
 ]
@@ -30,12 +31,12 @@ __all__ = [
 
 def check_twice(files: Iterable[Path | FrameFile]) -> None:
     """Refuse a file that is named twice: it would count as two measurements."""
-    seen: set[str] = set()
+    seen: list[Path] = []
     for file in files:
-        place = os.path.realpath(str(file))  # of a frame in a file of several with its number
-        if place in seen:
+        place = Path(str(file))  # of a frame in a file of several with its number
+        if any(same_file(place, other) for other in seen):
             raise UsageError(f"{file} is named twice", fix="name each file once")
-        seen.add(place)
+        seen.append(place)
 
 
 def files_given(*given: str | Path | None) -> list[Path]:

@@ -15,7 +15,7 @@ from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
-from lidarcheck.cli.explain.files import check_directory, check_not_read, make_directory, write_together
+from lidarcheck.cli.explain.files import check_directory, check_not_read, make_directory, write_set
 from lidarcheck.cli.explain.watch import JsonLines, watched
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.files import KEPT, MODEL, PAGE, REPORT
@@ -225,7 +225,7 @@ def _write(found: Explanation, loaded: Case, out: Path, no_html: bool) -> None:
     elif (out / PAGE).exists():
         note(f"{out / PAGE} is of an earlier run")
     writers[MODEL] = lambda path: write_model(loaded.model_file, found.model, path)
-    write_together(out, writers)
+    write_set(out, writers)
 
 
 def _show(found: Explanation, loaded: Case, json: str | None) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from lidarcheck.errors import InputError
 from lidarcheck.explain.files import MODEL, PAGE, REPORT
-from lidarcheck.figures.files.outputs import make_directory, write_together
+from lidarcheck.figures.files.outputs import make_directory, same_file
+from lidarcheck.figures.files.sets import write_set
+from lidarcheck.formats.atomic import is_read_only
 
-__all__ = ["MODEL", "PAGE", "REPORT", "check_directory", "check_not_read", "make_directory", "write_together"]
+__all__ = ["MODEL", "PAGE", "REPORT", "check_directory", "check_not_read", "make_directory", "write_set"]
 
 
 def check_directory(out: Path, case: Path) -> None:
@@ -26,19 +28,18 @@ def check_directory(out: Path, case: Path) -> None:
         where = where.parent
         if not where.is_dir():
             raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
-    if not os.access(where, os.W_OK | os.X_OK):
+    if is_read_only(where) or not os.access(where, os.X_OK):
         raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
     for name in (REPORT, MODEL, PAGE):
         place = out / name
-        if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
+        if place.is_dir() or is_read_only(place):
             raise InputError("cannot be replaced", file=place, fix="move it away, or choose another --out")
 
 
 def check_not_read(out: Path, read: Iterable[Path]) -> None:
     """Refuse a place where a result would replace a file that the case, or its model, consists of."""
-    places = {os.path.realpath(out / name): out / name for name in (REPORT, MODEL, PAGE)}
+    places = [out / name for name in (REPORT, MODEL, PAGE)]
     for file in read:
-        if os.path.realpath(file) in places:
-            raise InputError(
-                "would replace a file of the case", file=places[os.path.realpath(file)], fix="name another for --out"
-            )
+        for place in places:
+            if same_file(file, place):
+                raise InputError("would replace a file of the case", file=place, fix="name another for --out")

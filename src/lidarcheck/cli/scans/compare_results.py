@@ -62,13 +62,13 @@ def write(
     """The result as JSON, and into the directory besides the lines as CSV and the picture; all or none."""
     text = json_text(with_origin(document))
     if out is not None:
-        from lidarcheck.figures.files.outputs import make_directory, write_file, write_together
+        from lidarcheck.figures.files.outputs import write_file
+        from lidarcheck.figures.files.sets import write_set
         from lidarcheck.figures.svg.chance import chance_svg
 
         picture = chance_svg(verdict)
-        make_directory(out)
         files = {RESULT: text, TABLE: _csv(rows), PICTURE: picture}
-        write_together(out, {name: _writer(write_file, content) for name, content in files.items()})
+        write_set(out, {name: _writer(write_file, content) for name, content in files.items()})
     if json is not None:
         write_result(json, text)
 

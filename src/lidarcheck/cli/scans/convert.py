@@ -31,7 +31,7 @@ def convert(
     from lidarcheck.formats.recognise import target_format
 
     target_format(target)
-    check_writable(target, option="B")
+    check_writable(target, option="B", besides=(source,))
     with stage(f"converting {source.name}"):
         run(source, target, placement, drop_empty=drop_empty, time_unit=time_unit)
     note(f"{target}: written from {source}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from lidarcheck.cli.core.options import JsonFile, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, progress, stage, table
 from lidarcheck.errors import InputError
-from lidarcheck.figures.files.outputs import make_directory, write_together
+from lidarcheck.figures.files.sets import write_set
 
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
@@ -83,7 +82,7 @@ def _check_places(places: Sequence[Path], json: str | None, merged: Path) -> Non
 def _write(frames: Sequence[FrameFile], places: Sequence[Path], form: Format) -> list[int]:
     """Write all frames or none, and say how many rows each has."""
     rows = [0] * len(frames)
-    out, new = places[0].parent, not places[0].parent.exists()
+    out = places[0].parent
     with progress("writing") as show:
 
         def one(number: int, place: Path) -> None:
@@ -93,14 +92,7 @@ def _write(frames: Sequence[FrameFile], places: Sequence[Path], form: Format) ->
             show(number + 1, len(frames), places[number].name)
 
         writers: dict[str, Callable[[Path], object]] = {place.name: partial(one, i) for i, place in enumerate(places)}
-        make_directory(out)
-        try:
-            write_together(out, writers)
-        except BaseException:
-            if new:
-                with contextlib.suppress(OSError):
-                    out.rmdir()
-            raise
+        write_set(out, writers)
     return rows
 
 

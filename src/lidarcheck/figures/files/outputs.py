@@ -6,20 +6,20 @@ import contextlib
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.atomic import is_read_only
 
 __all__ = [
     "STANDARD_OUTPUT",
-    "as_it_was",
     "check_writable",
     "json_text",
     "make_directory",
+    "same_file",
     "write_file",
-    "write_together",
 ]
 
 STANDARD_OUTPUT = "-"
@@ -35,19 +35,31 @@ def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Pat
     target = Path(path)
     if target.is_dir():
         raise InputError("is a directory", file=target, fix=f"name a file for {option}")
-    if target.exists() and not os.access(target, os.W_OK):
-        raise InputError("cannot be written", file=target, fix="check its permissions, or choose another file")
+    if target.exists() and not target.is_char_device() and is_read_only(target):
+        raise InputError(
+            "cannot be written: it is read-only",
+            file=target,
+            fix="make it writable (chmod u+w), or choose another file",
+        )
     parent = Path(os.path.realpath(target)).parent
     if not parent.is_dir():
         raise InputError("its directory does not exist", file=target, fix=f"make {parent} first")
-    if not target.exists() and not os.access(parent, os.W_OK):
+    if not target.exists() and is_read_only(parent):
         raise InputError("its directory cannot be written", file=target, fix="choose another place")
-    places = (os.path.realpath(other) for other in besides if other is not None and str(other) != STANDARD_OUTPUT)
-    if os.path.realpath(target) in places and not target.is_char_device():
+    others = [other for other in besides if other is not None and str(other) != STANDARD_OUTPUT]
+    if not target.is_char_device() and any(same_file(target, other) for other in others):
         raise InputError("would replace another file of this command", file=target, fix=f"name another for {option}")
     if target.suffix.lower() == ".toml":
         # Scenarios, goldens and models, found by name, are not among the arguments; a report never is TOML.
         raise InputError("is the name of a scenario, golden or model", file=target, fix=f"name another for {option}")
+
+
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """Whether two paths name one file: the same place, through links or not, or two names of one file."""
+    try:
+        return os.path.realpath(one) == os.path.realpath(other) or Path(one).samefile(other)
+    except OSError:
+        return False
 
 
 def write_file(path: str | Path, text: str) -> None:
@@ -85,53 +97,3 @@ def make_directory(out: Path) -> None:
     finally:
         with contextlib.suppress(OSError):
             probe.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def as_it_was(files: Iterable[Path]) -> Iterator[None]:
-    """The files are as they were when the block fails or is interrupted."""
-    old = {file: file.read_bytes() if file.is_file() else None for file in files}
-    try:
-        yield
-    except BaseException:
-        for file, content in old.items():
-            _put_back(file, content)
-        raise
-
-
-def write_together(out: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:
-    """Each writer gets a path to write beside its file's own; only when all have succeeded do they take their places.
-
-    The last writer gets the file's own path, and must replace that at once or not at all. On any error or interrupt
-    all files are as they were.
-    """
-    *first, last = writers
-    old = (out / last).read_bytes() if (out / last).is_file() else None
-    beside = {name: out / f".{name}.{secrets.token_hex(8)}.part" for name in first}
-    written = False
-    try:
-        for name in first:
-            writers[name](beside[name])
-        writers[last](out / last)
-        written = True
-        for name in first:
-            beside[name].replace(out / name)
-    except BaseException as error:
-        if written:
-            _put_back(out / last, old)
-        if isinstance(error, OSError):
-            what = f"cannot write: {error.strerror or error}"
-            raise InputError(what, file=out, fix="nothing was changed; make room or choose another place") from error
-        raise
-    finally:
-        for path in beside.values():
-            with contextlib.suppress(OSError):
-                path.unlink(missing_ok=True)
-
-
-def _put_back(file: Path, content: bytes | None) -> None:
-    with contextlib.suppress(OSError):
-        if content is None:
-            file.unlink(missing_ok=True)
-        else:
-            file.write_bytes(content)

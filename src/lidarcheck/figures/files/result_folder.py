@@ -10,23 +10,16 @@ import contextlib
 import hashlib
 import os
 import re
-import secrets
-import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from lidarcheck import __version__
 from lidarcheck.errors import InputError
-from lidarcheck.figures.files.outputs import (
-    as_it_was,
-    check_writable,
-    json_text,
-    make_directory,
-    write_file,
-    write_together,
-)
+from lidarcheck.figures.files.outputs import check_writable, json_text, same_file, write_file
+from lidarcheck.figures.files.sets import Folder, Writer, write_set
+from lidarcheck.formats.atomic import is_read_only
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
@@ -50,19 +43,11 @@ __all__ = [
 PAGE, RESULT, PICTURES = "report.html", "result.json", "pictures"
 ALL = "all"
 """In the place of a kind of picture: each of them."""
-Writer = Callable[[Path], object]
 _WORTH_A_PROCESS = 12
 """Pictures that take about as long as a process to begin."""
 _ready: list[WorkerPool] = []
 """Processes that are ready to draw, of the command that is running."""
 _PICTURE = re.compile(r"[0-9]{2,}-.*\.png")
-
-
-class Folder(NamedTuple):
-    """A directory of results: `fill` puts its files into an empty one, `old` matches the names of an earlier run's."""
-
-    fill: Writer
-    old: re.Pattern[str]
 
 
 def check_out_dir(
@@ -82,23 +67,23 @@ def check_out_dir(
         where = where.parent
         if not where.is_dir():
             raise InputError("its directory does not exist", file=out, fix=f"make {where} first")
-    if not os.access(where, os.W_OK | os.X_OK):
+    if is_read_only(where) or not os.access(where, os.X_OK):
         raise InputError("cannot be written", file=out, fix="check its permissions, or choose another place")
     for name in () if new else (PAGE, RESULT):
         check_writable(out / name, option=option, besides=besides)
-    read = {os.path.realpath(path) for path in besides if path is not None and str(path) != "-"}
+    read = [path for path in besides if path is not None and str(path) != "-"]
     for name in files:
         _check_file(out / name, read, option)
     pictures = out / PICTURES
-    if pictures.exists() and not (pictures.is_dir() and os.access(pictures, os.W_OK | os.X_OK)):
+    if pictures.exists() and (not pictures.is_dir() or is_read_only(pictures)):
         raise InputError("cannot be replaced", file=pictures, fix=f"move it away, or choose another place for {option}")
 
 
-def _check_file(place: Path, read: Iterable[str], option: str) -> None:
-    if os.path.realpath(place) in read:
+def _check_file(place: Path, read: Iterable[str | Path], option: str) -> None:
+    if any(same_file(place, path) for path in read):
         fix = f"name another directory for {option}"
         raise InputError("would replace a file of this command", file=place, fix=fix)
-    if place.is_dir() or (place.exists() and not os.access(place, os.W_OK)):
+    if place.is_dir() or is_read_only(place):
         raise InputError("cannot be replaced", file=place, fix=f"move it away, or choose another place for {option}")
 
 
@@ -144,52 +129,17 @@ def write_page(
 ) -> str:
     """Write the page, the numbers, the pictures and what is this workflow's own, all or none; `result.json`'s text.
 
-    `kind`: how the pictures are drawn, one of `axes.KINDS`, `axes.VIEWS` or `ALL`. `files`: each is written in its
-    place, in this order, since a model names its table from where it stands. `folders`: each is filled beside its
-    place and moved there last, as the pictures. On an error or interrupt all is as it was.
+    `kind`: how the pictures are drawn, one of `axes.KINDS`, `axes.VIEWS` or `ALL`. `files` are written in this order,
+    so that a model finds the table that it names. On an error or interrupt all is as it was.
     """
     from lidarcheck.figures.html.page import page_html
 
     html = page_html(page)
     text = page_text(page, document, command=command, html=html, origin=origin)
     drawn = Folder(lambda place: draw_pictures(page.figures(), place, kind), _PICTURE)
-    _write_all(out, text, html, files or {}, {PICTURES: drawn, **(folders or {})})
+    pages: dict[str, Writer] = {RESULT: lambda path: write_file(path, text), PAGE: lambda path: write_file(path, html)}
+    write_set(out, {**(files or {}), **pages}, {PICTURES: drawn, **(folders or {})})
     return text
-
-
-def _write_all(out: Path, text: str, html: str, files: Mapping[str, Writer], folders: Mapping[str, Folder]) -> None:
-    new = not out.exists()
-    make_directory(out)
-    stages = {name: out / f".{name}.{secrets.token_hex(8)}.part" for name in folders}
-    try:
-        with as_it_was([out / name for name in files]):
-            for name, write in files.items():
-                write(out / name)
-            for name, folder in folders.items():
-                _fill(folder, stages[name], out / name)
-            write_together(
-                out,
-                {RESULT: lambda path: write_file(path, text), PAGE: lambda path: write_file(path, html)},
-            )
-        for name, folder in folders.items():
-            _replace_directory(stages[name], out / name, folder.old)
-    finally:
-        for staged in stages.values():
-            shutil.rmtree(staged, ignore_errors=True)
-        if new:
-            with contextlib.suppress(OSError):  # it is not empty where all went well
-                out.rmdir()
-
-
-def _fill(folder: Folder, staged: Path, place: Path) -> None:
-    """Fill the staged directory; an error names the file by the place that it was to take."""
-    staged.mkdir()
-    try:
-        folder.fill(staged)
-    except InputError as error:
-        if error.file is None or Path(error.file).parent != staged:
-            raise
-        raise InputError(error.what, file=place / Path(error.file).name, line=error.line, fix=error.fix) from error
 
 
 @contextlib.contextmanager
@@ -246,15 +196,3 @@ def _draw(numbered: Sequence[tuple[int, Figure]], directory: Path, kind: str) ->
 def _slug(title: str) -> str:
     """A file's name from a title."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"
-
-
-def _replace_directory(new: Path, place: Path, old: re.Pattern[str]) -> None:
-    """Put the new files in the place of an earlier run's; files of other names there stay, and no empty one is made."""
-    files = sorted(new.iterdir())
-    if files:
-        place.mkdir(exist_ok=True)
-    for path in place.iterdir() if place.is_dir() else ():
-        if old.fullmatch(path.name):
-            path.unlink()
-    for path in files:
-        path.replace(place / path.name)

@@ -146,7 +146,7 @@ def _files(page: GhostPage) -> Mapping[str, Writer]:
 
 def _write(page: GhostPage, directory: Path) -> list[str]:
     """What the page leaves, in files, all or none; their names. A file that is there is left as it is."""
-    from lidarcheck.figures.files.outputs import as_it_was
+    from lidarcheck.figures.files.sets import as_it_was
 
     files = _files(page)
     there = next((name for name in files if (directory / name).exists()), "")
