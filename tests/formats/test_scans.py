@@ -111,6 +111,10 @@ class TestNoReturn:
     def test_flags_of_another_meaning_are_none(self) -> None:
         assert read_scan(grid(valid=np.full(40, 7.0)))[1].no_return == 0
 
+    def test_features_of_float32_have_no_other_limits(self) -> None:
+        scan = scan_from_table(grid(INTENSITY=np.full(40, 3e38, dtype=np.float32), PEAK=np.ones(40, dtype=np.float16)))
+        assert scan.peak.tolist() == [1.0] * 40
+
 
 class TestFired:
     def test_one_stray_row_tells_nothing_of_the_other_beams(self) -> None:

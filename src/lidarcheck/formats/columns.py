@@ -82,13 +82,14 @@ def real_column(
     if np.isinf(low) and np.isinf(high):
         limits = "a finite number"
     low, high = max(low, -_LARGEST), min(high, _LARGEST)
-    if not len(column) or (low <= column.min() and column.max() <= high):  # false where one is NaN
-        return column.astype(np.float64)
-    wrong = ~((column >= low) & (column <= high))
-    if missing_ok and column.dtype.kind == "f":
-        wrong &= ~np.isnan(column)
+    values: npt.NDArray[np.float64] = column.astype(np.float64)
+    if not len(values) or (low <= values.min() and values.max() <= high):  # false where one is NaN
+        return values
+    wrong = ~((values >= low) & (values <= high))
+    if missing_ok:
+        wrong &= ~np.isnan(values)
     _refuse(table, name, wrong if where is None else wrong & where, f"must be {limits} {unit}".rstrip())
-    return column.astype(np.float64)
+    return values
 
 
 def extra_columns(table: Table, known: Iterable[str]) -> dict[str, Column]:

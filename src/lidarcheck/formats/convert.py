@@ -46,8 +46,8 @@ def convert(
     leaves them out. `time_unit`: the unit of the time column, which makes a column `Time` [s from the frame's start]
     beside it; a column of that name becomes `TimeRaw`.
 
-    `UsageError` for a suffix that cannot be written, when `target` is `source`, or for a `time_unit`
-    without a time; `InputError` for what is wrong with the file. Nothing is written then.
+    `UsageError` for a suffix that cannot be written, when `target` is `source`, or for a `time_unit` without a time;
+    `InputError` for what is wrong with the file. Nothing is written then.
     """
     form = target_format(target)
     if Path(target).exists() and Path(source).exists() and Path(target).samefile(source):
