@@ -120,3 +120,66 @@ def test_a_cache_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     assert run.returncode == 0
     assert "cannot be written: kernels are compiled anew in each run; set LIDARCHECK_CACHE" in run.stderr
     assert not list(tmp_path.glob("lidarcheck-*")), "the kernels are gone with the process"
+
+
+IN_CALLBACK = """
+import ctypes, os, signal, sys, time
+from lidarcheck.cli.core import entry
+def lost():
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    return 0
+def command(_argv):
+    callback = ctypes.CFUNCTYPE(ctypes.c_int)(lost)
+    callback()
+    time.sleep(20)
+    return 0
+entry._run = command
+sys.exit(entry.main())
+"""
+
+AMID_COMPILING = """
+import os, signal, sys
+from llvmlite.binding import executionengine
+told, old, calls = getattr(signal, sys.argv.pop(1)), executionengine.ExecutionEngine._find_module_ptr, []
+def asked(self, module):
+    calls.append(module)
+    if len(calls) == 3:
+        os.kill(os.getpid(), told)
+    return old(self, module)
+executionengine.ExecutionEngine._find_module_ptr = asked
+from lidarcheck.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(("told", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_that_a_callback_swallows_still_ends_the_command(told: str, code: int) -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", IN_CALLBACK, told],
+        capture_output=True,
+        text=True,
+        timeout=15,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (code, "", "")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("told", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_while_kernels_compile_for_the_first_time_ends_the_command(
+    told: str, code: int, tmp_path: Path
+) -> None:
+    ideal, model = ROOT / "examples" / "wall_ideal.txt", ROOT / "scenarios" / "models" / "SMART.toml"
+    arguments = ["simulate", str(ideal), "--model", str(model), "--out", str(tmp_path / "out.txt"), "-q"]
+    run = subprocess.run(
+        [sys.executable, "-c", AMID_COMPILING, told, *arguments],
+        env={**os.environ, "LIDARCHECK_CACHE": str(tmp_path / "cold")},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (code, "", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["cold"]

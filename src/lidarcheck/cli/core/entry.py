@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import _thread
 import atexit
 import codecs
 import contextlib
@@ -54,7 +53,7 @@ def _raise_again(lost: sys.UnraisableHookArgs) -> None:
     """A signal whose exception was lost in a callback, as LLVM has when it compiles, is raised again a moment later."""
     if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
         number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
-        later = threading.Timer(_AGAIN_S, _thread.interrupt_main, (number,))
+        later = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
         later.daemon = True
         later.start()
     else:
