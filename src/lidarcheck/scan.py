@@ -246,7 +246,8 @@ class Light:
 class Geometry(NamedTuple):
     """How a file's X, Y, Z agree with its beams. `verdict`: `ok`, `warning` or `not checked`; `note`: of what, or why.
 
-    Of its `rows` so many could be `judged`, so many of these `passed`, and so many of all lie `outside` their bound.
+    Of the `rows` that were looked at so many could be `judged`, so many of these `passed`, and so many of all lie
+    `outside` their bound.
     `unit_checked`: whether a RANGE beside X, Y, Z says that they are in metres.
     """
 

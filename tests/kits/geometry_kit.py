@@ -9,10 +9,9 @@ from lidarcheck.sensor import beam_directions
 
 
 def right_table(rows: int = 3000, *, seed: int = 0, decimals: int = 4, near_m: float = 3.0, **columns: object) -> Table:
-    """Echoes, one a beam, spread over the sensor, at ranges of whole centimetres, rounded to so many decimals."""
+    """An echo each on beams spread over the sensor, at ranges of whole centimetres, rounded to so many decimals."""
     rng = np.random.default_rng(seed)
-    layer, point = np.divmod(rng.choice(500 * 940, rows, replace=False), 940)
-    layer, point = layer + 10, point + 10
+    layer, point = (a + 10 for a in np.divmod(rng.choice(500 * 940, rows, replace=False), 940))
     range_m = np.round(rng.uniform(near_m, 90.0, rows), 2)
     return table_of(layer, point, beam_directions(layer, point) * range_m[:, None], decimals=decimals, **columns)
 

@@ -12,7 +12,7 @@ from os import PathLike
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray, IndexArray, IntArray
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.geometry.unit import METRES
 from lidarcheck.kpi.pairing import nearest_on_line
@@ -174,19 +174,29 @@ def check_scene_of(measured: Scan, shown: IdealScan | Scan, file: str | PathLike
 
 def _chosen(measured: Scan) -> _Echoes:
     """All echoes of some beams, picked by a hash of their number so that no column or layer is left out."""
-    known = (measured.layer >= 0) & (measured.layer < LAYERS) & (measured.point >= 0) & (measured.point < POINTS)
+    keys, inside = _keys(measured.layer, measured.point)
     every = max(1, len(measured) // _BEAMS)
-    beam = measured.layer.astype(np.int64) * POINTS + measured.point
-    rows = np.flatnonzero(known & (((beam * 2654435761) >> 12) % every == 0))
-    return _Echoes(measured.layer[rows], measured.point[rows], measured.range_m[rows])
+    picked = np.zeros(LAYERS * POINTS, dtype=np.bool_)
+    picked[((np.arange(LAYERS * POINTS) * 2654435761) >> 12) % every == 0] = True
+    rows = np.flatnonzero(picked[keys] & inside)
+    xyz = measured.x_m[rows], measured.y_m[rows], measured.z_m[rows]
+    range_m = np.sqrt(sum(column * column for column in xyz))
+    return _Echoes(measured.layer[rows], measured.point[rows], range_m)
+
+
+def _keys(layer: IntArray, point: IntArray) -> tuple[IntArray, BoolArray]:
+    """A number for each beam, and whether the sensor has it; 0 for those that it has not."""
+    inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
+    return np.where(inside, layer * np.int32(POINTS) + point, np.int32(0)), inside
 
 
 def _variants(shown: Surfaces, echoes: _Echoes) -> Iterator[tuple[str, FloatArray]]:
     """Each variant's name and its residuals, one a beam of the echoes as they are."""
     layer, point = LAYERS - 1 - echoes.layer, POINTS - 1 - echoes.point
-    yield _MIRRORED, _residuals(shown, replace(echoes, point=point), echoes.beam)
-    yield _LAYERS, _residuals(shown, replace(echoes, layer=layer), echoes.beam)
-    yield _BOTH, _residuals(shown, replace(echoes, layer=layer, point=point), echoes.beam)
+    images = [replace(echoes, point=point), replace(echoes, layer=layer), replace(echoes, layer=layer, point=point)]
+    shown = _of_beams(shown, np.concatenate([echoes.beam, *(image.beam for image in images)]))
+    for name, image in zip(_NUMBERS, images, strict=True):
+        yield name, _residuals(shown, image, echoes.beam)
     for unit, metres in METRES.items():
         if unit != "m":
             yield unit, _residuals(shown, replace(echoes, range_m=echoes.range_m * metres))
@@ -196,6 +206,8 @@ def _frame_pairs(
     measured: Scan, shown: Surfaces, neighbours: Mapping[str, Surfaces | None]
 ) -> list[tuple[str, FloatArray, FloatArray]]:
     """The residuals of early beams as it is and against each neighbour, where the two frames differ."""
+    if all(neighbour is None for neighbour in neighbours.values()):
+        return []
     early = sweep_time_s(measured.point) < SWEEP_PART * float(sweep_time_s(POINTS - 1))
     echoes = _chosen(measured if shown.timed else measured.take(early))
     own = _residuals(shown, echoes)
@@ -218,14 +230,11 @@ def _residuals(shown: Surfaces, echoes: _Echoes, beam: IndexArray | None = None)
     `beam`: what the result is ordered by, the echoes' own beams by default. Infinite where the beam meets nothing, NaN
     where `shown` does not have it.
     """
-    wanted = np.zeros(LAYERS * POINTS, dtype=np.bool_)
-    wanted[echoes.beam] = True
-    inside = (shown.layer >= 0) & (shown.layer < LAYERS) & (shown.point >= 0) & (shown.point < POINTS)
-    keys = np.where(inside, shown.layer.astype(np.int64) * POINTS + shown.point, 0)
-    rows = np.flatnonzero(wanted[keys] & inside)
+    shown = _of_beams(shown, echoes.beam)
+    keys = _keys(shown.layer, shown.point)[0].astype(np.int64)
     fired = np.zeros(LAYERS * POINTS, dtype=np.bool_)
-    fired[keys[rows]] = True
-    rows = rows[shown.distance_m[rows] > 0.0]
+    fired[keys] = True
+    rows = np.flatnonzero(shown.distance_m > 0.0)
     order = rows[np.lexsort((shown.distance_m[rows], keys[rows]))]
     near = nearest_on_line(keys[order], shown.distance_m[order], echoes.beam, echoes.range_m)
     residual = np.full(len(near), np.inf)
@@ -235,6 +244,17 @@ def _residuals(shown: Surfaces, echoes: _Echoes, beam: IndexArray | None = None)
     by = np.lexsort((np.abs(residual), group))
     _, first = np.unique(group[by], return_index=True)
     return residual[by[first]]
+
+
+def _of_beams(shown: Surfaces, beams: IndexArray) -> Surfaces:
+    """The surfaces of those beams alone."""
+    wanted = np.zeros(LAYERS * POINTS, dtype=np.bool_)
+    wanted[beams] = True
+    keys, inside = _keys(shown.layer, shown.point)
+    rows = np.flatnonzero(wanted[keys] & inside)
+    if len(rows) == len(keys):
+        return shown
+    return replace(shown, layer=shown.layer[rows], point=shown.point[rows], distance_m=shown.distance_m[rows])
 
 
 def _median(residual: FloatArray) -> float:

@@ -51,7 +51,6 @@ def read_frame(
         raise ValueError("neither a model nor a simulated frame")
     shown = scan_of(simulated)
     check_variants(scan, shown, str(measured))
-    _belong(scan, shown, measured, str(simulated))
     return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
 
 

@@ -74,11 +74,19 @@ class Placement:
 
     def moved(self, position: FloatArray) -> FloatArray:
         """Positions of the file, shape (n, 3), in the sensor's frame [m]."""
-        sign = np.array([-1.0 if axis == self.mirror else 1.0 for axis in AXES])
-        placed = position * (METRES[self.unit] * sign)
+        placed = position * (METRES[self.unit] * self._signs())
         if self.pose is None:
             return placed
         return np.asarray(placed @ rotation(*self.pose[3:]).T + np.array(self.pose[:3]))
+
+    def taken_back(self, position: FloatArray) -> FloatArray:
+        """Placed positions, shape (n, 3) [m], as the file has them."""
+        if self.pose is not None:
+            position = (position - np.array(self.pose[:3])) @ rotation(*self.pose[3:])
+        return np.asarray(position / (METRES[self.unit] * self._signs()))
+
+    def _signs(self) -> FloatArray:
+        return np.array([-1.0 if axis == self.mirror else 1.0 for axis in AXES])
 
     def _ranges_only(self, table: Table) -> Table:
         if self.mirror or self.pose is not None:
