@@ -119,7 +119,7 @@ def test_partners_are_found_by_name_then_number_then_order():
     assert names(paired(real, frames_in("ordered.csv"))) == ["ordered.csv#0", "ordered.csv#1"]
     with pytest.raises(InputError, match=r"three.csv#10: has no frame beside it in real"):
         paired(frames_in("three.csv"), real)
-    with pytest.raises(InputError, match=r"2 frames for the 3 of three.csv, and only their order pairs them"):
+    with pytest.raises(InputError, match=r"2 frames for the 3 of three.csv, which only order pairs"):
         paired(frames_in("three.csv"), frames_in("ordered.csv"))
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from lidarcheck.cases.source import FrameFile
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.table import counted
 
 __all__ = ["beside", "paired"]
 
@@ -29,7 +30,7 @@ def paired(frames: Sequence[FrameFile], others: Sequence[FrameFile]) -> list[Fra
         return times
     if _ranked(frames) or _ranked(others):
         if len(frames) != len(others):
-            what = f"{len(others)} frames for the {len(frames)} of {frames[0].path}, and only their order pairs them"
+            what = f"{counted(len(others), 'frame')} for the {len(frames)} of {frames[0].path}, which only order pairs"
             raise InputError(what, file=others[0].path, fix="give as many frames on both sides")
         return list(others)
     numbers, other_numbers = _numbers(frames), _numbers(others)

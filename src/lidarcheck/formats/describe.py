@@ -143,14 +143,15 @@ def _describe_table(table: Table, form: str, placement: Placement, time_unit: Ti
     else:
         rows, found = read_scan(whole, placement)
         kind, range_m, facts = "scan", rows.range_m, {**_row_facts(rows, found), **_time_facts(table, time_unit)}
-    counts = _rows_per_beam(rows.layer, rows.point)
+    frame = rows.extra[whole.spelling("Frame") or ""] if whole is not table else np.zeros(len(rows), dtype=np.int64)
+    counts = np.concatenate([_rows_per_beam(rows.layer[at], rows.point[at]) for at in _each(frame)])
     return FileDescription(
         path=str(table.path),
         format=form,
         kind=kind,
         rows=len(table) if kind == "scan" else len(rows),
         columns=tuple(_summary(name, column) for name, column in table.columns.items()),
-        beams=len(counts),
+        beams=len(_rows_per_beam(rows.layer, rows.point)),
         range_m=_span(range_m),
         echoes_per_beam={str(number): int(np.count_nonzero(counts == number)) for number in np.unique(counts)},
         defaulted=rows.defaulted,
@@ -172,6 +173,12 @@ def _with_frames(table: Table) -> tuple[Table, dict[str, Any]]:
     sizes = np.bincount(frame)
     said = f"{len(found)}, told apart {found.how}; {sizes.min()} to {sizes.max()} rows each"
     return table.with_column("Frame", frame), {"frames": said}
+
+
+def _each(frame: Column) -> list[npt.NDArray[np.intp]]:
+    """The rows of each frame."""
+    order = np.argsort(frame, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(frame[order])) + 1)
 
 
 def _row_facts(scan: Scan, counts: RowCounts) -> dict[str, Any]:

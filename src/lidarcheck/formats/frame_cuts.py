@@ -16,9 +16,10 @@ from lidarcheck.arrays import BoolArray, IndexArray
 
 __all__ = ["Repeats", "cuts_of", "is_ascending", "repeats_of"]
 
-MOST_PARTS_A_REPEAT = 2
-"""Parts at most, as a multiple of how often the commonest beam stands in the list. Frames in order show that beam once
-in nearly every part; rows that were shuffled, or echoes beside each other, fall into very many parts."""
+MOST_PARTS_A_REPEAT = 4
+"""Parts at most, as a multiple of how often the commonest beam stands in the list. Of many beams one shows an echo in a
+quarter of the frames at least, however dim the scene; rows that were shuffled, or echoes beside each other, fall into
+very many parts."""
 
 
 class Repeats(NamedTuple):

@@ -155,7 +155,11 @@ def test_the_merged_file_of_a_side_without_a_partner_names_the_frame(frames, cap
 def test_info_says_how_many_frames_a_file_holds(frames, capsys):
     merge(frames, "drive.pcd", leave_out=("EchoNumber",))
     assert main(["info", "drive.pcd", "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)["facts"]
+    found = json.loads(capsys.readouterr().out)
+    facts = found["facts"]
+    echoes = sum(int(number) * count for number, count in found["echoes_per_beam"].items())
+    assert echoes == sum(len(table) for table in frames)
+    assert max(map(int, found["echoes_per_beam"])) < 3  # of a frame, not of all
     sizes = sorted(len(table) for table in frames)
     assert facts["frames"] == f"3, told apart by the order of the rows; {sizes[0]} to {sizes[-1]} rows each"
     assert "renumbered" not in facts
