@@ -223,7 +223,7 @@ def test_an_earlier_answer_is_there_at_the_next_start_and_says_what_changed(expl
         looks = view.looks
         await pilot.press("R")
         await until(pilot, lambda: view.looks > looks)
-        await sees(app, pilot, "explained: fog?")
+        await sees(app, pilot, "explained: fog  OLD, ")
         await sees(app, pilot, "m1.txt changed since")
 
     drive(app_on(explained), do)
