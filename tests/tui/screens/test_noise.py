@@ -301,7 +301,7 @@ def test_it_is_stopped(project, monkeypatch):
         view = await on_noise(app, pilot)
         await pilot.press("r")
         await until(pilot, begun.is_set)
-        await sees(app, pilot, "running")
+        await sees(app, pilot, "computing")
         await pilot.press("down", "r")
         await says(app, pilot, "hall/frame is being computed; x stops it")
         await pilot.press("x")
