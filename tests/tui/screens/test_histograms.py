@@ -7,7 +7,8 @@ import pytest
 
 from bench_kit import make_bench
 from lidarcheck.cli import main
-from lidarcheck.formats import load_scan
+from lidarcheck.formats.recognise import read_table
+from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.session.project import Entry, Project, read_project
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.vehicles import FILES, groups_of, job_of, options_of, source_of
@@ -227,7 +228,7 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
     offset = ("--vehicle", "car", "--x", "0.25", "--y", "-3.25", "--out", "by_command.pcd")
     assert main(["vehicles", "merge", *files, *offset]) == 0
     assert Path("by_command.pcd").read_bytes() == Path("car_SMART_16m_merged.pcd").read_bytes()
-    merged = load_scan("by_command.pcd")
+    merged = scan_from_table(read_table(Path("by_command.pcd")))
     sides = [merged.y_m[merged.extra["Simulated"] == side].mean() for side in (0, 1)]
     assert sides[1] - sides[0] == pytest.approx(-3.25, abs=1e-3)
     assert np.unique(merged.extra["Simulated"]).tolist() == [0, 1]
