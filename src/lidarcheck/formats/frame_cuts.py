@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, IndexArray
 
-__all__ = ["Repeats", "cuts_of", "is_ascending", "repeats_of"]
+__all__ = ["Repeats", "cuts_of", "in_order", "repeats_of"]
 
 MOST_PARTS_A_REPEAT = 4
 """Parts at most, as a multiple of how often the commonest beam stands in the list. Of many beams one shows an echo in a
@@ -36,9 +36,15 @@ class _Windows(NamedTuple):
     last: IndexArray
 
 
-def is_ascending(key: npt.NDArray[Any]) -> bool:
-    """Whether each key is larger than the one before, so that none stands there twice."""
-    return bool((key[1:] > key[:-1]).all())
+def in_order(*columns: npt.NDArray[Any]) -> bool:
+    """Whether rows ascend by the columns, the first one slowest, so that none stands there twice: a plain frame, told
+    without a key or a sort."""
+    *slower, fastest = columns
+    after: BoolArray = fastest[1:] > fastest[:-1]
+    for column in reversed(slower):
+        after &= column[1:] == column[:-1]
+        after |= column[1:] > column[:-1]
+    return bool(after.all())
 
 
 def repeats_of(key: npt.NDArray[Any]) -> Repeats:

@@ -19,8 +19,8 @@ import numpy as np
 
 from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.columns import INT32_MAX, found_columns
-from lidarcheck.formats.frame_cuts import Repeats, cuts_of, is_ascending, repeats_of
+from lidarcheck.formats.columns import INT32_MAX, found_columns, missing
+from lidarcheck.formats.frame_cuts import Repeats, cuts_of, in_order, repeats_of
 from lidarcheck.formats.frame_passes import passes_of, unnumbered_repeats
 from lidarcheck.formats.ideals import is_ideal
 from lidarcheck.formats.returns import no_returns
@@ -139,18 +139,18 @@ def _by_column(table: Table, name: str) -> Frames:
 
 def _by_repeats(table: Table, by: str | None) -> Frames:
     """Frames by time or by the order of the rows, where beams stand in the table more than once."""
+    named = [table.columns[own] for own in _spelled(table, (*BEAM_COLUMNS, *RETURN_COLUMNS))]
+    if not missing(table, BEAM_COLUMNS) and in_order(*named):
+        return Frames()
     beams = _whole(table, BEAM_COLUMNS)
     if beams is None or len(beams) < len(BEAM_COLUMNS):
         if by is not None:
             what = f"has no Layer and Point, by whose repeats frames are told apart{found_columns(table)}"
             raise InputError(what, file=table.path, fix="name a column that tells them apart with --by")
         return Frames()
-    beam = _key(beams)
-    if is_ascending(beam):
-        return Frames()
-    returns = _whole(table, RETURN_COLUMNS, missing=0) or []
-    key = _key([beam, *returns])
-    if is_ascending(key) or not _repeats(key):
+    returns = _whole(table, RETURN_COLUMNS, unknown=0) or []
+    key = _key([*beams, *returns])
+    if not _repeats(key):
         return Frames()
     if not returns:
         return _unnumbered(table, beams, key, by)
@@ -214,9 +214,9 @@ def _cut(order: IndexArray, cuts: IndexArray | None) -> Frames | None:
     return Frames(tuple(np.sort(part) for part in np.split(order, cuts)), "order")
 
 
-def _whole(table: Table, names: Sequence[str], missing: float = np.nan) -> list[IndexArray] | None:
+def _whole(table: Table, names: Sequence[str], unknown: float = np.nan) -> list[IndexArray] | None:
     """Those of the columns that are there, as 64-bit whole numbers from 0; None where one holds others, which is for
-    the reader to say. `missing`: what stands for NaN.
+    the reader to say. `unknown`: what stands for NaN.
     """
     found = []
     for name in names:
@@ -224,7 +224,7 @@ def _whole(table: Table, names: Sequence[str], missing: float = np.nan) -> list[
         if column is None:
             continue
         if column.dtype.kind == "f" and np.isnan(column).any():
-            column = np.where(np.isnan(column), missing, column)
+            column = np.where(np.isnan(column), unknown, column)
         # NaN compares false, too.
         if len(column) and not (column.min() >= 0 and column.max() <= INT32_MAX):
             return None
