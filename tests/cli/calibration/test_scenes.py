@@ -129,7 +129,7 @@ WRONG = {
     "real.pcd --ideal ideal.parquet --model model.toml --out real.pcd": "is not a directory",
     "real.pcd --ideal ideal.parquet --model model.toml --json real.pcd": "would replace another file",
     "real.pcd --ideal ideal.parquet --model street.toml": "material",
-    "real.pcd --ideal car_ideal.parquet --model street.toml": "beams that the ideal scan does not have",
+    "real.pcd --ideal car_ideal.parquet --model street.toml": "this is not the same scene: only 0 % of the beams",
     "real.pcd --ideal sim.pcd --model model.toml": "echoes, not an ideal scan",
     "ideal.parquet --ideal car_ideal.parquet --model model.toml": "this is an ideal scan, not echoes",
     "real.pcd --ideal ideal.parquet --model model.toml --scene city_stret": "city_street",
