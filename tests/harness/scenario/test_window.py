@@ -22,7 +22,7 @@ def scenario(
     more: str = "",
     near: float = 20.0,
     tolerance: float = 0.002,
-):
+) -> Path:
     (directory / "models").mkdir(exist_ok=True)
     (directory / "models/model.toml").write_text(model)
     file = directory / "wall.toml"
@@ -52,10 +52,10 @@ def test_one_that_is_named_stays_and_older_goldens_keep_hash_and_name(tmp_path):
 
 
 def test_a_golden_of_the_former_window_is_named_with_the_command_that_moves_it(tmp_path, monkeypatch):
-    """A bright wall at 6 m: pile-up moves its echoes by 0.6 m. The echoes are the golden's, what is counted is not."""
+    """A bright wall at 8 m: pile-up moves its echoes by 0.55 m. The echoes are the golden's, what is counted is not."""
     directory = tmp_path / "scenarios"
     directory.mkdir()
-    file = scenario(directory, MODEL.format(sensor=""), near=6.0, tolerance=0.1)
+    file = scenario(directory, MODEL.format(sensor=""), near=8.0, tolerance=0.1)
     with monkeypatch.context() as former:
         former.setattr("lidarcheck.harness.scenario.asked.surface_window_m", lambda _sensor: 0.5)
         accept(review([file]), ["all"], reason="first")
