@@ -5,7 +5,7 @@ import pytest
 
 from explain_core_kit import frames, model
 from lidarcheck.effects import make
-from lidarcheck.explain.decision.calibration import calibrated, entries, with_shares
+from lidarcheck.explain.decision.calibration import Calibration, calibrated, entries, with_shares
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.inference.nuisances import Nuisance
@@ -81,6 +81,15 @@ def test_where_there_is_no_gap_nothing_has_a_share_of_it(wrong_table: Scale) -> 
     found, models = entries(simulator, Fit((), (), 0.0, shown), model(), put_right)
     none = Gap(*(Interval(0.1, 0.1, 0.1) for _ in range(3)))
     assert all(np.isnan(one.gap_share) for one in with_shares(wrong_table, found, models, none, WorkerPool()))
+
+
+def test_what_changes_in_no_digit_is_no_number(wrong_table: Scale) -> None:
+    put_right = Calibration(model(), Nuisance(materials={1: 2.5, 2: 1e-9}), False, np.zeros(6), np.zeros((6, 6)))
+    simulator = Simulator(wrong_table.frames, model(), 3)
+    shown = np.zeros((1, len(simulator.measured)))
+    found, models = entries(simulator, Fit((), (), 0.0, shown), model(), put_right)
+    assert [one.name for one in found] == ["materials.1.reflectance"]
+    assert len(models) == 2
 
 
 def test_a_pose_is_told_by_its_angles() -> None:

@@ -71,9 +71,11 @@ def entries(
     found, models = [], [named]
     for axis in axes:
         part = _up_to(put_right.off, axes[: axes.index(axis) + 1])
-        models.append(part.calibrated(named, own_surface=put_right.own_surface))
-        half = HALF_WIDTH * WIDEN * spread.get(axis, 1.0)
-        found.append(_entry(axis, named, models[-1], half))
+        there = part.calibrated(named, own_surface=put_right.own_surface)
+        one = _entry(axis, named, there, HALF_WIDTH * WIDEN * spread.get(axis, 1.0))
+        if one.value != one.was:  # of a material that is hardly seen not one digit may change
+            models.append(there)
+            found.append(one)
     return tuple(found), tuple(models)
 
 

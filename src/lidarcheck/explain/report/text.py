@@ -15,6 +15,8 @@ __all__ = ["gap_bar", "report_sections", "report_text", "verdict_sentence"]
 NARROWEST, WIDEST = 60, 100
 SHOWN_CANDIDATES = 12
 SHOWN_PLACES = 10
+_WORTH_A_WORD = 0.005
+"""A share of the gap that is less is nothing in whole percent."""
 
 
 def report_text(explanation: Explanation, *, width: int = 80, diff: Sequence[str] = ()) -> str:
@@ -58,7 +60,8 @@ def verdict_sentence(explanation: Explanation) -> str:
     if explanation.verdict == "explained":
         what, them = ("one effect is", "it") if len(names) == 1 else (f"{len(names)} effects are", "them")
         calibrated = [one.gap_share for one in explanation.calibrated if math.isfinite(one.gap_share)]
-        of_it = f", {_percent(sum(calibrated))} of it by what is calibrated besides" if calibrated else ""
+        told = sum(calibrated) >= _WORTH_A_WORD
+        of_it = f", {_percent(sum(calibrated))} of it by what is calibrated besides" if told else ""
         said = f"EXPLAINED: {what} missing from the model: {_and(names)}. The model with {them} closes {closed}{of_it}."
         return f"{said} {form_words(names, explanation.gap.classifier)}".rstrip()
     if names and len(names) == len(explanation.findings):
@@ -99,7 +102,7 @@ def _calibrated(numbers: Sequence[Calibrated], width: int) -> list[str]:
     names = max(len(one.name) for one in numbers)
     lines = ["Within usual errors, and no finding; --no-nuisances leaves these as they were."]
     for one in numbers:
-        share = f"  {100.0 * one.gap_share:.1f} % of the gap" if math.isfinite(one.gap_share) else ""
+        share = f"  {100.0 * one.gap_share:z.1f} % of the gap" if math.isfinite(one.gap_share) else ""
         span = f"({_number(one.low)} ... {_number(one.high)})"
         lines.append(f"{one.name.ljust(names)}  {_number(one.was)} -> {_number(one.value)}  {span}{share}")
     return [part for line in lines for part in textwrap.wrap(line, width, subsequent_indent="    ")]
