@@ -61,6 +61,9 @@ def read_lines(path: str | os.PathLike[str]) -> bytes:
 
     Bytes beyond are those of no table, and would cost a multiple of their size.
     """
+    shown = shown_content(path)
+    if shown is not None:
+        return shown
     file = check_file(path)
     try:
         if file.stat().st_size > LONGEST_LINE:
