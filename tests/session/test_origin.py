@@ -9,8 +9,8 @@ import pytest
 from bench_kit import make_bench
 from lidarcheck.cli import main
 from lidarcheck.errors import InputError
-from lidarcheck.formats.reading import reading
 from lidarcheck.formats.source import read_source
+from lidarcheck.reading import reading
 from lidarcheck.session.origin import changed_since, origin
 from lidarcheck.session.own_files import content_hash
 

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.reading import note, shown_content
+from lidarcheck.reading import note, shown_content
 
 __all__ = [
     "LONGEST_LINE",

@@ -11,7 +11,7 @@ import struct
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.reading import note
+from lidarcheck.reading import note
 
 __all__ = ["mesh_content"]
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.formats.reading import reading
 from lidarcheck.formats.source import read_text
+from lidarcheck.reading import reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.reading import read_so_far, state_of_file
+from lidarcheck.reading import read_so_far, state_of_file
 from lidarcheck.session.canonical import code_identity, key_of
 from lidarcheck.session.digests import GONE, Digests
 from lidarcheck.session.node import Derived

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.formats.reading import reading
 from lidarcheck.formats.table import counted
+from lidarcheck.reading import reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.edited_file import EditedFile
 from lidarcheck.session.inputs import Inputs

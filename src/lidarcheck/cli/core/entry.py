@@ -120,7 +120,7 @@ def _run(argv: list[str]) -> int:
     """The command's exit code. A `SystemExit` of the parser, as from `--help`, is one too."""
     from lidarcheck.cli.core.app import make_app
     from lidarcheck.cli.core.command import ARGUMENTS
-    from lidarcheck.formats.reading import reading
+    from lidarcheck.reading import reading
 
     app = make_app()
     given = ARGUMENTS.set(tuple(argv))

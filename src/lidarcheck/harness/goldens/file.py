@@ -14,11 +14,11 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.reading import note
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
+from lidarcheck.reading import note
 
 __all__ = ["FORMAT", "dump_golden", "load_golden", "save_golden"]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.formats.reading import Reading, reading
+from lidarcheck.reading import Reading, reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.inputs import Inputs, files_named_by
 from lidarcheck.session.node import Cancelled, ProgressCallback

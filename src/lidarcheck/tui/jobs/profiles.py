@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.formats.reading import apart, reading
+from lidarcheck.reading import apart, reading
 from lidarcheck.session.node import Node
 from lidarcheck.session.pairing import ideal_of, numbers_in
 from lidarcheck.session.project import Project
