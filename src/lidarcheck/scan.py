@@ -8,21 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray, IntArray
+from lidarcheck.arrays import FloatArray, IntArray, freeze, freeze_extra
+from lidarcheck.beams import NOT_READ, Fired, Geometry
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
 
 __all__ = [
     "ECHO_COLUMNS",
-    "Fired",
-    "Geometry",
     "Haze",
     "IdealScan",
     "Light",
@@ -36,36 +35,6 @@ ECHO_COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns"
 """The fields of a `Scan` that hold a value an echo; `extra` holds further ones."""
 
 _Rows = TypeVar("_Rows", "IdealScan", "Scan")
-
-
-def _freeze(table: Any, dtypes: Mapping[str, Any], length: int) -> None:
-    """Cast the named columns, check their length and make them read-only."""
-    for name, dtype in dtypes.items():
-        value = getattr(table, name)
-        if value is None:
-            continue
-        column = np.ascontiguousarray(value, dtype=dtype)
-        if np.issubdtype(dtype, np.integer) and np.asarray(value).dtype.kind == "f" and np.any(column != value):
-            raise UsageError(
-                f"column {name} holds a number that is not whole", fix="round it yourself, if that is meant"
-            )
-        if column.shape != (length,):
-            raise UsageError(f"column {name} has shape {column.shape}, the table has {length} rows")
-        if column is value and column.flags.writeable:
-            column = column.view()
-        column.flags.writeable = False
-        object.__setattr__(table, name, column)
-
-
-def _freeze_extra(table: Any, length: int) -> None:
-    frozen = {}
-    for name, value in table.extra.items():
-        column = np.asarray(value).view()
-        if column.shape != (length,):
-            raise UsageError(f"column {name} has shape {column.shape}, the table has {length} rows")
-        column.flags.writeable = False
-        frozen[name] = column
-    object.__setattr__(table, "extra", frozen)
 
 
 @dataclass(frozen=True)
@@ -96,8 +65,8 @@ class IdealScan:
         n = len(self.layer)
         ints = dict.fromkeys(("layer", "point", "material_id", "object_id"), np.int32)
         floats = dict.fromkeys(("distance_m", "incidence_deg", "time_s", "share"), np.float64)
-        _freeze(self, {**ints, **floats}, n)
-        _freeze_extra(self, n)
+        freeze(self, {**ints, **floats}, n)
+        freeze_extra(self, n)
         if self.rays is not None and len(self.rays) != n:
             raise UsageError(f"{len(self.rays)} rays for a table of {n} rows")
 
@@ -149,10 +118,10 @@ class Haze:
     row_share: FloatArray
 
     def __post_init__(self) -> None:
-        _freeze(self, {"density_per_m": np.float64}, len(self.density_per_m))
-        _freeze(self, {"first_row": np.int64}, len(self.first_row))
+        freeze(self, {"density_per_m": np.float64}, len(self.density_per_m))
+        freeze(self, {"first_row": np.int64}, len(self.first_row))
         rows = int(self.first_row[-1])
-        _freeze(self, {"row_end_m": np.float64, "row_share": np.float64}, rows)
+        freeze(self, {"row_end_m": np.float64, "row_share": np.float64}, rows)
 
 
 @dataclass(frozen=True)
@@ -181,12 +150,12 @@ class Light:
 
     def __post_init__(self) -> None:
         n = len(self.layer)
-        _freeze(self, {"layer": np.int32, "point": np.int32, "background_per_ns": np.float64}, n)
-        _freeze(self, {"first_pulse": np.int64}, n + 1)
+        freeze(self, {"layer": np.int32, "point": np.int32, "background_per_ns": np.float64}, n)
+        freeze(self, {"first_pulse": np.int64}, n + 1)
         if self.first_pulse[0] != 0 or np.any(np.diff(self.first_pulse) < 0):
             raise UsageError("first_pulse must begin with 0 and not decrease")
         pulses = int(self.first_pulse[-1])
-        _freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64, "pulse_row": np.int32}, pulses)
+        freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64, "pulse_row": np.int32}, pulses)
 
     def __len__(self) -> int:
         return len(self.layer)
@@ -243,60 +212,6 @@ class Light:
         return replace(self, first_pulse=first, pulse_range_m=ranges, pulse_signal=signals, pulse_row=rows)
 
 
-class Geometry(NamedTuple):
-    """How a file's X, Y, Z agree with its beams. `verdict`: `ok`, `warning` or `not checked`; `note`: of what, or why.
-
-    Of the `rows` that were looked at so many could be `judged`, so many of these `passed`, and so many of all lie
-    `outside` their bound.
-    `unit_checked`: whether a RANGE beside X, Y, Z says that they are in metres.
-    """
-
-    verdict: str = "not checked"
-    rows: int = 0
-    judged: int = 0
-    passed: int = 0
-    outside: int = 0
-    note: str = "the echoes were not read from a file"
-    unit_checked: bool = False
-
-
-_NOT_READ = Geometry()
-
-
-@dataclass(frozen=True)
-class Fired:
-    """Beams that were fired, with an echo or without, each once a frame; columns of shape (n,), in any order.
-
-    `frame`: of each, None where all are of one frame. `source`: who says that they were fired.
-    """
-
-    layer: IntArray
-    point: IntArray
-    frame: IntArray | None = None
-    source: Literal["scan", "ideal", "sensor"] = "scan"
-
-    def __post_init__(self) -> None:
-        _freeze(self, dict.fromkeys(("layer", "point"), np.int32), len(self.layer))
-        _freeze(self, {"frame": np.int64}, len(self.layer))
-
-    def __len__(self) -> int:
-        return len(self.layer)
-
-    def of_frame(self, frame: int) -> Fired:
-        """The beams that were fired in one frame."""
-        if self.frame is None:
-            return self
-        own = self.frame == frame
-        return Fired(self.layer[own], self.point[own], None, self.source)
-
-    def has(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Which of these beams were fired, in any frame; shapes (m,)."""
-        keys, asked = (
-            np.asarray(a, dtype=np.int64) * 2**32 + np.asarray(b) for a, b in ((self.layer, self.point), (layer, point))
-        )
-        return np.isin(asked, keys)
-
-
 @dataclass(frozen=True)
 class Scan:
     """Echoes, a row each. Columns of shape (n,).
@@ -321,14 +236,14 @@ class Scan:
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
     fired: Fired | None = None
-    geometry: Geometry = _NOT_READ
+    geometry: Geometry = NOT_READ
 
     def __post_init__(self) -> None:
         n = len(self.x_m)
         floats = dict.fromkeys(("x_m", "y_m", "z_m", "width_ns", "area", "peak"), np.float64)
         ints = dict.fromkeys(("layer", "point", "echo_number"), np.int32)
-        _freeze(self, {**floats, **ints}, n)
-        _freeze_extra(self, n)
+        freeze(self, {**floats, **ints}, n)
+        freeze_extra(self, n)
 
     def __len__(self) -> int:
         return len(self.x_m)

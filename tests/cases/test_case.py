@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from explain_kit import ideal_scan, write_case
+from lidarcheck.beams import Fired
 from lidarcheck.cases.case import load_case
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
-from lidarcheck.scan import Fired
 
 
 @pytest.fixture(scope="module")

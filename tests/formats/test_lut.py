@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from budget import examples
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError, UsageError
-from lidarcheck.formats.lut import load_lut, parse_lut, save_lut, scaled_of_y, y_of_scaled
+from lidarcheck.formats.lut import load_lut, parse_lut, save_lut
+from lidarcheck.formats.lut_scale import scaled_of_y, y_of_scaled
 from places import shared_path
 
 SMALL = (

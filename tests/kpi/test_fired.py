@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from lidarcheck.beams import Fired
 from lidarcheck.kpi.compare import compare
 from lidarcheck.kpi.detection import detection_probability, false_alarms
 from lidarcheck.kpi.fired import fired_beams, judged_beams
 from lidarcheck.kpi.pairing import pair_with_ideal
-from lidarcheck.scan import Fired, IdealScan, Scan
+from lidarcheck.scan import IdealScan, Scan
 
 LAYER, POINT = (a.ravel() for a in np.mgrid[100:104, 200:205])
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from lidarcheck.beams import Geometry
 from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
@@ -31,7 +32,7 @@ from lidarcheck.kpi.variant import other_variant
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import Geometry, IdealScan, Scan
+from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 

@@ -26,10 +26,10 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.config_words import nearest, shown
+from lidarcheck.formats.lut_scale import scaled_of_y, y_of_scaled
 from lidarcheck.formats.source import read_source
 
 __all__ = [
-    "SCALE_MAX",
     "Axis",
     "LutFile",
     "LutRow",
@@ -37,16 +37,10 @@ __all__ = [
     "load_lut",
     "parse_lut",
     "save_lut",
-    "scaled_of_y",
-    "y_of_scaled",
 ]
 
 Axis = Literal["vertical", "horizontal"]
 
-SCALE_MAX = 1000
-"""The scaled value of Y = 1."""
-
-_STEP = 0.007
 _KEYS: dict[Axis, tuple[str, str]] = {
     "vertical": ("PostPro.LUT_blooming_X", "PostPro.LUT_blooming_Y"),
     "horizontal": ("PostPro.LUT_bloomingH_X", "PostPro.LUT_bloomingH_Y"),
@@ -209,20 +203,6 @@ def _check_between(value: float, before: list[float], after: list[float]) -> Non
         both = f"a number from {low} to {high}"
         fix = f"use {both if low and high else f'{low} or more' if low else f'{high} or less'}"
         raise UsageError(what, fix=fix)
-
-
-def scaled_of_y(y: float) -> int:
-    """The whole number 0 ... 1000 that stands for Y in [0, 1]: 0 for Y = 0 alone, 1 for all else up to 1e-7."""
-    if y == 0.0:
-        return 0
-    return min(max(round(SCALE_MAX + math.log10(y) / _STEP), 1), SCALE_MAX)
-
-
-def y_of_scaled(scaled: int) -> float:
-    """The Y of a whole number 0 ... 1000; `UsageError` for any other."""
-    if isinstance(scaled, bool) or not 0 <= scaled <= SCALE_MAX or scaled != int(scaled):
-        raise UsageError(f"scaled Y = {scaled} is out of range", fix=f"use a whole number from 0 to {SCALE_MAX}")
-    return 0.0 if scaled == 0 else float(10.0 ** (-_STEP * (SCALE_MAX - scaled)))
 
 
 def load_lut(path: str | os.PathLike[str]) -> LutFile:

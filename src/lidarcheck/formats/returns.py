@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IntArray
+from lidarcheck.beams import Fired
 from lidarcheck.formats.table import Table
-from lidarcheck.scan import Fired
 
 __all__ = ["Beams", "Numbering", "fired_of", "no_returns", "numbered"]
 

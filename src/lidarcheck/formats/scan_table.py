@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from lidarcheck.beams import Fired
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.columns import INT32_MAX, real_column, whole_column, with_extra
 from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.scans import FEATURES, SCAN_COLUMNS, positions_of
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.formats.times import frame_of
-from lidarcheck.scan import Fired, Scan, beams_of
+from lidarcheck.scan import Scan, beams_of
 
 __all__ = ["table_from_scan"]
 

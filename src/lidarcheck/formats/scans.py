@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck.arrays import BoolArray
+from lidarcheck.beams import Fired
 from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import (
     INT32_MAX,
@@ -25,7 +26,7 @@ from lidarcheck.formats.return_kinds import RETURN_KINDS, kinds_by_range, livox_
 from lidarcheck.formats.returns import Beams, Numbering, fired_of, no_returns, numbered
 from lidarcheck.formats.table import Column, Table, counted
 from lidarcheck.formats.times import frame_of
-from lidarcheck.scan import Fired, Scan, beams_of
+from lidarcheck.scan import Scan, beams_of
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 __all__ = [

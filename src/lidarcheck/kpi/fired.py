@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, IndexArray
-from lidarcheck.scan import Fired, IdealScan, Scan
+from lidarcheck.beams import Fired
+from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["fired_beams", "judged_beams", "judged_rows"]

@@ -8,7 +8,8 @@ import pytest
 
 from lidarcheck.cli import main
 from lidarcheck.errors import InputError
-from lidarcheck.formats.lut import load_lut, save_lut, y_of_scaled
+from lidarcheck.formats.lut import load_lut, save_lut
+from lidarcheck.formats.lut_scale import y_of_scaled
 from places import shared_path
 
 TEXT = (

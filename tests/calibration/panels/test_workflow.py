@@ -8,6 +8,7 @@ import pytest
 
 import panel_halls as ph
 from hidden.places import PANEL_10, PANEL_50, PANEL_80
+from lidarcheck.beams import Fired
 from lidarcheck.calibration.panels.find import find_panels
 from lidarcheck.calibration.panels.image import echoes_of, image_of_frames, image_of_ideal
 from lidarcheck.calibration.panels.noise import resolution_of, walk_curve
@@ -26,7 +27,7 @@ from lidarcheck.figures.pages.panels import document, page
 from lidarcheck.formats import load_ideal, load_scan, save_scan
 from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.scenes import same_scene
-from lidarcheck.scan import Fired, Scan
+from lidarcheck.scan import Scan
 from lidarcheck.sensor import beam_directions
 from places import shared_path
 

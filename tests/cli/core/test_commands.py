@@ -154,7 +154,7 @@ def scans(bench_dir, capsys):
 def test_compare_prints_a_table(scans, capsys):
     assert main(["compare", "a.txt", "b.pcd", "--ideal", "ideal.txt"]) == 0
     out, err = capsys.readouterr()
-    assert out.splitlines()[0].split() == ["KPI", "of", "measured", "simulated", "value", "unit"]
+    assert out.splitlines()[0].split() == ["KPI", "of", "value", "chance", "unit", "verdict", "measured", "simulated"]
     for kpi in ("wasserstein", "ks", "energy", "js", "dvm_bias", "dvm_scatter", "detection_probability", "overlap"):
         assert kpi in out
     assert "\x1b" not in out
@@ -162,7 +162,7 @@ def test_compare_prints_a_table(scans, capsys):
 
 
 def test_compare_shows_what_no_float_holds(bench_dir, capsys):
-    Path("a.txt").write_text("X Y Z Layer Point AREA\n1 2 3 250 480 1e308\n1 2 4 250 481 1.7e308\n")
+    Path("a.txt").write_text("Layer Point RANGE AREA\n250 480 3 1e308\n250 481 4 1.7e308\n")
     with np.errstate(over="ignore"):
         assert main(["compare", "a.txt", "a.txt", "-q"]) == 0
     assert "inf" in capsys.readouterr().out

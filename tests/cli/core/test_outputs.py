@@ -233,5 +233,5 @@ def test_help_is_wrapped_once(monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert "  --ideal PATH...: What the beams meet: one ideal scan for all frames, or one" in lines
-    assert "      for each frame." in lines
+    assert "      for each frame, named as these." in lines
     assert any("[default: 4 85]" in line for line in lines)

@@ -14,7 +14,8 @@ from difflib import SequenceMatcher
 from typing import Any
 
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.lut import SCALE_MAX, Axis, LutFile, LutTable, scaled_of_y
+from lidarcheck.formats.lut import Axis, LutFile, LutTable
+from lidarcheck.formats.lut_scale import SCALE_MAX, scaled_of_y
 
 __all__ = [
     "LutChange",

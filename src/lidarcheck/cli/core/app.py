@@ -50,7 +50,7 @@ COMMANDS = (
         "from that. Exit code 0: done; 1: a --fail-on is met; 2: could not run.",
         (
             "lidarcheck compare real.txt sim.pcd --ideal ideal.txt --json kpis.json",
-            "lidarcheck compare drive.pcd frames --ideal ideals --fail-on 'wasserstein:AREA>20' --out compared",
+            "lidarcheck compare drive.pcd frames --ideal ideals --fail-on any --out out",
         ),
     ),
     Command(

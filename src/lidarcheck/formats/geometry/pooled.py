@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from lidarcheck.beams import Geometry
 from lidarcheck.formats.geometry.check import FEWEST_JUDGED, PASSED
-from lidarcheck.scan import Geometry
 
 __all__ = ["pooled", "words"]
 

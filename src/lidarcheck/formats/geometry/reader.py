@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.beams import Geometry
 from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import missing
 from lidarcheck.formats.geometry.placement import AXES, Placement
@@ -14,7 +15,7 @@ from lidarcheck.formats.geometry.steps import coordinate_steps, direction_error_
 from lidarcheck.formats.geometry.unit import METRES, UnitFound, unit_of
 from lidarcheck.formats.geometry.verdict import Refusal, geometry_of, unit_fault
 from lidarcheck.formats.table import Table
-from lidarcheck.scan import Geometry, Scan
+from lidarcheck.scan import Scan
 from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["MOST_JUDGED", "checked_geometry"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IntArray
+from lidarcheck.beams import Geometry
 from lidarcheck.formats.geometry.changes import Change, Echoes
 from lidarcheck.formats.geometry.check import FEWEST_JUDGED, FEWEST_ROWS, Agreement, agreement, outside, refuses
 from lidarcheck.formats.geometry.drift import drift_of
@@ -15,7 +16,6 @@ from lidarcheck.formats.geometry.lattice import REFERENCE, Lattice
 from lidarcheck.formats.geometry.mismatch import MOST_ROWS, Mismatch, search
 from lidarcheck.formats.geometry.placement import POSE_NAMES
 from lidarcheck.formats.geometry.unit import METRES, UnitFound
-from lidarcheck.scan import Geometry
 
 __all__ = ["geometry_of", "refusal", "unit_fault"]
 
