@@ -42,14 +42,15 @@ class Mixed:
     def distances(self, js_edges: FloatArray) -> dict[str, FloatArray]:
         """The KPIs of one feature, by name; `js_edges`: the borders between the bins of `js`."""
         step, apart = np.diff(self.value), self.apart[:, :-1]
-        return {
-            "dvm_bias": -(apart @ step),
-            "dvm_scatter": scatter_draws(self),
-            "wasserstein": np.abs(apart) @ step,
-            "ks": np.abs(self.apart).max(axis=1),
-            "energy": np.sqrt(2.0 * (apart**2 @ step)),
-            "js": self._js(js_edges),
-        }
+        with np.errstate(over="ignore", invalid="ignore"):  # values may be as large as numbers can be
+            return {
+                "dvm_bias": -(apart @ step),
+                "dvm_scatter": scatter_draws(self),
+                "wasserstein": np.abs(apart) @ step,
+                "ks": np.abs(self.apart).max(axis=1),
+                "energy": np.sqrt(2.0 * (apart**2 @ step)),
+                "js": self._js(js_edges),
+            }
 
     def _js(self, edges: FloatArray) -> FloatArray:
         upto = np.asarray(np.searchsorted(self.value, edges, "left"), dtype=np.int64)
