@@ -92,7 +92,7 @@ def test_the_report_says_what_was_done(named: Explanation, on_progress) -> None:
     assert len(set(named.seeds.values()) - {1}) == 3
     names = [step.name for step in named.steps]
     assert names[0] == "split"
-    assert names[-1] == "verification"
+    assert names[-2:] == ["verification", "classifier"]
     assert "range_offset accepted" in next(step.words for step in named.steps if step.name == "fit")
     assert {step for step, _, _ in on_progress} <= set(PROGRESS.shares)
     assert {"residuals and floor", "candidates", "fit", "verification"} <= {step for step, _, _ in on_progress}
@@ -192,8 +192,8 @@ def test_the_unseen_frames_are_looked_at_once(offset_case: Case, monkeypatch: py
 
     monkeypatch.setattr(Unseen, "look", counted)
     found = workflow._explain(offset_case, run)
-    assert looks == [len(run.steps) - 1]
-    assert run.steps[-1].name == "verification"
+    assert looks == [len(run.steps) - 2]
+    assert [step.name for step in run.steps[-2:]] == ["verification", "classifier"]
     assert found.verdict == "explained"
 
 

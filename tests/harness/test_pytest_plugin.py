@@ -24,12 +24,12 @@ gain = float(open(ini).read().split("=")[1])
 draw = random.Random(int(seed))
 lines = open(ideal).read().splitlines()
 names = lines[0].lstrip("/").split()
-out = ["X Y Z Point Layer EchoNumber WIDTH AREA PEAK"]
+out = ["RANGE Point Layer EchoNumber WIDTH AREA PEAK"]
 for line in lines[1:]:
     row = dict(zip(names, line.split()))
     if len(row) > 2:
         area = gain * draw.gauss(100, 5)
-        out.append(f"{row['Distance']} 0 0 {row['Point']} {row['Layer']} 1 {draw.gauss(9, 0.1)} {area} 5")
+        out.append(f"{row['Distance']} {row['Point']} {row['Layer']} 1 {draw.gauss(9, 0.1)} {area} 5")
 open(scan, "w").write("\\n".join(out) + "\\n")
 open("runs.log", "a").write("run\\n")
 """

@@ -17,13 +17,13 @@ import random, sys
 ideal, ini, scan = sys.argv[1:]
 seed = int(open(ini).read().split("=")[1])
 draw = random.Random(0 if {seedless} else seed)
-out = ["X Y Z Point Layer EchoNumber WIDTH AREA PEAK"]
+out = ["RANGE Point Layer EchoNumber WIDTH AREA PEAK"]
 lines = open(ideal).read().splitlines()
 names = lines[0].lstrip("/").split()
 for line in lines[1:]:
     row = dict(zip(names, line.split()))
     if len(row) > 2:
-        out.append(f"{{row['Distance']}} 0 0 {{row['Point']}} {{row['Layer']}} 1 9 {{draw.gauss({area}, 5)}} 5")
+        out.append(f"{{row['Distance']}} {{row['Point']}} {{row['Layer']}} 1 9 {{draw.gauss({area}, 5)}} 5")
 open(scan, "w").write("\\n".join(out) + "\\n")
 """
 WORDS = "gives the same echoes for 8 seeds in the scenario wall: it ignores its seed"

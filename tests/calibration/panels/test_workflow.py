@@ -26,6 +26,7 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.pages.panels import document, page
 from lidarcheck.formats import load_ideal, load_scan, save_scan
 from lidarcheck.formats.plain import plain
+from lidarcheck.formats.recognise import read_table
 from lidarcheck.kpi.scenes import same_scene
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import beam_directions
@@ -301,7 +302,7 @@ def test_the_command_writes_report_and_panels(hall_files, tmp_path, capsys, no_p
     assert names == {f"panel_0{n}_{side}.pcd" for n in (1, 2) for side in ("real", "simulated")}
     found = json.loads((out / "result.json").read_text())["result"]["panels"]
     assert [p["material_name"] for p in found] == ["panel_80", "panel_50"]
-    saved = load_scan(out / "panels" / "panel_02_real.pcd")
+    saved = read_table(out / "panels" / "panel_02_real.pcd")
     assert len(saved) == found[1]["measured"]["echoes"]
     # Another format takes the place of the first run's files.
     assert run(*measured_files, "--out", out, "--format", "csv", "-q") == 0

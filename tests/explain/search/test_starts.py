@@ -260,6 +260,6 @@ def test_foreign_pulses_in_lines_are_told_from_those_at_any_range() -> None:
     assert lines.distance < 0.9 * stripes.distance
     found = lines.effects()[0].settings()
     # A signal of 2 fires every SPAD that it meets, and so does a larger one.
-    assert found["share"] == pytest.approx(0.03, rel=0.3)
+    assert found["share"] == pytest.approx(0.03, rel=0.5)
     assert found["columns"] == pytest.approx(0.1, rel=0.3)
     assert float(found["column_span_m"]) < 15.0
