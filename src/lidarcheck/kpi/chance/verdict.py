@@ -68,7 +68,12 @@ class Verdict:
         """The verdict in one line."""
         tail = "" if not 1 < self.frames < FEWEST_FRAMES else "; chance between frames is not in it"
         if not self.judged:
-            return f"No KPI could be judged: echoes lie in {self.units} {self.unit_words}{tail}."
+            words = (
+                self.unit_words
+                if self.units != 1
+                else self.unit_words.replace("blocks", "block").replace("frames", "frame")
+            )
+            return f"No KPI could be judged: echoes lie in {self.units} {words}{tail}."
         out = self.standing_out
         if not out:
             return f"None of {self.judged} KPIs stands out from chance{tail}."
