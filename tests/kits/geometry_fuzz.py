@@ -6,7 +6,6 @@ read nor where it meets its ideal scan.
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -224,7 +223,6 @@ def judged(kind: str, one: Example, table: Table, ideal: IdealScan, **neighbours
 
 def trials(paths: Iterable[Path], wrongs: int, rights: int, seed: int) -> Iterator[Trial]:
     """So many wrongs, each kind as often, and rights, each of an example drawn at random."""
-    logging.getLogger("lidarcheck").setLevel(logging.ERROR)
     rng = np.random.default_rng(seed)
     examples = [one for path in paths if (one := example(path)) is not None]
     moving = [one for one in examples if one.frames]
