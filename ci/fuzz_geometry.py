@@ -10,6 +10,7 @@ where there is one, or where fewer than 95 % of the rights were judged.
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from pathlib import Path
 
@@ -25,6 +26,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="scenarios in whose name this occurs")
     args = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests" / "kits"))
+    logging.getLogger("lidarcheck").setLevel(logging.ERROR)
     from geometry_fuzz import counted, trials
 
     paths = [path for path in sorted((ROOT / "scenarios").glob("*.toml")) if args.only in path.stem]
