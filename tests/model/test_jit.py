@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "lidarcheck"
 ASK = """
 import numpy as np
@@ -46,3 +48,21 @@ def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(tmp_path: Path) -> 
     nowhere = tmp_path / "file"
     nowhere.write_text("")
     assert answer(PACKAGE.parent, nowhere) > 0
+
+
+@pytest.mark.parametrize("changed", ["elementary/exponentials.py", "model/lane_math.py", "effects/fog.py"])
+def test_whatever_numbers_come_from_names_the_cache(tmp_path: Path, changed: str) -> None:
+    """The library of echoes is filled with the elementary functions: a change of theirs must not meet the old one."""
+    package = tmp_path / "lidarcheck"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    before = hash_of(tmp_path)
+    (package / changed).write_text((package / changed).read_text() + "\n")
+    assert hash_of(tmp_path) != before
+
+
+def hash_of(source: Path) -> str:
+    ask = "from lidarcheck.model.jit import source_hash; print(source_hash())"
+    environment = {**os.environ, "PYTHONPATH": str(source)}
+    return subprocess.run(
+        [sys.executable, "-c", ask], env=environment, capture_output=True, text=True, check=True
+    ).stdout

@@ -1,7 +1,8 @@
 """Compiling kernels: numba, with a cache that a changed source cannot outlive.
 
 Numba renews a cached function when its own file changes, but not when a function that it calls from another file does;
-a gate on such a cache would pass a changed model. So the cache directory is named by a hash of all the model's source.
+a gate on such a cache would pass a changed model. So the cache directory is named by a hash of all the model's source,
+the elementary functions among it: the fast path's library of echoes lies under the same hash.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def source_hash() -> str:
 
 
 def _sources(root: Path) -> list[Path]:
-    """What kernels may call; what a search must know of an effect is never compiled."""
-    found = (path for part in ("model", "effects") for path in (root / part).rglob("*.py"))
+    """What kernels and the echoes kept beside them are made with; what a search must know of an effect never is."""
+    found = (path for part in ("elementary", "model", "effects") for path in (root / part).rglob("*.py"))
     return sorted(path for path in found if "search" not in path.relative_to(root).parts)
 
 
