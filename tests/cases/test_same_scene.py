@@ -118,6 +118,17 @@ def test_a_symmetric_scene_is_not_told_apart() -> None:
     assert "Y mirrored, or points from the other end" in found.equal
 
 
+def test_a_few_ghosts_where_another_order_has_a_surface_tell_no_order() -> None:
+    layer, point = street().layer, street().point
+    low_right, high_left = (layer > 400) & (point < 240), (layer < 119) & (point > 719)
+    shown = _mirrorable(replace(street(), distance_m=np.where(low_right, 14.0, 10.0)))
+    seen = replace(street(), distance_m=np.where(low_right, 0.0, np.where(high_left, 14.0, 10.0)))
+    found = compare_scenes(measured(seen), shown)
+    assert found is not None
+    assert not found.refused
+    assert "Y and Z mirrored, or layers and points from the other end" in found.equal
+
+
 def test_another_scene_is_said_to_be_one() -> None:
     city, road = street(ahead_m=25.0, left_m=4.0), street(ahead_m=300.0, left_m=60.0, height_m=2.4)
     found = compare_scenes(measured(city), Surfaces.of(measured(road, seed=3)), name="road.txt")

@@ -30,6 +30,9 @@ STANDARD_ERRORS = 5.0
 """A variant beats the scan as it is by more than so many standard errors of the paired difference ..."""
 RANGE_STEP_M = 0.01
 """... and by more than a step of the range, and is not the worse in the median."""
+FITS_M = 0.1
+"""Where the median beam fits as well as this, it must fit better still in another order of the beams: a few ghosts of
+a mirror may lie where that order has a surface."""
 SWEEP_PART = 0.25
 """A shift by a frame is tried on beams of the sweep's first quarter: later the next frame often fits as well."""
 NEAR_SHARE = 0.1
@@ -141,7 +144,7 @@ def compare_scenes(
         if np.count_nonzero(common) < FEWEST_BEAMS:
             continue
         tried[variant] = _median(other[common])
-        verdict = _compared(as_is[common], other[common])
+        verdict = _compared(as_is[common], other[common], few_tell=variant not in _NUMBERS)
         if verdict > 0:
             beats.append((tried[variant], _median(as_is[common]), variant))
         elif verdict == 0:
@@ -261,13 +264,15 @@ def _median(residual: FloatArray) -> float:
     return float(np.median(np.minimum(np.abs(residual[~np.isnan(residual)]), CLIP_M)))
 
 
-def _compared(own: FloatArray, other: FloatArray) -> int:
-    """1 where the other residuals are smaller beyond chance, 0 where the two cannot be told apart, else -1.
+def _compared(own: FloatArray, other: FloatArray, *, few_tell: bool) -> int:
+    """1 where the other residuals are smaller beyond chance, 0 where the two cannot be told apart, else -1. `few_tell`:
+    a few beams do, though the median beam fits as it is.
 
     With an offset of all ranges left in and taken out, which must agree: an offset alone must not make another frame
     fit better.
     """
-    plain, centred = _better(own, other), _better(_centred(own), _centred(other))
+    pairs = (own, other), (_centred(own), _centred(other))
+    plain, centred = (_better(*pair, few_tell=few_tell) for pair in pairs)
     return plain if plain == centred else 0
 
 
@@ -277,14 +282,16 @@ def _centred(residual: FloatArray) -> FloatArray:
     return residual - middle
 
 
-def _better(own: FloatArray, other: FloatArray) -> int:
+def _better(own: FloatArray, other: FloatArray, *, few_tell: bool) -> int:
     """1 where the other clipped residuals are smaller beyond chance and a step of the range, -1 if larger, else 0."""
     a, b = (np.minimum(np.abs(residual), CLIP_M) for residual in (own, other))
     gain = float(np.mean(a - b))
     if abs(gain) <= max(STANDARD_ERRORS * float(np.std(a - b)) / np.sqrt(len(a)), RANGE_STEP_M):
         return 0
     step = float(np.median(a) - np.median(b))
-    return 0 if gain * step < 0.0 and abs(step) > RANGE_STEP_M else int(np.sign(gain))
+    contrary = gain * step < 0.0 and abs(step) > RANGE_STEP_M
+    few = not few_tell and gain > 0.0 and step <= RANGE_STEP_M and np.median(a) <= FITS_M
+    return 0 if contrary or few else int(np.sign(gain))
 
 
 def _said(variant: str) -> str:
