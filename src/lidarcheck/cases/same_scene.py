@@ -30,9 +30,9 @@ STANDARD_ERRORS = 5.0
 """A variant beats the scan as it is by more than so many standard errors of the paired difference ..."""
 RANGE_STEP_M = 0.01
 """... and by more than a step of the range, and is not the worse in the median."""
-FITS_M = 0.1
-"""Where the median beam fits as well as this, it must fit better still in another order of the beams: a few ghosts of
-a mirror may lie where that order has a surface."""
+FITS_M = 0.25
+"""Where the median beam fits as well as this, another order of the beams must halve its residual: a few ghosts of a
+mirror may lie where that order has a surface."""
 SWEEP_PART = 0.25
 """A shift by a frame is tried on beams of the sweep's first quarter: later the next frame often fits as well."""
 NEAR_SHARE = 0.1
@@ -290,7 +290,7 @@ def _better(own: FloatArray, other: FloatArray, *, few_tell: bool) -> int:
         return 0
     step = float(np.median(a) - np.median(b))
     contrary = gain * step < 0.0 and abs(step) > RANGE_STEP_M
-    few = not few_tell and gain > 0.0 and step <= RANGE_STEP_M and np.median(a) <= FITS_M
+    few = not few_tell and gain > 0.0 and step < 0.5 * np.median(a) <= 0.5 * FITS_M
     return 0 if contrary or few else int(np.sign(gain))
 
 
