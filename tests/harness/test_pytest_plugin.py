@@ -207,6 +207,41 @@ def test_what_has_no_golden_fails_and_is_not_written(repo):
     assert contents(repo.path) == {}
 
 
+@pytest.mark.parametrize("how", ["gone", "a file", "partial"])
+def test_goldens_that_are_not_there_are_red_where_testpaths_names_the_scenarios(repo, how):
+    """Whatever else passes: without goldens pytest alone would find nothing to run, and be green."""
+    repo.makeini("[pytest]\ntestpaths = tests scenarios\naddopts = -p no:cacheprovider\n")
+    (repo.path / "tests").mkdir()
+    (repo.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
+    if how == "partial":
+        shutil.copy(repo.path / "scenarios" / "wall.toml", repo.path / "scenarios" / "more.toml")
+    else:
+        shutil.rmtree(repo.path / "goldens")
+    if how == "a file":
+        (repo.path / "goldens").write_text("")
+    result = repo.runpytest_inprocess()
+    assert result.ret in (pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.INTERRUPTED)
+    result.stdout.fnmatch_lines(["*there is no golden: run `lidar*"])
+    if how == "partial":  # what was asked for alone is judged alone
+        repo.runpytest_inprocess("scenarios/wall.toml").assert_outcomes(passed=3)
+        repo.runpytest_inprocess("-k", "not more").assert_outcomes(passed=5, deselected=3)
+
+
+@pytest.mark.parametrize(("how", "entry"), [("gone", "scenarios"), ("empty", "*/scenarios")])
+def test_scenarios_that_are_not_there_are_refused_where_testpaths_names_them(repo, how, entry):
+    repo.makeini(f"[pytest]\ntestpaths = tests {entry}\naddopts = -p no:cacheprovider\n")
+    (repo.path / "tests").mkdir()
+    (repo.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
+    root = repo.path if entry == "scenarios" else repo.mkdir("sensor")
+    shutil.rmtree(repo.path / "scenarios")
+    if how == "empty":
+        (root / "scenarios").mkdir()
+    result = repo.runpytest_inprocess()
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: testpaths: there is no scenario in {entry}, *restore {entry} from version*"])
+    repo.runpytest_inprocess("tests").assert_outcomes(passed=1)
+
+
 def test_a_golden_without_a_scenario_fails_the_whole_and_not_a_part(repo):
     shutil.copy(repo.path / "goldens" / "wall.toml", repo.path / "goldens" / "gone.toml")
     result = repo.runpytest_inprocess("scenarios")

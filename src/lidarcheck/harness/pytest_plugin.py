@@ -1,14 +1,16 @@
 """Scenarios as pytest tests, in any repository: a file for each scenario, a test for each KPI.
 
-A scenario file is a `*.toml` directly inside a directory `scenarios` that has a directory `goldens` beside it, or one
-that the option `lidarcheck_scenarios` or `--lidarcheck-scenarios` names, as a file or by its directory. Nothing else is
-collected. A scenario is simulated once, with the first of its KPIs; goldens are never written.
+A scenario file is a `*.toml` directly inside a directory `scenarios` that has a directory `goldens` beside it or a file
+that asks for KPIs, or one that the option `lidarcheck_scenarios` or `--lidarcheck-scenarios` names, as a file or by its
+directory. Nothing else is collected. A scenario is simulated once, with the first of its KPIs; goldens are never
+written. Where `testpaths` names scenarios that are not there the run is refused: pytest itself would say nothing.
 
 pytest loads this module in every run on a machine where lidarcheck is installed: nothing heavy is imported here.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["GoldensItem", "KpiItem", "ScenarioDirectory", "ScenarioFile"]
 
 _INI = "lidarcheck_scenarios"
+_SCENARIOS = "scenarios"
 _MARK = "lidarcheck"
 """The property, with the version as value, that tells this plugin's results from others in a report."""
 _NAMED = pytest.StashKey[frozenset[Path]]()
@@ -57,6 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
         if not path.exists():
             raise pytest.UsageError(f"{_INI}: {path} does not exist; give a scenario file or a directory of them")
     config.stash[_NAMED] = named
+    _refuse_lost_scenarios(config)
     if not hasattr(config, "workerinput"):  # under xdist the controller sees the reports of all workers
         config.pluginmanager.register(_Watch(), "lidarcheck-watch")
 
@@ -244,9 +248,37 @@ class _Watch:
 
 
 def _holds_scenarios(directory: Path, named: frozenset[Path]) -> bool:
-    if directory.name == "scenarios" and (directory.parent / "goldens").is_dir():
+    if directory.resolve() in named:
         return True
-    return directory.resolve() in named
+    # Goldens that are gone must not take their scenarios with them.
+    return directory.name == _SCENARIOS and ((directory.parent / "goldens").is_dir() or _asks_for_kpis(directory))
+
+
+def _asks_for_kpis(directory: Path) -> bool:
+    """Whether one of the directory's files is a scenario by what it says."""
+    return any(re.search(rb"^[ \t]*\[\[ *kpis *\]\]", _head(file), re.MULTILINE) for file in directory.glob("*.toml"))
+
+
+def _head(file: Path) -> bytes:
+    try:
+        with file.open("rb") as opened:
+            return opened.read(1 << 20)
+    except OSError:
+        return b""
+
+
+def _refuse_lost_scenarios(config: pytest.Config) -> None:
+    """`UsageError` where `testpaths` names scenarios and there is none, in a run without paths of its own."""
+    if config.args_source is config.ArgsSource.ARGS or config.invocation_params.dir != config.rootpath:
+        return
+    for entry in config.getini("testpaths"):
+        if Path(entry).name != _SCENARIOS:
+            continue
+        places = [Path(entry)] if Path(entry).is_absolute() else config.rootpath.glob(entry)
+        found = [path for place in places for path in place.glob("*.toml")]
+        if not found:
+            what = f"testpaths: there is no scenario in {entry}, so that no KPI would be compared"
+            raise pytest.UsageError(f"{what}; restore {entry} from version control, or take it out of testpaths")
 
 
 def _seed(text: str) -> int:
