@@ -24,7 +24,7 @@ def test_a_project_names_what_is_there_and_what_is_wrong(project):
     faults = {entry.name: entry.fault for entry in found.faults}
     assert set(faults) == {"scenarios/broken.toml", "bad_lut.ini", "measured/empty.txt"}
     assert "bad_lut.ini:2: number 2 of PostPro.LUT_blooming_Y is" in faults["bad_lut.ini"]
-    assert "this is not TOML" in faults["scenarios/broken.toml"]
+    assert "not valid TOML" in faults["scenarios/broken.toml"]
     assert "the file is empty" in faults["measured/empty.txt"]
     assert [dataset.name for dataset in datasets_of(found, "vertical")] == [
         "measured/sign_69m.csv",

@@ -16,8 +16,6 @@ afterwards on `parse_toml`'s line index: `raise lines.fault(("panels", 2, "name"
 from __future__ import annotations
 
 import os
-import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,9 +24,10 @@ from typing import Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lidarcheck.errors import ConfigError, InputError
-from lidarcheck.formats.config_words import allowed, dotted, kind_of, nearest, printable, shown, slots_at
+from lidarcheck.formats.config_words import allowed, dotted, kind_of, nearest, shown, slots_at
 from lidarcheck.formats.source import read_text
 from lidarcheck.formats.toml_lines import KeyPath, locate
+from lidarcheck.formats.toml_text import toml_of
 
 __all__ = ["Config", "LineIndex", "PathText", "load_toml", "parse_toml", "validate"]
 
@@ -36,7 +35,6 @@ PathText = Annotated[Path, Field(strict=False)]
 """A path, written as text in the file."""
 
 _ModelT = TypeVar("_ModelT", bound=BaseModel)
-_AT_LINE = re.compile(r"\s*\(at (?:line (\d+), column \d+|end of document)\)")
 _OUT_OF_RANGE = ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "multiple_of")
 _OWN_WORDS = ("value_error", "assertion_error")
 
@@ -83,13 +81,7 @@ def parse_toml(path: str | os.PathLike[str]) -> tuple[dict[str, Any], LineIndex]
     """A TOML file's values and the lines of its keys. `InputError` with the parser's line when it is not TOML."""
     file = Path(path)
     text = read_text(file)
-    try:
-        return tomllib.loads(text), LineIndex(file, locate(text))
-    except RecursionError:
-        raise InputError("lists or tables are nested too deeply", file=file, fix="write it flatter") from None
-    except ValueError as error:
-        what, line = _syntax_fault(str(error), text)
-        raise InputError(f"not valid TOML: {what}", file=file, line=line, fix="correct the line") from None
+    return toml_of(text, file), LineIndex(file, locate(text))
 
 
 def validate(data: object, lines: LineIndex, model: type[_ModelT]) -> _ModelT:
@@ -117,15 +109,6 @@ def _frozen(value: object) -> object:
     if isinstance(value, list):
         return tuple(_frozen(entry) for entry in value)
     return value
-
-
-def _syntax_fault(message: str, text: str) -> tuple[str, int]:
-    match = _AT_LINE.search(message)
-    last_line = text.rstrip("\n").count("\n") + 1
-    line = int(match.group(1)) if match and match.group(1) else last_line
-    what = _AT_LINE.sub("", message)
-    what = what[:1].lower() + what[1:]
-    return printable(what), min(line, last_line)
 
 
 def _path_in(data: object, loc: Sequence[str | int]) -> KeyPath:

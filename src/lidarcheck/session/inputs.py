@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.source import read_text
+from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.reading import reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash
@@ -82,7 +82,7 @@ def _named_in(path: Path) -> list[str | Path]:
     from lidarcheck.model import load_model
 
     with reading() as read, contextlib.suppress(LidarcheckError, OSError, ValueError):
-        data = tomllib.loads(read_text(path))
+        data = toml_of(read_text(path), path)
         if "variant" not in data and "external" not in data:
             named = (path.parent / text for text in _texts(data))
             return [file for file in named if file.is_file()]

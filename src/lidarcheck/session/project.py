@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -194,16 +193,9 @@ def _settings(path: Path, name: str) -> Entry:
 
 def _toml(path: Path, name: str) -> Entry | None:
     from lidarcheck.formats.source import decode_text, read_source
+    from lidarcheck.formats.toml_text import toml_of
 
-    text = decode_text(read_source(path), path)
-    try:
-        data: dict[str, Any] = tomllib.loads(text.replace("\r\n", "\n"))
-    except RecursionError:
-        raise InputError("lists or tables are nested too deeply", file=path, fix="write it flatter") from None
-    except tomllib.TOMLDecodeError as error:
-        where = re.search(r"at line (\d+)", str(error))
-        line = int(where[1]) if where else None
-        raise InputError(f"this is not TOML: {error}", file=path, line=line, fix="correct it") from error
+    data = toml_of(decode_text(read_source(path), path), path)
     kind = "case" if path.name == _CASE else _kind_of_toml(data)
     return None if kind is None else Entry(path, kind, name)
 

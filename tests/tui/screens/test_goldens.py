@@ -352,7 +352,7 @@ def test_faults_are_said_in_one_line(bench):
         assert names(view) == ["one", "three", "two"]
         await sees(app, pilot, "goldens/one.toml: golden format 7 is not 1")
         await pilot.press("end")
-        await sees(app, pilot, "the golden is not TOML")
+        await sees(app, pilot, "not valid TOML")
         await pilot.press("up", "r")
         await until(pilot, lambda: not view.running and view.waiting[1].fault)
         assert "scenarios/three.toml" in status_of(app)

@@ -6,19 +6,18 @@ import dataclasses
 import hashlib
 import json
 import math
-import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lidarcheck.errors import GoldenError
+from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.formats.atomic import write_text
+from lidarcheck.formats.source import decode_text, read_source
+from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
-from lidarcheck.reading import note
 
 __all__ = ["FORMAT", "dump_golden", "load_golden", "save_golden"]
 
@@ -53,7 +52,7 @@ def load_golden(path: Path, *, release: bool = False) -> Golden:
         if content != _content_hash(document):
             raise GoldenError("the golden was edited by hand: its content hash does not fit", file=path, fix=restore)
         return _golden(document)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise GoldenError(f"this is no golden: {type(error).__name__} {error}", file=path, fix=restore) from error
 
 
@@ -75,22 +74,15 @@ def dump_golden(golden: Golden) -> str:
 
 
 def _parse(path: Path, restore: str) -> dict[str, Any]:
-    note(path)
+    if not path.exists():
+        raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`")
     try:
-        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        text = decode_text(read_source(path), path)
         if not text.strip():
-            raise GoldenError("the golden is empty", file=path, fix=restore)
-        return tomllib.loads(text)
-    except FileNotFoundError as error:
-        raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`") from error
-    except OSError as error:
-        raise GoldenError(f"cannot read: {error.strerror or error}", file=path, fix="check the file") from error
-    except UnicodeDecodeError as error:
-        raise GoldenError("the golden is not UTF-8 text", file=path, fix=restore) from error
-    except tomllib.TOMLDecodeError as error:
-        where = re.search(r"at line (\d+)", str(error))
-        line = int(where.group(1)) if where else None
-        raise GoldenError(f"the golden is not TOML: {error}", file=path, line=line, fix=restore) from error
+            raise InputError("the golden is empty", file=path)
+        return toml_of(text, path)
+    except InputError as error:
+        raise GoldenError(error.what, file=path, line=error.line, fix=restore) from error
 
 
 def _golden(document: Mapping[str, Any]) -> Golden:
