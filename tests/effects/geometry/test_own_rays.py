@@ -10,7 +10,8 @@ from lidarcheck import effects
 from lidarcheck.effects.geometry.beam_grid import _stride, nearest_marked
 from lidarcheck.effects.geometry.own_rays import rays_of, second_rows, shares_that_end
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
-from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
+from lidarcheck.harness.kpis.fired import FiredBeams
+from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import Model, light_of, simulate
 from lidarcheck.rays import Rays, sweep_time_s

@@ -7,8 +7,9 @@ import pytest
 
 from lidarcheck.effects import make
 from lidarcheck.harness.kpis.base import slope, spread_between
+from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
+from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.model.spec import Model

@@ -32,8 +32,9 @@ Needs = Literal["beams", "surface", "edge"]
 class KpiKind:
     """One kind of KPI: either `value`, a number per seed, or `sample`, whose distribution's distance is taken.
 
-    `trials`: of a proportion. `needs`: without it in the selection the kind means nothing. `meaning`: one line for
-    help and documentation.
+    `trials`: of a proportion. `needs`: without it in the selection the kind means nothing. `of_number`: it is of one
+    echo number, which the scenario names. `of_place`: it rests on the surface points, not on ranges alone. `meaning`:
+    one line for help and documentation.
     """
 
     meaning: str
@@ -44,6 +45,8 @@ class KpiKind:
     trials: Callable[[KpiInput], int] | None = None
     sample: Callable[[KpiInput], FloatArray] | None = None
     needs: Needs = "surface"
+    of_number: bool = False
+    of_place: bool = False
 
 
 def distance_kind(meaning: str, unit: str, sample: Callable[[KpiInput], FloatArray]) -> KpiKind:

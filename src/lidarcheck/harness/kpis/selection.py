@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.kpi.pairing import Pairing, beam_keys, nearest_on_line, ranges
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.formats.scans import numbers_as_written
+from lidarcheck.harness.kpis.fired import FiredBeams
+from lidarcheck.kpi.direction import Directions, off_beam
+from lidarcheck.kpi.numbering import beams_in_order
+from lidarcheck.kpi.pairing import Pairing, ranges
+from lidarcheck.scan import Scan
 
-__all__ = ["FiredBeams", "KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
+__all__ = ["KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
 
 Mask = npt.NDArray[np.bool_]
 Window = tuple[float, float]
-
-_AROUND = [(layer, point) for layer in (-1, 0, 1) for point in (-1, 0, 1)]
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class SelectedEchoes:
 
     `beam`: of the scenario, counted from 0 in ascending (layer, point); `frame`, from 0; `surface`: the row of the
     ideal scan that is nearest in range on that beam, -1 where the beam meets nothing; `residual_m`: range minus that
-    row's, NaN where there is none.
+    row's, NaN where there is none; `number`: as written, before a reader counts from 1; `xyz_m`: shape (n, 3).
     """
 
     beam: IndexArray
@@ -37,12 +40,15 @@ class SelectedEchoes:
     area: FloatArray
     peak: FloatArray
     width_ns: FloatArray
+    number: npt.NDArray[Any]
+    xyz_m: FloatArray
 
     @classmethod
     def of(cls, scan: Scan, pairing: Pairing, frame: int = 0) -> SelectedEchoes:
         """The echoes of one frame."""
         frames = np.full(len(scan), frame, dtype=np.int64)
-        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns)
+        xyz_m = np.stack([scan.x_m, scan.y_m, scan.z_m], axis=1)
+        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns, numbers_as_written(scan), xyz_m)
         return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns)
 
     @classmethod
@@ -58,90 +64,18 @@ def _names(table: type[SelectedEchoes]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class FiredBeams:
-    """The beams of a scenario in ascending (layer, point), and what they meet.
-
-    `layer`, `point`: of the beams, shape (n_beams,); of the ideal scan's rows, shape (n_rows,): `beam_of_row`,
-    `distance_m` (0: meets nothing), `incidence_deg`.
-    """
-
-    layer: npt.NDArray[np.int32]
-    point: npt.NDArray[np.int32]
-    beam_of_row: IndexArray
-    distance_m: FloatArray
-    incidence_deg: FloatArray
-
-    @classmethod
-    def of(cls, ideal: IdealScan) -> FiredBeams:
-        """The beams of an ideal scan, whose rows may be sub-beams in any order."""
-        keys = beam_keys(ideal.layer, ideal.point)
-        _, first, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
-        return cls(ideal.layer[first], ideal.point[first], beam_of_row, ideal.distance_m, ideal.incidence_deg)
-
-    def __len__(self) -> int:
-        return len(self.layer)
-
-    def surfaces(self, rows: Mask | None = None) -> IndexArray:
-        """The rows that meet a surface (those of `rows`), in ascending (beam, distance)."""
-        meeting = self.distance_m > 0.0
-        some = np.flatnonzero(meeting if rows is None else meeting & rows)
-        return some[np.lexsort((self.distance_m[some], self.beam_of_row[some]))]
-
-    @functools.cached_property
-    def around(self) -> IndexArray:
-        """For each beam itself and its neighbours in layer and point, as beams, -1 for none; shape (n_beams, 9)."""
-        keys = beam_keys(self.layer, self.point)
-        found = np.full((len(keys), len(_AROUND)), -1, dtype=np.int64)
-        for column, (layer, point) in enumerate(_AROUND):
-            wanted = beam_keys(self.layer + np.int32(layer), self.point + np.int32(point))
-            index = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-            found[:, column] = np.where(keys[index] == wanted, index, -1)
-        return found
-
-    @functools.cached_property
-    def depth_m(self) -> tuple[FloatArray, FloatArray]:
-        """Nearest and farthest surface of each beam and its neighbours, shape (n_beams,); inf and 0 for none."""
-        nearest, farthest = np.full(len(self) + 1, np.inf), np.zeros(len(self) + 1)
-        rows = self.surfaces()
-        np.minimum.at(nearest, self.beam_of_row[rows], self.distance_m[rows])
-        np.maximum.at(farthest, self.beam_of_row[rows], self.distance_m[rows])
-        # The last entry stands for the neighbour that is not there.
-        return nearest[self.around].min(axis=1), farthest[self.around].max(axis=1)
-
-    def at_edge(self, window_m: float) -> Mask:
-        """The beams around which surfaces lie so far apart that an echo fits between their windows, (n_beams,)."""
-        nearest, farthest = self.depth_m
-        return farthest - nearest > 2.0 * window_m
-
-    def off_surfaces_around_m(self, beam: IndexArray, range_m: FloatArray) -> FloatArray:
-        """How far echoes lie from the nearest surface of their beam and its neighbours, shape (n,); inf for none."""
-        rows, least = self.surfaces(), np.full(len(beam), np.inf)
-        for column in range(self.around.shape[1]):
-            least = np.minimum(least, np.abs(self._off(rows, 1.0, self.around[beam, column], range_m)))
-        return least
-
-    def off_doubled_m(self, rows: Mask, beam: IndexArray, range_m: FloatArray) -> FloatArray:
-        """How far behind twice the range of the nearest of those rows' surfaces echoes lie, (n,); inf for none."""
-        return self._off(self.surfaces(rows), 2.0, beam, range_m)
-
-    def _off(self, rows: IndexArray, times: float, beam: IndexArray, range_m: FloatArray) -> FloatArray:
-        place = times * self.distance_m[rows]
-        near = nearest_on_line(self.beam_of_row[rows], place, beam, range_m)
-        return np.where(near >= 0, range_m - place[near], np.inf) if len(rows) else np.full(len(beam), np.inf)
-
-
-@dataclass(frozen=True)
 class KpiSelection:
     """The part of a scenario that one KPI looks at.
 
     `rows`: mask over the ideal scan's rows. `window_m`: an echo within it of a surface lies on that surface. `zone_m`:
-    only echoes whose range lies in it are seen at all; None: all of them.
+    only echoes whose range lies in it are seen at all; None: all of them. `number`: the echo number that is asked for.
     """
 
     fired: FiredBeams
     rows: Mask
     window_m: float
     zone_m: Window | None = None
+    number: int | None = None
 
     @functools.cached_property
     def beams(self) -> Mask:
@@ -266,6 +200,18 @@ class KpiInput:
         """True angle of incidence."""
         return self.selection.fired.incidence_deg[self.echoes.surface[self.on]]
 
+    @property
+    def off_surface_m(self) -> FloatArray:
+        """Echo minus surface point, shape (n, 3), of the echoes on the selected surfaces."""
+        return self.echoes.xyz_m[self.on] - self.selection.fired.surface_m[self.echoes.surface[self.on]]
+
+    def off_beam(self) -> Directions:
+        """How far the directions of all echoes lie off those of their beams; those that have one."""
+        x_m, y_m, z_m = self.echoes.xyz_m[self.every].T
+        found = off_beam(x_m, y_m, z_m, self.layer(self.every), self.point(self.every))
+        known = np.isfinite(found.azimuth_deg) & np.isfinite(found.elevation_deg)
+        return Directions(found.azimuth_deg[known], found.elevation_deg[known])
+
     def layer(self, which: IndexArray) -> npt.NDArray[np.int32]:
         """Layer of those echoes."""
         return self.selection.fired.layer[self.echoes.beam[which]]
@@ -273,6 +219,18 @@ class KpiInput:
     def point(self, which: IndexArray) -> npt.NDArray[np.int32]:
         """Point of those echoes."""
         return self.selection.fired.point[self.echoes.beam[which]]
+
+    @functools.cached_property
+    def in_order(self) -> Mask:
+        """Of each beam with two echoes or more, in each frame, whether its numbers ascend with range."""
+        echoes, which = self.echoes, self.every
+        beam = echoes.frame[which] * len(self.selection.fired) + echoes.beam[which]
+        return beams_in_order(beam, echoes.number[which], echoes.range_m[which])
+
+    @property
+    def number(self) -> int:
+        """The echo number that is asked for, the first where none is."""
+        return 1 if self.selection.number is None else self.selection.number
 
     @functools.cached_property
     def _in_zone(self) -> Mask:

@@ -12,8 +12,9 @@ import numpy.typing as npt
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.config_words import shown
+from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.registry import KINDS
-from lidarcheck.harness.kpis.selection import FiredBeams, KpiSelection, SelectedEchoes
+from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.file import KpiTable
 from lidarcheck.kpi.pairing import pair_with_ideal, surface_window_m
@@ -22,7 +23,7 @@ from lidarcheck.sensor import Sensor
 
 __all__ = ["AskedKpi", "ask", "hashed"]
 
-_LATER_KEYS = ("layers", "points", "echo_range_m")
+_LATER_KEYS = ("layers", "points", "echo_range_m", "number")
 """Keys that younger scenarios may have: left out they say nothing, so that older goldens keep their hash."""
 
 _FORMER_WINDOW_M = 0.5
@@ -122,7 +123,7 @@ def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeam
         fix = "check its object, material, layers, points, range_m and incidence_deg"
         raise UsageError("the KPI selects no beams", fix=fix)
     window_m = surface_window_m(sensor) if kpi.window_m is None else kpi.window_m
-    selection = KpiSelection(fired, rows, window_m, kpi.echo_range_m)
+    selection = KpiSelection(fired, rows, window_m, kpi.echo_range_m, kpi.number)
     needs = KINDS[kpi.kpi].needs
     if needs == "surface" and not selection.meeting.any():
         raise UsageError(f"{kpi.kpi} needs a surface, and no selected beam meets one", fix="select other beams")
@@ -134,7 +135,7 @@ def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeam
 
 def _label(kpi: KpiTable) -> list[str]:
     """What tells this selection from others, for the KPI's name."""
-    parts = []
+    parts = [] if kpi.number is None else [f"number_{kpi.number}"]
     for word, ids in (("object", kpi.object), ("material", kpi.material)):
         if ids is not None:
             parts.append(f"{word}_{'_'.join(map(str, ids))}")

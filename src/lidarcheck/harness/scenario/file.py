@@ -72,6 +72,7 @@ class KpiTable(Config):
     points: PointSpan | None = None
     echo_range_m: _Window | None = None
     window_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
+    number: Annotated[int, Field(ge=0, le=255)] | None = None
     tolerance: Annotated[float, Field(gt=0.0)]
     direction: Direction | None = None
     low: float | None = None
@@ -81,6 +82,14 @@ class KpiTable(Config):
     def _limits_in_order(self) -> KpiTable:
         if self.low is not None and self.high is not None and self.low > self.high:
             raise ValueError(f"low = {self.low:g} is above high = {self.high:g}; exchange them")
+        return self
+
+    @model_validator(mode="after")
+    def _number_where_asked(self) -> KpiTable:
+        if KINDS[self.kpi].of_number and self.number is None:
+            raise ValueError(f"{self.kpi} does not say of which echo number; add number = 1")
+        if not KINDS[self.kpi].of_number and self.number is not None:
+            raise ValueError(f"{self.kpi} is of all echo numbers; remove number, or ask for echo_number_share")
         return self
 
 

@@ -22,6 +22,7 @@ from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.formats.config import LineIndex, parse_toml, validate
 from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.toml_lines import KeyPath
+from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.asked import AskedKpi, ask, hashed
 from lidarcheck.harness.scenario.file import ScenarioTable
@@ -217,6 +218,11 @@ def _measured(table: ScenarioTable, ideal: IdealScan, lines: LineIndex) -> Scan 
     return scan
 
 
+def _places(ideal: IdealScan) -> list[npt.NDArray[Any] | None]:
+    """The surface points that an ideal scan brings itself; else they follow from its distances."""
+    return [ideal.extra[name] for name in sorted(ideal.extra, key=str.upper) if name.upper() in ("X", "Y", "Z")]
+
+
 def _content_hash(table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedKpi], scene: SceneFile | None) -> str:
     digest = hashlib.sha256()
     kpis = [hashed(kpi) for kpi in table.kpis]
@@ -225,6 +231,7 @@ def _content_hash(table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedK
     if scene is None:
         columns += [ideal.layer, ideal.point, ideal.distance_m, ideal.material_id, ideal.incidence_deg]
         columns += [ideal.object_id, ideal.time_s, ideal.share]
+        columns += _places(ideal) if any(KINDS[kpi.kpi].of_place for kpi in table.kpis) else []
     else:
         # Which of two surfaces a beam at an edge meets may differ between machines; the scene itself does not.
         as_written: Any = {"mode": "json", "by_alias": True}  # the keys are those of the file, whatever the code has
