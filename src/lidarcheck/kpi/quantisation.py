@@ -33,9 +33,9 @@ def quantisation_step(values: npt.ArrayLike, tolerance: float = 1e-6) -> float:
     if not size.size:
         return float("nan")
     some = size[:: -(-size.size // _MOST_VALUES)]
-    fitted = {_rounded(_fitted(some, step)) for step in _candidates(some, tolerance)}
     zeros = np.size(values) - int(count.sum())
-    for step in sorted(fitted, reverse=True):
+    for candidate in sorted({_rounded(step) for step in _candidates(some, tolerance)}, reverse=True):
+        step = _rounded(_fitted(some, candidate))
         off = np.abs(size - step * np.rint(size / step))
         if step > 4.0 * tolerance and zeros + count[off <= tolerance].sum() >= SHARE * np.size(values):
             return step
