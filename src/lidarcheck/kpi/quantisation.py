@@ -64,11 +64,16 @@ def _fitted(size: FloatArray, step: float) -> float:
     while True:
         near = (reach > 0.5 * step) & (reach <= known)
         if near.any():
-            step = float(np.median(reach[near] / np.rint(reach[near] / step)))
+            step = _middle(reach[near] / np.rint(reach[near] / step))
         if known >= reach[-1]:
             break
         known *= 4.0
-    return float(np.median(size / np.maximum(np.rint(size / step), 1.0)))
+    return _middle(size / np.maximum(np.rint(size / step), 1.0))
+
+
+def _middle(steps: FloatArray) -> float:
+    """The median, the upper one of two; values off the lattice do not move it."""
+    return float(np.partition(steps, len(steps) // 2)[len(steps) // 2])
 
 
 def _rounded(step: float) -> float:
