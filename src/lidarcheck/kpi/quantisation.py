@@ -26,7 +26,8 @@ def quantisation_step(values: npt.ArrayLike, tolerance: float = 1e-6) -> float:
     """The largest step of which 99 % of the values are multiples, shape (n,), in the feature's unit.
 
     `tolerance`: how far a value may lie off its multiple; of ranges 1e-4 m. 0: no step above four tolerances, below
-    which nearly everything is a multiple. NaN without a value other than 0.
+    which nearly everything is a multiple, or none found: some neighbours must lie within 12 steps of each other, as of
+    some dozens of ranges in centimetres do. NaN without a value other than 0.
     """
     size, count = np.unique(np.abs(np.asarray(values, dtype=np.float64)), return_counts=True)
     size, count = size[size > tolerance], count[size > tolerance]

@@ -1,6 +1,7 @@
 """The kinds of KPI, each on echoes made by hand against a closed form, and on nothing."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,10 +37,10 @@ def scan_of(ideal: IdealScan, rows, range_m, *, area=50.0, peak=10.0, width_ns=7
     return Scan.from_beams(ideal.layer[rows], ideal.point[rows], at, area=area, peak=peak, width_ns=width_ns)
 
 
-def value(kind: str, ideal: IdealScan, *scans: Scan, rows=None, window_m=0.5, zone_m=None) -> float:
+def value(kind: str, ideal: IdealScan, *scans: Scan, rows=None, window_m=0.5, zone_m=None, number=None) -> float:
     """The KPI of one seed whose frames are `scans`."""
     mask = np.ones(len(ideal), dtype=bool) if rows is None else np.asarray(rows)
-    selection = KpiSelection(FiredBeams.of(ideal), mask, window_m, zone_m)
+    selection = KpiSelection(FiredBeams.of(ideal), mask, window_m, zone_m, number)
     parts = [SelectedEchoes.of(scan, pair_with_ideal(ideal, scan), frame) for frame, scan in enumerate(scans)]
     compute = KINDS[kind].value
     assert compute is not None
@@ -284,6 +285,58 @@ def test_only_selected_surfaces_have_ghosts():
     assert value("ghost_count_ratio", ideal, scan, rows=ideal.material_id == 4) == 1.0
     assert value("ghost_range_excess", ideal, scan, rows=ideal.material_id == 4) == pytest.approx(0.1)
     assert value("ghost_count_ratio", ideal, scan) == 2.0
+
+
+# What the readout writes
+
+
+def test_directions_and_positions_are_of_the_echoes_own_places():
+    scan = scan_of(WALL, ALL, 20.1)
+    for kind in ("direction_bias_azimuth", "direction_bias_elevation", "direction_scatter_elevation"):
+        assert value(kind, WALL, scan) == 0.0
+    along = beam_directions(WALL.layer, WALL.point).mean(axis=0)
+    for axis, component in zip("xyz", along, strict=True):
+        assert value(f"position_bias_{axis}", WALL, scan) == pytest.approx(0.1 * component)
+    # An echo far from its surface has a direction, but no surface point.
+    far = scan_of(WALL, ALL, np.where(ALL < 10, 20.1, 25.0))
+    assert value("position_bias_x", WALL, far) == pytest.approx(
+        0.1 * beam_directions(WALL.layer[:10], WALL.point[:10])[:, 0].mean()
+    )
+    raised = replace(scan, layer=scan.layer + np.int32(1))
+    below = WALL.layer < 103
+    assert value("direction_bias_elevation", WALL, raised.take(below)) == pytest.approx(-0.05)
+    assert value("direction_bias_azimuth", WALL, raised.take(below)) == 0.0
+
+
+def test_positions_are_held_against_the_surface_points_of_the_file():
+    place = 20.0 * beam_directions(WALL.layer, WALL.point) + [0.0, 0.5, -0.25]
+    own = replace(WALL, extra=dict(zip("XYZ", place.T, strict=True)))
+    scan = scan_of(own, ALL, 20.0)
+    for axis, off_m in (("x", 0.0), ("y", -0.5), ("z", 0.25)):
+        assert value(f"position_bias_{axis}", own, scan) == pytest.approx(off_m)
+
+
+def test_numbers_are_those_that_the_file_has():
+    scan = scan_of(WALL, [0, 0, 1, 1, 2], [20.0, 23.0, 20.0, 23.0, 20.0])
+    scan = replace(scan, echo_number=np.array([1, 2, 1, 2, 1]))
+    assert value("echo_order", WALL, scan) == 1.0
+    assert value("echo_number_share", WALL, scan, number=1) == 3 / 5
+    raw = replace(scan, extra={"EchoNumberRaw": np.array([1, 0, 0, 1, 0])})
+    assert value("echo_order", WALL, raw) == 0.5
+    assert [value("echo_number_share", WALL, raw, number=n) for n in (0, 1, 2)] == [3 / 5, 2 / 5, 0.0]
+    assert math.isnan(value("echo_order", WALL, scan_of(WALL, ALL, 20.0)))
+    # A number in one frame does not meet that of another.
+    assert value("echo_order", WALL, scan.take(scan.echo_number == 1), scan) == 1.0
+
+
+def test_percentiles_and_steps_of_a_feature():
+    area = 2.0 * np.arange(20)
+    scan = scan_of(WALL, ALL, 20.0 + 0.02 * ALL, area=area, peak=3.0 * (ALL % 4), width_ns=0.5 * ALL)
+    assert value("area_percentile_50", WALL, scan) == 19.0
+    assert value("range_residual_percentile_95", WALL, scan) == pytest.approx(0.02 * 18.05)
+    assert value("peak_percentile_5", WALL, scan) == 0.0
+    for feature, step in (("range", 0.02), ("area", 2.0), ("peak", 3.0), ("width", 0.5)):
+        assert value(f"{feature}_quantisation_step", WALL, scan) == pytest.approx(step), feature
 
 
 # Of simulated echoes

@@ -280,6 +280,25 @@ def test_the_hash_covers_beams_and_kpis_but_not_words_and_model(tmp_path):
         assert load(tmp_path, text.replace(old, new)).content_hash != same
 
 
+def test_the_hash_covers_surface_points_where_a_kpi_rests_on_them(tmp_path):
+    def hashed(kpi: str, x_m: float) -> str:
+        place = {"X": np.full(3, x_m), "Y": np.zeros(3), "Z": np.zeros(3)}
+        table = (np.full(3, 259), np.arange(479, 482), np.full(3, 10.0), np.ones(3), np.zeros(3))
+        save_ideal(IdealScan(*table, extra=place), tmp_path / "ideal.parquet")
+        text = HEAD.replace("description", 'ideal = "ideal.parquet"\ndescription', 1) + KPIS
+        return load(tmp_path, text.replace("area_mean", kpi)).content_hash
+
+    assert hashed("area_mean", 10.0) == hashed("area_mean", 10.5)
+    assert hashed("position_bias_x", 10.0) == hashed("position_bias_x", 10.0) != hashed("position_bias_x", 10.5)
+
+
+def test_the_number_of_an_echo_is_in_its_kpis_name(tmp_path):
+    one = KPIS.replace("area_mean", "echo_number_share") + "number = 1\n"
+    first, third = load(tmp_path, HEAD + BEAMS + one + one.replace("number = 1", "number = 3")).asked
+    assert [first.spec.name, third.spec.name] == ["echo_number_share.number_1", "echo_number_share.number_3"]
+    assert [first.selection.number, third.selection.number] == [1, 3]
+
+
 def test_an_ideal_file_in_place_of_shapes(tmp_path):
     n = 6
     ideal = IdealScan(np.arange(n), np.zeros(n), np.full(n, 10.0), np.ones(n), np.zeros(n))
@@ -422,6 +441,9 @@ def test_all_faults_of_a_file_come_at_once_with_their_lines(tmp_path):
         ("tolerance = 1.0", "tolerance = 1.0\nlayers = [12, 10]", "layers = [12", "first is above the last"),
         ("tolerance = 1.0", "tolerance = 1.0\npoints = [100, 960]", "points = [100, 960]", "out of range"),
         ("tolerance = 1.0", "tolerance = 1.0\necho_range_m = [9, 8]", "echo_range_m", "lower end is above the upper"),
+        ('"area_mean"', '"area_mean"\nnumber = 1', "[[kpis]]", "area_mean is of all echo numbers"),
+        ('"area_mean"', '"echo_number_share"', "[[kpis]]", "does not say of which echo number"),
+        ('"area_mean"', '"echo_number_share"\nnumber = -1', "number = -1", "out of range"),
         (
             '"area_mean"',
             '"mixed_pixel_share"\nwindow_m = 2',
