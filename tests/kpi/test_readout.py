@@ -81,15 +81,28 @@ def test_percentiles_and_their_intervals() -> None:
     values = np.random.default_rng(0).permutation(np.arange(1.0, 1001.0))
     found = percentiles(values)
     assert list(found) == [5, 50, 95]
-    assert found[50].value == percentile(values, 50) == np.median(values)
-    # Ranks n p -+ 1.96 sqrt(n p (1 - p)).
-    assert (found[50].low, found[50].high) == (470.0, 531.0)
-    assert (found[5].low, found[5].high) == (37.0, 64.0)
+    for level, one in found.items():
+        assert one.value == percentile(values, level) == pytest.approx(np.percentile(values, level, method="hazen"))
+        half = 1.96 * math.sqrt(10.0 * level * (1.0 - level / 100.0))
+        assert (one.value - one.low, one.high - one.value) == pytest.approx((half, half), rel=1e-4)
     few = percentiles(np.arange(20.0))
     assert math.isnan(few[5].low)
     assert math.isnan(few[95].high)
     assert few[50].low < few[50].value < few[50].high
+    assert percentiles(np.full(200, 3.0))[50] == (3.0, 3.0, 3.0)
+    assert percentile([7.0], 95) == 7.0
     assert all(math.isnan(number) for one in percentiles([]).values() for number in one)
+
+
+def test_a_percentile_of_a_feature_in_steps_lies_between_them() -> None:
+    # A quarter is 1 and three quarters are 2: their middles lie at 12.5 % and 62.5 %.
+    steps = np.array([1.0, 2.0, 2.0, 2.0])
+    assert percentile(steps, 37.5) == 1.5
+    assert percentile(steps, 5) == 1.0
+    assert percentile(steps, 95) == 2.0
+    rng = np.random.default_rng(2)
+    moved = [percentile(np.rint(rng.normal(10.0 + by, 1.0, 200_000)), 50) for by in (0.0, 0.1, 0.2, 0.3)]
+    assert moved == pytest.approx([10.0, 10.1, 10.2, 10.3], abs=0.03)
 
 
 def test_intervals_hold_the_truth_in_95_of_100_samples() -> None:

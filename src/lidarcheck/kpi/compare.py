@@ -13,12 +13,14 @@ import numpy.typing as npt
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.blooming import Axis, BloomingProfile, blooming_profile
-from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, SurfaceGap, TargetGap
+from lidarcheck.kpi.comparison import Comparison, FeatureGap, KpiRow, Paired, PercentileGap, SurfaceGap, TargetGap
 from lidarcheck.kpi.detection import detection_probability, false_alarms, range_edges
 from lidarcheck.kpi.distances import energy, js, ks, ordered, wasserstein
 from lidarcheck.kpi.ghost import Ghost, ghost
 from lidarcheck.kpi.overlap import RADIUS_M, overlap
 from lidarcheck.kpi.pairing import EchoPairs, Pairing, pair_echoes, pair_with_ideal
+from lidarcheck.kpi.percentiles import percentiles
+from lidarcheck.kpi.readout import Written, direction_gap, number_gap, position_gap, written
 from lidarcheck.kpi.target import beside_target, ghost_rows, target_rows
 from lidarcheck.kpi.validation import dvm, mean, spread
 from lidarcheck.kpi.walk import WalkOffset, walk_offset
@@ -51,7 +53,7 @@ class Compared:
     """Two scans with what a comparison has found out of them, for whoever looks at single rows.
 
     `m`, `s`: beside the surfaces, None without an ideal scan; `target`: its rows there, shape (n_ideal,), or None;
-    `pairs`: echoes of one beam.
+    `pairs`: echoes of one beam; `written`: what the sensors wrote, of each side.
     """
 
     measured: Scan
@@ -61,6 +63,7 @@ class Compared:
     ideal: IdealScan | None
     target: BoolArray | None
     pairs: EchoPairs
+    written: tuple[Written, Written]
     comparison: Comparison
 
 
@@ -82,7 +85,8 @@ def compare(
     detection probability per 10 m and false alarms (`pairing.surface_window_m`). Without it there is no residual;
     `paired` then tells how the ranges of one beam differ. Ghost and blooming need a target: the rows of the ideal scan
     in the mask `target`, shape (n_ideal,), or else those whose material is a retro-reflector in `model`. `left_out`
-    names what was not compared. `files`: where the scans `measured` and `simulated` were read from, for messages.
+    names what was not compared. Directions and echo numbers are compared as the scans have them, and where echoes lie
+    beside their surface points. `files`: where the scans `measured` and `simulated` were read from, for messages.
     `look`: gets the rows that the comparison rests on, as a test against chance does. `UsageError`: an echo on a beam
     that the ideal scan does not have; a mask of another shape.
     """
@@ -108,6 +112,8 @@ def compare(
         left_out["ghost, blooming_profile"] = "need the ideal scan and a model with the retro-reflector that it shows"
     _compare_columns(measured, simulated, features, left_out)
     pairs = pair_echoes(measured, simulated)
+    sides, unwritten = written((measured, simulated), (m, s), ideal)
+    left_out |= unwritten
     comparison = Comparison(
         n_measured=len(measured),
         n_simulated=len(simulated),
@@ -117,9 +123,12 @@ def compare(
         overlap=overlap(_positions(measured), _positions(simulated), radius_m=radius_m),
         surfaces=surfaces,
         target=bright,
+        direction=direction_gap(*sides),
+        position=position_gap(*sides),
+        numbers=number_gap(*sides),
     )
     if look is not None:
-        look(Compared(measured, simulated, m, s, ideal, mask, pairs, comparison))
+        look(Compared(measured, simulated, m, s, ideal, mask, pairs, sides, comparison))
     return comparison
 
 
@@ -127,6 +136,7 @@ def feature_gap(measured: npt.ArrayLike, simulated: npt.ArrayLike, *, unit: str 
     """All distances of one feature's two samples, shapes (n,) and (m,); NaN where either is empty."""
     m, s = ordered(measured), ordered(simulated)
     bias, scatter = dvm(m, s)
+    both = zip(percentiles(m).items(), percentiles(s).values(), strict=True)
     return FeatureGap(
         unit=unit,
         n_measured=m.size,
@@ -139,6 +149,7 @@ def feature_gap(measured: npt.ArrayLike, simulated: npt.ArrayLike, *, unit: str 
         js=js(m, s),
         dvm_bias=bias,
         dvm_scatter=scatter,
+        percentiles={level: PercentileGap(of_m, of_s) for (level, of_m), of_s in both},
     )
 
 

@@ -13,9 +13,20 @@ from lidarcheck.kpi.blooming import BloomingProfile
 from lidarcheck.kpi.detection import Detection, FalseAlarms
 from lidarcheck.kpi.ghost import Ghost
 from lidarcheck.kpi.overlap import Overlap
+from lidarcheck.kpi.percentiles import Percentile
 from lidarcheck.kpi.walk import WalkOffset
 
-__all__ = ["Comparison", "FeatureGap", "KpiRow", "Paired", "SurfaceGap", "TargetGap"]
+__all__ = [
+    "Comparison",
+    "DirectionGap",
+    "FeatureGap",
+    "KpiRow",
+    "Paired",
+    "PercentileGap",
+    "Sides",
+    "SurfaceGap",
+    "TargetGap",
+]
 
 NAN = float("nan")
 
@@ -24,7 +35,7 @@ NAN = float("nan")
 class FeatureGap:
     """One feature, measured against simulated: sizes and means of the samples, and the distances of `lidarcheck.kpi`.
 
-    All in `unit`, but `energy` in its square root, `ks` without unit and `js` in bits.
+    All in `unit`, but `energy` in its square root, `ks` without unit and `js` in bits. `percentiles`: by level [%].
     """
 
     unit: str
@@ -38,6 +49,30 @@ class FeatureGap:
     js: float
     dvm_bias: float
     dvm_scatter: float
+    percentiles: Mapping[int, PercentileGap]
+
+
+class PercentileGap(NamedTuple):
+    """A percentile of the measured and of the simulated sample."""
+
+    measured: Percentile
+    simulated: Percentile
+
+
+class DirectionGap(NamedTuple):
+    """How far echoes lie off their beams' directions, in `azimuth` or `elevation` [deg]."""
+
+    bias_measured: float
+    bias_simulated: float
+    scatter_measured: float
+    scatter_simulated: float
+
+
+class Sides(NamedTuple):
+    """One number of the measured and of the simulated scan."""
+
+    measured: float
+    simulated: float
 
 
 @dataclass(frozen=True)
@@ -96,7 +131,8 @@ class Comparison:
     """Everything that two scans can be compared by.
 
     `features`: by name, e.g. `AREA`; `left_out`: what could not be compared, and why. `surfaces` needs an ideal scan,
-    `target` besides a known target; else None.
+    `target` besides a known target; else None. `direction`: by angle, where both scans say which beam an echo is of;
+    `position`: by axis, with an ideal scan; `numbers`: by echo number, where both scans have them.
     """
 
     n_measured: int
@@ -107,6 +143,9 @@ class Comparison:
     overlap: Overlap
     surfaces: SurfaceGap | None = None
     target: TargetGap | None = None
+    direction: Mapping[str, DirectionGap] | None = None
+    position: Mapping[str, Sides] | None = None
+    numbers: Mapping[int, Sides] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison for JSON, by KPI: plain numbers and lists, null where a number is not defined."""
@@ -115,6 +154,9 @@ class Comparison:
             "features": self.features,
             "paired_range": self.paired,
             "overlap": self.overlap,
+            "direction": self.direction,
+            "position_bias": self.position,
+            "echo_number_share": self.numbers,
         }
         if (seen := self.surfaces) is not None:
             kpis["detection_probability"] = _sides(seen.detection_measured, seen.detection_simulated)
@@ -133,6 +175,7 @@ class Comparison:
             found.extend(_feature_rows(name, gap))
         if self.surfaces is not None:
             found.extend(_surface_rows(self.surfaces))
+        found.extend(_readout_rows(self))
         if self.target is not None:
             found.extend(_target_rows(self.target))
         found.append(KpiRow("paired_range", "median", NAN, NAN, self.paired.median_m, "m"))
@@ -155,6 +198,20 @@ def _feature_rows(name: str, gap: FeatureGap) -> Iterator[KpiRow]:
     yield KpiRow("ks", name, NAN, NAN, gap.ks, "")
     yield KpiRow("energy", name, NAN, NAN, gap.energy, root)
     yield KpiRow("js", name, NAN, NAN, gap.js, "bits")
+    for level, (m, s) in gap.percentiles.items():
+        yield KpiRow(f"percentile_{level}", name, m.value, s.value, m.value - s.value, gap.unit)
+
+
+def _readout_rows(found: Comparison) -> Iterator[KpiRow]:
+    for of, angle in (found.direction or {}).items():
+        m, s = angle.bias_measured, angle.bias_simulated
+        yield KpiRow("direction_bias", of, m, s, m - s, "deg")
+        m, s = angle.scatter_measured, angle.scatter_simulated
+        yield KpiRow("direction_scatter", of, m, s, m - s, "deg")
+    for axis, place in (found.position or {}).items():
+        yield KpiRow(f"position_bias_{axis}", "", *place, place.measured - place.simulated, "m")
+    for number, part in (found.numbers or {}).items():
+        yield KpiRow("echo_number_share", str(number), *part, part.measured - part.simulated, "")
 
 
 def _surface_rows(gap: SurfaceGap) -> Iterator[KpiRow]:

@@ -333,7 +333,7 @@ def test_percentiles_and_steps_of_a_feature():
     area = 2.0 * np.arange(20)
     scan = scan_of(WALL, ALL, 20.0 + 0.02 * ALL, area=area, peak=3.0 * (ALL % 4), width_ns=0.5 * ALL)
     assert value("area_percentile_50", WALL, scan) == 19.0
-    assert value("range_residual_percentile_95", WALL, scan) == pytest.approx(0.02 * 18.05)
+    assert value("range_residual_percentile_95", WALL, scan) == pytest.approx(0.02 * 18.5)
     assert value("peak_percentile_5", WALL, scan) == 0.0
     for feature, step in (("range", 0.02), ("area", 2.0), ("peak", 3.0), ("width", 0.5)):
         assert value(f"{feature}_quantisation_step", WALL, scan) == pytest.approx(step), feature

@@ -7,6 +7,7 @@ always add up to the same, and F - G is a sum over the units with the exchange's
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,20 @@ import numpy as np
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 
-__all__ = ["Mixed", "blooming_draws", "difference_draws", "mixed", "moments_draws", "ratio_draws", "scatter_draws"]
+__all__ = [
+    "Mixed",
+    "blooming_draws",
+    "difference_draws",
+    "means_apart",
+    "mixed",
+    "moments_draws",
+    "ratio_draws",
+    "scatter_draws",
+    "scatters_apart",
+]
+
+_NO_SCATTER = 1e-12
+"""A variance so small beside the mean square is what rounding leaves of none."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,24 @@ class Mixed:
     def medians_apart(self) -> FloatArray:
         """Median of measured minus median of simulated."""
         return self.quantiles(1.0, 0.5) - self.quantiles(-1.0, 0.5)
+
+    def percentiles_apart(self, shares: Sequence[float]) -> list[FloatArray]:
+        """For each share where the mid-distribution function of measured reaches it, minus that of simulated."""
+        m, s = (self._middles(sign, shares) for sign in (1.0, -1.0))
+        return [one - other for one, other in zip(m, s, strict=True)]
+
+    def _middles(self, sign: float, shares: Sequence[float]) -> list[FloatArray]:
+        function = self.side(sign)
+        middle = function - 0.5 * np.diff(function, axis=1, prepend=0.0)
+        draw = np.arange(len(middle))
+        found = []
+        for share in shares:
+            above = np.where(middle[:, -1] >= share, np.argmax(middle >= share, axis=1), middle.shape[1] - 1)
+            below = np.maximum(above - 1, 0)
+            low, high = middle[draw, below], middle[draw, above]
+            part = np.clip((share - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+            found.append(self.value[below] + part * (self.value[above] - self.value[below]))
+        return found
 
     def distances(self, js_edges: FloatArray) -> dict[str, FloatArray]:
         """The KPIs of one feature, by name; `js_edges`: the borders between the bins of `js`."""
@@ -131,6 +163,20 @@ def _means(sums: FloatArray, signs: FloatArray) -> tuple[FloatArray, FloatArray]
     with np.errstate(invalid="ignore"):
         mean = np.squeeze(sums[:, :, 1:] * (share * weight)[:, :, None] / weight.sum(), axis=2)
     return _both_sides(mean, signs)
+
+
+def means_apart(sums: FloatArray, signs: FloatArray) -> FloatArray:
+    """Difference of the means; (2, units, 2): number of rows, and their sum."""
+    m, s = _means(sums, signs)
+    return m - s
+
+
+def scatters_apart(sums: FloatArray, signs: FloatArray) -> FloatArray:
+    """Difference of the standard deviations; (2, units, 3): number of rows, their sum, and that of their squares."""
+    means, squares = _means(sums[:, :, :2], signs), _means(sums[:, :, [0, 2]], signs)
+    variances = [square - mean**2 for square, mean in zip(squares, means, strict=True)]
+    m, s = (np.sqrt(np.where(v > _NO_SCATTER * q, v, 0.0 * q)) for v, q in zip(variances, squares, strict=True))
+    return np.asarray(m - s)
 
 
 def moments_draws(ghost: FloatArray, target: FloatArray, signs: FloatArray) -> FloatArray:

@@ -10,14 +10,17 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.kpi.chance.draws import (
     blooming_draws,
     difference_draws,
+    means_apart,
     mixed,
     moments_draws,
     ratio_draws,
+    scatters_apart,
 )
 from lidarcheck.kpi.chance.exchange import Drawn
 from lidarcheck.kpi.chance.rows import Tallies
 from lidarcheck.kpi.chance.tallies import Histogram
 from lidarcheck.kpi.overlap import RADIUS_M
+from lidarcheck.kpi.percentiles import LEVELS
 
 __all__ = ["drawn_of"]
 
@@ -43,6 +46,7 @@ class _Family:
         yield from self._counted("detection_probability", "false_alarms")
         for of, histogram in self.tallies.decades.items():
             yield self._median("walk_offset", of, histogram)
+        yield from self._readout()
         yield from self._ghost()
         for axis, sums in self.tallies.blooming.items():
             held = sums.all(self.tallies.units)
@@ -66,13 +70,16 @@ class _Family:
             yield Drawn(kpi, of, difference_draws(hits, trials, self.signs), self._enough(rows))
 
     def _feature(self, name: str, histogram: Histogram) -> Iterator[Drawn]:
-        names = ("dvm_bias", "dvm_scatter", "wasserstein", "ks", "energy", "js")
+        levels = {f"percentile_{level}": level / 100.0 for level in LEVELS}
+        names = ("dvm_bias", "dvm_scatter", "wasserstein", "ks", "energy", "js", *levels)
         if not histogram.frames:
             yield from (Drawn(kpi, name, _NOTHING, 0) for kpi in names)
             return
         value, counts = histogram.filled(self.tallies.units)
         two, units = mixed(value, counts, self.signs), self._enough(counts.sum(axis=2))
         found = {} if two is None else two.distances(histogram.js_edges)
+        if two is not None:
+            found |= zip(levels, two.percentiles_apart([*levels.values()]), strict=True)
         yield from (Drawn(kpi, name, found.get(kpi, _NOTHING), units) for kpi in names)
 
     def _median(self, kpi: str, of: str, histogram: Histogram, *, half: bool = False) -> Drawn:
@@ -85,6 +92,20 @@ class _Family:
         if two is None:
             return Drawn(kpi, of, _NOTHING, units)
         return Drawn(kpi, of, two.quantiles(1.0, 0.5) if half else two.medians_apart(), units)
+
+    def _readout(self) -> Iterator[Drawn]:
+        for angle, sums in self.tallies.directions.items():
+            held = sums.all(self.tallies.units)
+            units = self._enough(held[..., 0])
+            yield Drawn("direction_bias", angle, means_apart(held[..., :2], self.signs), units)
+            yield Drawn("direction_scatter", angle, scatters_apart(held, self.signs), units)
+        for axis, sums in self.tallies.positions.items():
+            held = sums.all(self.tallies.units)
+            yield Drawn(f"position_bias_{axis}", "", means_apart(held, self.signs), self._enough(held[..., 0]))
+        for number, sums in self.tallies.numbers.items():
+            hits, echoes = sums.all(self.tallies.units)[..., 0], self.tallies.echoes()
+            draws = difference_draws(hits, echoes, self.signs)
+            yield Drawn("echo_number_share", str(number), draws, self._enough(echoes))
 
     def _ghost(self) -> Iterator[Drawn]:
         if not self.tallies.ghost:

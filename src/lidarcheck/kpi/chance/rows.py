@@ -35,6 +35,9 @@ class Tallies:
     paired: Histogram = field(default_factory=Histogram)
     blooming: dict[Axis, Sums] = field(default_factory=dict)
     ghost: dict[str, Sums] = field(default_factory=dict)
+    directions: dict[str, Sums] = field(default_factory=dict)
+    positions: dict[str, Sums] = field(default_factory=dict)
+    numbers: dict[int, Sums] = field(default_factory=dict)
     ghost_range: Histogram = field(default_factory=Histogram)
 
     def add(self, found: Compared) -> None:
@@ -46,6 +49,7 @@ class Tallies:
         self._features(frame, units, blocks, found)
         here = [np.bincount(block, minlength=units).astype(np.float64) for block in blocks]
         _sums(self.counts, ("echoes", "")).frames[frame] = np.stack(here)[:, :, None]
+        self._written(frame, units, blocks, found)
         difference = found.pairs.difference_m
         at = blocks[0][found.pairs.measured]
         self.paired.add(frame, units, (at, at), (difference, -difference))
@@ -56,7 +60,8 @@ class Tallies:
 
     def merge(self) -> None:
         """Make each frame one unit."""
-        tables = (self.features, self.counts, self.decades, self.blooming, self.ghost)
+        of_features = (self.features, self.counts, self.decades, self.blooming, self.ghost)
+        tables = (*of_features, self.directions, self.positions, self.numbers)
         for sums in (*(one for table in tables for one in table.values()), self.paired, self.ghost_range):
             sums.merge()
         self.units = [1] * len(self.units)
@@ -92,6 +97,27 @@ class Tallies:
         _sums(self.counts, ("false_alarms", "per beam")).frames[frame] = np.stack(table)
         if surfaces.walk is not None:
             self._walk(frame, units, at, residual, [found.measured.area[own[0]], found.simulated.area[own[1]]])
+
+    def _written(self, frame: int, units: int, blocks: Blocks, found: Compared) -> None:
+        """Sums of directions, of their squares, and of places; counts of echo numbers."""
+        m, s = found.written
+        if m.directions is not None and s.directions is not None:
+            for angle, of in (("azimuth", 0), ("elevation", 1)):
+                both = (m.directions[of], s.directions[of])
+                table = [_powers(block, off, units, 2) for block, off in zip(blocks, both, strict=True)]
+                self.directions.setdefault(angle, Sums()).frames[frame] = np.stack(table)
+        if found.m is not None and found.s is not None and m.off_surface_m is not None and s.off_surface_m is not None:
+            at = [block[side.of_surface] for block, side in zip(blocks, (found.m, found.s), strict=True)]
+            for axis, column in zip("xyz", range(3), strict=True):
+                both = (m.off_surface_m[:, column], s.off_surface_m[:, column])
+                table = [_powers(block, off, units, 1) for block, off in zip(at, both, strict=True)]
+                self.positions.setdefault(axis, Sums()).frames[frame] = np.stack(table)
+        for number in found.comparison.numbers or ():
+            hits = [
+                np.bincount(block[side.numbers == number], minlength=units).astype(np.float64)
+                for block, side in zip(blocks, found.written, strict=True)
+            ]
+            self.numbers.setdefault(number, Sums()).frames[frame] = np.stack(hits)[:, :, None]
 
     def _walk(
         self, frame: int, units: int, at: list[IndexArray], residual: list[FloatArray], area: list[FloatArray]
@@ -145,6 +171,19 @@ def _range_bins(distance_m: FloatArray, detection: Detection) -> Iterator[tuple[
     for i in np.flatnonzero(detection.beams).tolist():
         inside = (distance_m > 0.0) & (distance_m >= edges[i]) & (distance_m < edges[i + 1])
         yield f"{edges[i]:g}–{edges[i + 1]:g} m", inside
+
+
+def _powers(block: IndexArray, values: FloatArray, units: int, highest: int) -> FloatArray:
+    """Number of the values that are known, and the sums of their powers up to `highest`, (units, 1 + highest)."""
+    known = ~np.isnan(values)
+    if not known.all():
+        block, values = block[known], values[known]
+    sums = np.zeros((units, 1 + highest))
+    sums[:, 0] = np.bincount(block, minlength=units)
+    if values.any():  # directions of a simulation are all 0
+        for power in range(1, 1 + highest):
+            sums[:, power] = np.bincount(block, weights=values**power, minlength=units)
+    return sums
 
 
 def _by_offset(block: IndexArray, steps: FloatArray, area: FloatArray, units: int) -> FloatArray:

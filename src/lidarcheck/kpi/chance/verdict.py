@@ -13,6 +13,7 @@ from lidarcheck.kpi.chance.family import drawn_of
 from lidarcheck.kpi.chance.rows import Tallies
 from lidarcheck.kpi.chance.tallies import BLOCK_COLUMNS
 from lidarcheck.kpi.compare import Compared
+from lidarcheck.kpi.percentiles import LEVELS
 
 __all__ = ["ChanceTest", "Verdict"]
 
@@ -20,7 +21,7 @@ FEWEST_FRAMES = 10
 """From so many frames on a unit is a frame: 2^10 exchanges, and what varies from frame to frame is in them."""
 _LINE = 80
 """Columns that the closing line has."""
-_OF_FEATURES = ("dvm_bias", "dvm_scatter", "wasserstein", "ks", "energy", "js")
+_OF_FEATURES = ("dvm_bias", "dvm_scatter", "wasserstein", "ks", "energy", "js", *(f"percentile_{n}" for n in LEVELS))
 STANDS_OUT, AS_CHANCE, NOT_JUDGED = "stands out", "as chance", "not judged"
 
 
