@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +8,9 @@ from scipy import stats
 
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.compare import compare, feature_gap
+from lidarcheck.kpi.direction import off_surface, surface_points
+from lidarcheck.kpi.pairing import pair_with_ideal
+from lidarcheck.kpi.percentiles import percentile
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor
@@ -213,6 +217,50 @@ def test_as_json_and_table():
         "walk_offset",
     }
     assert kpis >= {"blooming_profile", "ghost", "overlap", "chamfer", "false_alarms"}
+
+
+def test_directions_places_and_numbers_are_those_that_were_written():
+    ideal = street()
+    m, s = echoes(ideal, 1), echoes(ideal, 2)
+    raised = replace(m, z_m=m.z_m + np.deg2rad(0.05) * m.range_m, extra={"EchoNumberRaw": m.echo_number - 1})
+    found = compare(raised, s, ideal)
+    up, left = found.direction["elevation"], found.direction["azimuth"]
+    assert (up.bias_measured, up.bias_simulated) == pytest.approx((0.05, 0.0), abs=0.004)
+    assert up.scatter_simulated == left.scatter_simulated == left.bias_measured == 0.0
+    assert found.position["z"].measured - found.position["z"].simulated == pytest.approx(
+        np.deg2rad(0.05) * m.range_m.mean(), abs=0.003
+    )
+    assert {number: tuple(part) for number, part in found.numbers.items()} == {0: (1.0, 0.0), 1: (0.0, 1.0)}
+    rows = {(row.kpi, row.of): row for row in found.rows()}
+    assert rows["direction_bias", "elevation"].value == up.bias_measured - up.bias_simulated
+    assert rows["echo_number_share", "0"].value == 1.0
+    assert rows["percentile_95", "AREA"].measured == percentile(m.area, 95)
+    plain = found.to_dict()
+    low, high = (plain["features"]["AREA"]["percentiles"]["50"]["measured"][end] for end in ("low", "high"))
+    assert low < rows["percentile_50", "AREA"].measured < high
+    assert plain["position_bias"]["z"]["measured"] == found.position["z"].measured
+    # Surface points of the ideal scan's own take the place of the beams'.
+    place = off_surface(m, np.arange(len(m)), ideal, pair_with_ideal(ideal, m).surface)
+    own = dict(zip("XYZ", surface_points(ideal).T + 1.0, strict=True))
+    moved = compare(m, s, replace(ideal, extra=own))
+    assert moved.position["x"].measured == pytest.approx(place[:, 0].mean() - 1.0)
+
+
+def test_what_a_scan_does_not_say_is_left_out():
+    ideal = street()
+    m, s = echoes(ideal, 1), echoes(ideal, 2)
+    found = compare(
+        replace(m, defaulted=("Layer", "Point", "EchoNumber")), replace(s, defaulted=("EchoNumber",)), ideal
+    )
+    assert found.direction is found.numbers is None
+    assert found.left_out["direction_bias, direction_scatter"] == "the measured scan's beams are found by X, Y, Z"
+    assert "measured and the simulated" in found.left_out["echo_number_share"]
+    assert found.position is not None
+    assert compare(m, s).position is None
+    nothing = m.take(np.zeros(len(m), dtype=bool))
+    empty = compare(nothing, nothing, ideal)
+    assert empty.numbers == {}
+    assert math.isnan(empty.direction["azimuth"].bias_measured)
 
 
 def test_feature_gap_of_single_values():

@@ -145,9 +145,10 @@ def pair_echoes(measured: Scan, simulated: Scan, *, tolerance_m: float = OF_SURF
     Echoes whose beam is not known (-1) take no part.
     """
     m_keys, s_keys = beam_keys(measured.layer, measured.point), beam_keys(simulated.layer, simulated.point)
-    m_beams, s_beams = (np.unique(beam_keys(x.layer, x.point)[_known(x)]) for x in (measured, simulated))
+    m_beams, s_beams = (_distinct(keys[_known(x)]) for keys, x in ((m_keys, measured), (s_keys, simulated)))
     both = np.intersect1d(m_beams, s_beams, assume_unique=True)
-    shared = np.flatnonzero(np.isin(m_keys, both))
+    near_key = np.minimum(np.searchsorted(both, m_keys), max(both.size - 1, 0))
+    shared = np.flatnonzero(both[near_key] == m_keys) if both.size else np.zeros(0, dtype=np.int64)
     s_range, m_range = ranges(simulated), ranges(measured)[shared]
     rows = np.flatnonzero(_known(simulated))
     order = rows[np.lexsort((s_range[rows], s_keys[rows]))]
@@ -165,6 +166,12 @@ def pair_echoes(measured: Scan, simulated: Scan, *, tolerance_m: float = OF_SURF
         beams_measured=m_beams.size - both.size,
         beams_simulated=s_beams.size - both.size,
     )
+
+
+def _distinct(keys: IndexArray) -> IndexArray:
+    """The keys once each, ascending: at once where they ascend already, as in most scans."""
+    steps = np.diff(keys)
+    return keys[np.append(True, steps > 0)] if keys.size and not (steps < 0).any() else np.unique(keys)
 
 
 def _known(scan: Scan) -> BoolArray:

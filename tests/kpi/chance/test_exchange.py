@@ -3,10 +3,19 @@
 import numpy as np
 import pytest
 
-from lidarcheck.kpi.chance.draws import blooming_draws, difference_draws, mixed, moments_draws, ratio_draws
+from lidarcheck.kpi.chance.draws import (
+    blooming_draws,
+    difference_draws,
+    means_apart,
+    mixed,
+    moments_draws,
+    ratio_draws,
+    scatters_apart,
+)
 from lidarcheck.kpi.chance.exchange import EXCHANGES, Drawn, judge, signs_of
 from lidarcheck.kpi.chance.tallies import Histogram, block_of
 from lidarcheck.kpi.compare import feature_gap
+from lidarcheck.kpi.percentiles import LEVELS, percentile
 
 UNITS = 6
 
@@ -45,6 +54,41 @@ def test_medians_of_every_exchange():
         swap = signs[i][units] < 0
         one, other = np.where(swap, values[1], values[0]), np.where(swap, values[0], values[1])
         assert apart[i] == np.quantile(one, 0.5, method="inverted_cdf") - np.quantile(other, 0.5, method="inverted_cdf")
+
+
+@pytest.mark.parametrize("step", [1.0, 0.01, 0.0])
+def test_percentiles_of_every_exchange(step):
+    g = np.random.default_rng(6)
+    units = np.repeat(np.arange(UNITS), 60)
+    values = [g.normal(50.0 + side, 3.0, units.size) for side in (0.0, 1.0)]
+    values = [np.round(v / step) * step for v in values] if step else values
+    signs = signs_of(UNITS)
+    drawn = mixed(*tallied(values, (units, units)).filled([UNITS]), signs).percentiles_apart([0.05, 0.5, 0.95])
+    for i in range(0, 64, 7):
+        swap = signs[i][units] < 0
+        one, other = np.where(swap, values[1], values[0]), np.where(swap, values[0], values[1])
+        for level, draws in zip(LEVELS, drawn, strict=True):
+            assert draws[i] == pytest.approx(percentile(one, level) - percentile(other, level), abs=1e-9)
+    assert [
+        draws[0] for draws in mixed(np.array([7.0]), np.ones((2, 2, 1)), np.ones((1, 2))).percentiles_apart([0.5])
+    ] == [0.0]
+
+
+def test_means_and_scatters_of_every_exchange():
+    g = np.random.default_rng(7)
+    units = np.repeat(np.arange(UNITS), 50)
+    values = [g.normal(side, 1.0 + side, units.size) for side in (0.0, 0.5)]
+    powers = [[np.bincount(units, weights=v**power) for power in range(3)] for v in values]
+    sums, signs = np.moveaxis(np.array(powers), 1, 2), signs_of(UNITS)
+    means, scatters = means_apart(sums[..., :2], signs), scatters_apart(sums, signs)
+    for i in range(0, 64, 7):
+        swap = signs[i][units] < 0
+        one, other = np.where(swap, values[1], values[0]), np.where(swap, values[0], values[1])
+        assert means[i] == pytest.approx(one.mean() - other.mean())
+        assert scatters[i] == pytest.approx(one.std() - other.std())
+    # What is the same in all rows scatters by nothing, however far off it is.
+    same = np.tile([50.0, 50 * 0.025, 50 * 0.025**2], (2, UNITS, 1))
+    assert not scatters_apart(same, signs).any()
 
 
 def test_a_unit_weighs_the_same_on_either_side():

@@ -1,5 +1,7 @@
 """Whole comparisons: of what is alike nothing stands out, of what differs the right thing does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,28 @@ def test_what_differs_stands_out(name, kpis):
     assert out
     assert {out[0].of, out[0].kpi} & kpis
     assert set(DIFFERENCES) >= {name}
+
+
+def half_a_layer_up(scan):
+    level_m, up = np.hypot(scan.x_m, scan.y_m), np.arctan2(scan.z_m, np.hypot(scan.x_m, scan.y_m)) + np.deg2rad(0.025)
+    range_m = np.hypot(level_m, scan.z_m)
+    part = range_m * np.cos(up) / level_m
+    return replace(scan, x_m=scan.x_m * part, y_m=scan.y_m * part, z_m=range_m * np.sin(up))
+
+
+@pytest.mark.parametrize(
+    ("written", "kpis"),
+    [
+        (half_a_layer_up, {("direction_bias", "elevation"), ("position_bias_z", "")}),
+        (lambda scan: replace(scan, y_m=-scan.y_m), {("direction_scatter", "azimuth")}),
+        (lambda scan: replace(scan, echo_number=scan.echo_number - 1), {("echo_number_share", "0")}),
+    ],
+)
+def test_what_is_written_otherwise_stands_out(written, kpis):
+    (pair,) = null("plain", 3, 12)
+    out = verdict_on(iter([pair._replace(measured=written(pair.measured))])).standing_out
+    assert kpis <= {(one.kpi, one.of) for one in out}
+    assert {one.kpi.split("_")[0] for one in out} <= {"direction", "position", "echo"}
 
 
 def test_units_are_blocks_of_a_frame_and_frames_from_ten_on():

@@ -27,6 +27,8 @@ __all__ = [
     "scatters_apart",
 ]
 
+_NO_MASS = 1e-12
+"""Of a bin that a side has nothing in, rounding leaves less."""
 _NO_SCATTER = 1e-12
 """A variance so small beside the mean square is what rounding leaves of none."""
 
@@ -55,19 +57,23 @@ class Mixed:
 
     def percentiles_apart(self, shares: Sequence[float]) -> list[FloatArray]:
         """For each share where the mid-distribution function of measured reaches it, minus that of simulated."""
-        m, s = (self._middles(sign, shares) for sign in (1.0, -1.0))
-        return [one - other for one, other in zip(m, s, strict=True)]
+        with np.errstate(over="ignore", invalid="ignore"):  # values may be as large as numbers can be
+            m, s = (self._middles(sign, shares) for sign in (1.0, -1.0))
+            return [one - other for one, other in zip(m, s, strict=True)]
 
     def _middles(self, sign: float, shares: Sequence[float]) -> list[FloatArray]:
         function = self.side(sign)
-        middle = function - 0.5 * np.diff(function, axis=1, prepend=0.0)
-        draw = np.arange(len(middle))
-        found = []
+        mass = np.diff(function, axis=1, prepend=0.0)
+        middle, own = function - 0.5 * mass, mass > _NO_MASS
+        draw, last, found = np.arange(len(own)), own.shape[1] - 1, []
         for share in shares:
-            above = np.where(middle[:, -1] >= share, np.argmax(middle >= share, axis=1), middle.shape[1] - 1)
-            below = np.maximum(above - 1, 0)
+            reached, short = own & (middle >= share), own & (middle < share)
+            above, below = np.argmax(reached, axis=1), last - np.argmax(short[:, ::-1], axis=1)
+            # Beyond the middles of the outermost values nothing lies between.
+            any_above, any_below = reached[draw, above], short[draw, below]
+            above, below = np.where(any_above, above, below), np.where(any_below, below, above)
             low, high = middle[draw, below], middle[draw, above]
-            part = np.clip((share - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+            part = np.where(high > low, (share - low) / np.where(high > low, high - low, 1.0), 0.0)
             found.append(self.value[below] + part * (self.value[above] - self.value[below]))
         return found
 
