@@ -1,4 +1,23 @@
 """Fixtures that several rooms of tests share."""
 
+import pytest
+
 collect_ignore = ["data"]  # a project of its own, whose scenarios the pytest plugin would run
 pytest_plugins = ("command_kit",)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def nobody(tmp_path_factory):
+    """The tests run as a user without a configuration, who trusts no program."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("user")))
+        patch.delenv("LIDARCHECK_TRUST", raising=False)
+        yield
+
+
+@pytest.fixture(scope="module")
+def trusting():
+    """The user trusts every program, to the end of the module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LIDARCHECK_TRUST", "all")
+        yield

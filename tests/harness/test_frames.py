@@ -169,6 +169,7 @@ def test_an_interrupt_leaves_whole_frames_and_nothing_where_there_are_none(place
 SCAN = "X Y Z Point Layer EchoNumber WIDTH AREA PEAK\\n1 0 0 480 260 1 5 90 20\\n"
 
 
+@pytest.mark.usefixtures("trusting")
 def test_an_external_model_simulates_several_ideal_scans(place):
     script = place / "model.py"
     script.write_text(f"import sys\nopen(sys.argv[1], 'w').write('{SCAN}')\n")

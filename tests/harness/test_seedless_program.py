@@ -12,6 +12,8 @@ from lidarcheck.harness.review.accept import accept
 from lidarcheck.harness.review.review import review
 from scenario_texts import kpis, wall_scenario
 
+pytestmark = pytest.mark.usefixtures("trusting")
+
 PROGRAM = """\
 import random, sys
 ideal, ini, scan = sys.argv[1:]

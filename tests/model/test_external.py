@@ -16,6 +16,8 @@ from lidarcheck.model.external import check_command, run_external
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan
 
+pytestmark = pytest.mark.usefixtures("trusting")
+
 IDEAL = IdealScan(
     layer=np.array([10, 11, 12], dtype=np.int32),
     point=np.array([5, 6, 7], dtype=np.int32),

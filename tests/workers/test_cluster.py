@@ -162,6 +162,7 @@ def test_without_dask_the_command_that_installs_it_is_said(inputs, tmp_path, cap
     assert capsys.readouterr().err == said
 
 
+@pytest.mark.usefixtures("trusting")
 def test_jobs_and_an_external_model_do_not_go_with_a_cluster(inputs, tmp_path, capsys):
     assert simulate_at("tcp://127.0.0.1:1", inputs, tmp_path / "out", "--jobs", "2") == 2
     assert "--jobs does not go with --scheduler" in capsys.readouterr().err

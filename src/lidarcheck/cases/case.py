@@ -33,6 +33,7 @@ from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.trust.places import check_place, named_file
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
@@ -132,6 +133,7 @@ def _case_file(place: Path) -> Path:
         if not file.exists():
             fix = f"write {CASE_FILE} with `model` and a [[frames]] of `ideal`, `measured`, `time` for each frame"
             raise InputError(f"the directory has no {CASE_FILE}", file=place, fix=fix)
+        check_place(file, file)
         return file
     if place.exists() and place.suffix.lower() != ".toml":
         raise InputError("is not a case", file=place, fix=f"name a directory that holds {CASE_FILE}")
@@ -163,6 +165,7 @@ def _check_places(table: _CaseTable, lines: LineIndex, fewest: int) -> None:
 
 def _outside(path: Path, key: tuple[str | int, ...], lines: LineIndex) -> InputError | None:
     if not path.is_absolute() and Path(os.path.normpath(path)).parts[:1] != (os.pardir,):
+        named_file(lines.file, path, lines.line(key))  # by a link
         return None
     what = f"{key[-1]} = {str(path)!r} leads out of the case's directory"
     return lines.fault(key, what, fix="copy the file into the directory and name it relative to it")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Quiet
+from lidarcheck.cli.core.options import Flag, Permitted, Quiet
 from lidarcheck.cli.core.terminal import hush
 from lidarcheck.errors import InputError, UsageError
 
@@ -30,6 +30,7 @@ def tui(
     ] = None,
     no_mouse: Annotated[bool, Flag, Parameter(help="Leave the mouse to the terminal, to select text with.")] = False,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Open the terminal interface on a project."""
     root = project or Path()

@@ -220,10 +220,10 @@ def _leave_proposal(case: ScenarioRun, result: ScenarioResult) -> None:
     path = case.layout.proposal(case.scenario.name)
     try:
         if case.skipped or (result.identical and not result.problems):
-            path.unlink(missing_ok=True)
+            case.layout.own(path).unlink(missing_ok=True)
             return
         case.layout.private()
-        make_directory(path.parent)
+        make_directory(case.layout.own(path).parent)
         verdicts = {kpi.name: kpi.verdict.value for kpi in result.kpis}
         save_golden(case.proposal(verdicts), path)
     except (OSError, InputError) as error:

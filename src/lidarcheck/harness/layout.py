@@ -14,6 +14,7 @@ from pathlib import Path
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config_words import nearest
+from lidarcheck.trust.places import check_place, own_place
 
 __all__ = ["Layout", "ScenarioSelection", "layout_of", "make_directory", "select"]
 
@@ -44,11 +45,15 @@ class Layout:
 
     def private(self) -> Path:
         """`.lidarcheck/`, made if need be, with a `.gitignore` that keeps it out of version control."""
-        directory = make_directory(self.root / ".lidarcheck")
-        ignore = directory / ".gitignore"
+        directory = make_directory(own_place(self.root / ".lidarcheck", self.root))
+        ignore = own_place(directory / ".gitignore", self.root)
         if not ignore.exists():
             write_text(ignore, "*\n")
         return directory
+
+    def own(self, path: Path) -> Path:
+        """The path of a golden or a proposal that is to be written or removed; `InputError` where a link leads on."""
+        return own_place(path, self.root)
 
     def golden(self, name: str) -> Path:
         """The golden of the scenario NAME."""
@@ -112,7 +117,9 @@ def select(paths: Sequence[Path | str]) -> ScenarioSelection:
     for path in [Path(path) for path in paths] or [_scenarios_from(Path.cwd())]:
         if path.is_dir():
             directory = path / _SCENARIOS if (path / _SCENARIOS).is_dir() else path
-            files.update(dict.fromkeys(file.resolve() for file in _toml_files(directory)))
+            for file in _toml_files(directory):
+                check_place(file, file)  # it may be a link that somebody has committed
+                files[file.resolve()] = None
             whole[layout_of(directory / "any.toml")] = None
         else:
             files[_scenario_file(path)] = None

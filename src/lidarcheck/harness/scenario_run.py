@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.harness.gate.seeds import REFERENCE_SEEDS, ScenarioJob, SeedRecord
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_proposal, refuse_proposal
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, paired_identical, thresholds_changed
 from lidarcheck.harness.goldens.provenance import Provenance, provenance_of
 from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
@@ -18,6 +18,7 @@ from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Sensor
+from lidarcheck.trust.programs import require_trust
 
 __all__ = ["Load", "Measure", "ScenarioRun", "kpis_in_goldens", "open_run", "provenance_now", "suite_size"]
 
@@ -136,7 +137,7 @@ class ScenarioRun:
         provenance = provenance_now(self.scenario, self.model, seeds=seeds, reference_seeds=seeds)
         proposal = build(self.scenario.name, self.scenario.kpis, self.paired, self.paired, provenance)
         kpis = {name: dataclasses.replace(kpi, verdict=verdicts.get(name, "")) for name, kpi in proposal.kpis.items()}
-        return dataclasses.replace(proposal, kpis=kpis)
+        return dataclasses.replace(proposal, kpis=kpis, proposed=True)
 
 
 def open_run(
@@ -154,6 +155,8 @@ def open_run(
     scenario = (load or load_scenario)(file)
     layout = layout_of(file)
     asked, skipped = _model_for(scenario, model)
+    if asked.external is not None and not skipped and measure is None:
+        require_trust(asked.external, asked.file)  # before other scenarios are run for nothing
     golden, damage = _golden(layout.golden(scenario.name), tolerate_damage)
     release, _ = _golden(layout.release(scenario.name), tolerate_damage, release=True)
     if release and release.provenance.scenario != scenario.content_hash:
@@ -179,7 +182,7 @@ def suite_size(cases: Sequence[ScenarioRun]) -> int:
 
 def kpis_in_goldens(layout: Layout) -> int:
     """The number of KPIs in all goldens of a project."""
-    return sum(_count(path) for path in layout.goldens.glob("*.toml"))
+    return sum(_count(path) for path in layout.goldens.glob("*.toml") if path.is_file())
 
 
 def provenance_now(scenario: Scenario, model: Model, *, seeds: str = "", reference_seeds: str = "") -> Provenance:
@@ -223,11 +226,14 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
 
 def _golden(path: Path, tolerate_damage: bool, *, release: bool = False) -> tuple[Golden | None, str]:
     try:
-        return (load_golden(path, release=release) if path.is_file() else None), ""
+        golden = load_proposal(path, release=release) if path.is_file() else None
     except GoldenError as error:
         if not tolerate_damage:
             raise
         return None, error.what
+    if golden is not None:
+        refuse_proposal(golden, path)
+    return golden, ""
 
 
 def _count(golden: Path) -> int:

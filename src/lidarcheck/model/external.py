@@ -17,6 +17,7 @@ from lidarcheck.errors import ExternalModelError, LidarcheckError, UsageError
 from lidarcheck.formats.config_words import nearest, printable
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.trust.programs import require_trust
 
 __all__ = ["PLACEHOLDERS", "check_command", "run_external", "stop_external_models"]
 
@@ -57,12 +58,14 @@ def run_external(ideal: IdealScan, external: External, *, seed: int) -> Scan:
     runs it without a shell in `external.directory` and reads the scan that it wrote. Without an `ini` of its own, the
     command gets one that holds the seed. On a timeout or an interrupt its
     whole process group is killed. `ExternalModelError`, with the command and the last line of its standard error, when
-    it cannot be started, fails, takes longer than `timeout_s`, or leaves no readable scan.
+    it cannot be started, fails, takes longer than `timeout_s`, or leaves no readable scan; and when the user does not
+    trust the program, which nothing is run of then.
     """
     from lidarcheck.formats import load_scan, save_ideal
 
     for _, fault in check_command(external.command):
         raise fault
+    require_trust(external)
     with _scratch() as directory:
         ini = external.ini or _seed_file(directory, seed)
         files = {"ideal": directory / "ideal.txt", "scan": directory / "scan.txt", "seed": seed, "ini": ini}
@@ -113,6 +116,7 @@ def _run(command: Sequence[str], external: External, directory: Path) -> str:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
+                env=_environment(),
                 start_new_session=True,
             )
     except (OSError, ValueError) as error:
@@ -133,6 +137,15 @@ def _run(command: Sequence[str], external: External, directory: Path) -> str:
     if code > 0:
         raise _failure(f"ended with exit code {code}", external, said, "run the command by hand")
     return said
+
+
+def _environment() -> dict[str, str]:
+    """What the program finds: compiled Python beside its text, which no hash covers, is not taken for the text."""
+    from lidarcheck.model.jit import base_directory
+
+    with contextlib.suppress(RuntimeError):  # there is no home directory
+        return {"PYTHONPYCACHEPREFIX": str(base_directory().absolute() / "python"), **os.environ}
+    return {**os.environ, "PYTHONPYCACHEPREFIX": os.devnull}
 
 
 @contextlib.contextmanager

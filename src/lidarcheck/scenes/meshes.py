@@ -12,6 +12,7 @@ import numpy as np
 from lidarcheck.errors import InputError
 from lidarcheck.scenes.facets import Facets
 from lidarcheck.scenes.mesh_files import mesh_content
+from lidarcheck.trust.places import named_file
 
 __all__ = ["SUFFIXES", "load_mesh"]
 
@@ -43,16 +44,19 @@ def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = 
 def _triangles(path: Path, kind: str) -> Any:
     import trimesh
 
-    # A GLB file may name further ones by their place; of the others everything stands in the file.
-    source: Any = path if kind == "glb" else io.BytesIO(mesh_content(path, kind))
+    source = io.BytesIO(mesh_content(path, kind))
     # Colours and textures say nothing here, and would be looked for in further files.
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
+    if kind == "glb":  # of the others everything stands in the file
+        options = {"resolver": _further_files(path)}
     try:
         with warnings.catch_warnings():
             # So numpy says that it stopped at something that is no number.
             warnings.filterwarnings("error", category=DeprecationWarning, message="string or file could not be read")
             mesh = trimesh.load_mesh(source, file_type=kind, process=False, **options)
         triangles = np.asarray(mesh.triangles, dtype=np.float64)
+    except InputError:
+        raise
     except Exception as error:  # noqa: BLE001
         # Whatever trimesh's readers stumble over, it is the file that is not what it should be.
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -64,3 +68,14 @@ def _triangles(path: Path, kind: str) -> Any:
 
 def _formats() -> str:
     return f"use a mesh of the format {', '.join(SUFFIXES)}"
+
+
+def _further_files(path: Path) -> Any:
+    """What trimesh asks for the files that a mesh names by their place, none of them outside of its project."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Further(FilePathResolver):
+        def get(self, name: str) -> bytes:
+            return named_file(path, name.strip()).read_bytes()
+
+    return Further(str(path))

@@ -16,7 +16,7 @@ from lidarcheck.formats.table import counted
 from lidarcheck.session.history import Edit, History, edit_between
 from lidarcheck.session.journal import Journal, Record, read_journal
 from lidarcheck.session.lock import FileLock
-from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
+from lidarcheck.session.own_files import content_hash, file_key, own_directory, own_file
 
 __all__ = ["ChangedOnDisk", "EditedFile", "journal_of"]
 
@@ -89,9 +89,8 @@ class EditedFile(Generic[T]):
     def _claim(self) -> None:
         """Take the lock and look for a journal; else say in `read_only` why there is no editing."""
         try:
-            directory = make_own_directory(self._root)
-            self._lock = self._lock or FileLock(directory / f"{file_key(self.path)}.lock")
-            self._journal = Journal(journal_of(self.path, self._root))
+            self._lock = self._lock or FileLock(own_file(self._root, f"{file_key(self.path)}.lock"))
+            self._journal = Journal(own_file(self._root, journal_of(self.path, self._root).name))
             if not self._lock.take():
                 self.read_only = f"{self.path.name} is being edited by {self._lock.holder()}; it can be seen only"
                 return

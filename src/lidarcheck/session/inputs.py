@@ -14,6 +14,7 @@ from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.reading import reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash
+from lidarcheck.trust.places import is_permitted
 
 __all__ = ["Inputs", "files_named_by"]
 
@@ -85,7 +86,7 @@ def _named_in(path: Path) -> list[str | Path]:
         data = toml_of(read_text(path), path)
         if "variant" not in data and "external" not in data:
             named = (path.parent / text for text in _texts(data))
-            return [file for file in named if file.is_file()]
+            return [file for file in named if file.is_file() and is_permitted(file, path)]
     files: list[str | Path] = []
     with reading() as read, contextlib.suppress(LidarcheckError, OSError, ValueError):
         external = load_model(path).external

@@ -58,7 +58,7 @@ class Journal:
 
     def _open(self) -> int:
         try:
-            self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
+            self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
         except OSError as error:
             raise self._fault(error) from error
         return self._descriptor

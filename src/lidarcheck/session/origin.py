@@ -17,8 +17,8 @@ __all__ = ["COMPUTED_FROM", "changed_since", "origin", "origin_of"]
 
 COMPUTED_FROM = "computed_from"
 """The key of it in a result."""
-_SHOWN = {"--quiet", "--no-quiet", "--no-html"}
-_PLACES = {"--json", "--out", "--html", "--junit", "--plot", "--jobs", "--scheduler", "--into"}
+_SHOWN = {"--quiet", "--no-quiet", "--no-html", "--trust"}
+_PLACES = {"--json", "--out", "--html", "--junit", "--plot", "--jobs", "--scheduler", "--into", "--root"}
 """Options that say where results go and how they are made or shown, the second kind with a value."""
 
 

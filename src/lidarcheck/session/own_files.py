@@ -7,8 +7,9 @@ import os
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.trust.places import own_place
 
-__all__ = ["content_hash", "file_key", "make_own_directory", "own_directory"]
+__all__ = ["content_hash", "file_key", "make_own_directory", "own_directory", "own_file"]
 
 
 def own_directory(root: Path) -> Path:
@@ -21,16 +22,21 @@ def make_own_directory(root: Path) -> Path:
     directory = own_directory(root)
     try:
         for made in (directory.parent, directory):  # and not the project's own, where somebody has removed it
-            made.mkdir(exist_ok=True)
+            own_place(made, root).mkdir(exist_ok=True)
     except OSError as error:
         fix = "what is edited would not survive a crash: make the project's directory writable"
         raise InputError(f"cannot make the directory: {error.strerror}", file=directory, fix=fix) from error
-    ignore = directory.parent / ".gitignore"
+    ignore = own_place(directory.parent / ".gitignore", root)
     if not ignore.exists():
         from lidarcheck.formats.atomic import write_text
 
         write_text(ignore, "*\n")
     return directory
+
+
+def own_file(root: Path, name: str) -> Path:
+    """A file in that directory, made if need be, to write to; `InputError` where that cannot be, or a link is there."""
+    return own_place(make_own_directory(root) / name, root)
 
 
 def file_key(path: Path) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
-from lidarcheck.session.own_files import make_own_directory, own_directory
+from lidarcheck.session.own_files import own_directory, own_file
 
 __all__ = ["State", "load_state", "save_state"]
 
@@ -43,4 +43,4 @@ def save_state(state: State, root: Path) -> None:
     with contextlib.suppress(InputError, OSError):
         from lidarcheck.formats.atomic import write_text
 
-        write_text(make_own_directory(root) / "state.json", json.dumps(asdict(state), indent=1) + "\n")
+        write_text(own_file(root, "state.json"), json.dumps(asdict(state), indent=1) + "\n")

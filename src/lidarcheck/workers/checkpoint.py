@@ -117,11 +117,11 @@ class Checkpoint:
         kept = self._read(file, key)
         if kept:
             # What a cut-off line left behind is overwritten by the next one.
-            self._stream = file.open("r+b")
+            self._stream = os.fdopen(_not_followed(file, os.O_RDWR), "r+b")
             self._stream.truncate(kept)
             self._stream.seek(kept)
         else:
-            self._stream = file.open("wb")
+            self._stream = os.fdopen(_not_followed(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb")
             self._stream.write(_line(["key", key]))
             self._stream.flush()
 
@@ -144,6 +144,11 @@ class Checkpoint:
     def _unwritable(self, error: OSError) -> InputError:
         fix = "free some space" if "space" in str(error) else "choose a place that can be written"
         return InputError(f"cannot keep what is done: {error.strerror or error}", file=self.path, fix=fix)
+
+
+def _not_followed(path: Path, flags: int) -> int:
+    """Open a file, and not what a link there leads to: somebody may have committed one."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def _line(entry: list[str]) -> bytes:
@@ -179,11 +184,11 @@ def _locked(directory: Path) -> int:
         import fcntl
     except ImportError:  # a system without it; two runs at once are then the user's to avoid
         directory.mkdir(parents=True, exist_ok=True)
-        return os.open(directory / _LOCK, os.O_CREAT | os.O_RDWR, 0o666)
+        return _not_followed(directory / _LOCK, os.O_CREAT | os.O_RDWR)
     while True:
         directory.mkdir(parents=True, exist_ok=True)
         try:
-            descriptor = os.open(directory / _LOCK, os.O_CREAT | os.O_RDWR, 0o666)
+            descriptor = _not_followed(directory / _LOCK, os.O_CREAT | os.O_RDWR)
         except FileNotFoundError:
             continue  # a run that has just ended removed the directory
         try:

@@ -24,6 +24,7 @@ from types import TracebackType
 from typing import Any
 
 from lidarcheck.errors import WorkerError
+from lidarcheck.permissions import Permissions, given, grant
 from lidarcheck.workers.base import AsyncPool, Shared, WorkerPool, pack_tasks, pack_thing, perform, shared_by, things_of
 from lidarcheck.workers.identity import limit_blas
 from lidarcheck.workers.keeping import kept
@@ -151,7 +152,7 @@ class Processes(AsyncPool[_Batch]):
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake,))
+        self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake, given()))
 
     def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Batch:
         shared = {one.key: self._put(one) for one in shared_by(tasks)}
@@ -221,8 +222,9 @@ def _has_result(future: Future[Any]) -> bool:
     return future.done() and not future.cancelled() and future.exception() is None
 
 
-def _as_worker(wake: Callable[[], object] | None) -> None:
-    """The process that started the workers ends them and says what there is to say."""
+def _as_worker(wake: Callable[[], object] | None, permissions: Permissions) -> None:
+    """The process that started the workers ends them and says what there is to say; what it permits, they permit."""
+    grant(permissions)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
     if wake is not None:

@@ -11,6 +11,8 @@ import pytest
 
 from scenario_texts import kpis, surface
 
+pytestmark = pytest.mark.usefixtures("trusting")
+
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = [sys.executable, "-m", "lidarcheck"]
 SLOW = """

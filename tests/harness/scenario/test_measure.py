@@ -246,12 +246,14 @@ def external_scenario(directory: Path, *more: str) -> Scenario:
     return small(directory, SMALL.replace(table, f"[model.external]\ncommand = [{arguments}]\n\n"))
 
 
+@pytest.mark.usefixtures("trusting")
 def test_an_external_model_is_measured_alike(tmp_path):
     scenario = external_scenario(tmp_path)
     found = measure(scenario, scenario.model, 7)
     assert found.values == {"detection_probability": 1.0, "area_mean": 107.0}
 
 
+@pytest.mark.usefixtures("trusting")
 def test_an_echo_on_a_beam_that_was_not_fired_is_an_error(tmp_path):
     scenario = external_scenario(tmp_path, "stray")
     with pytest.raises(LidarcheckError, match="Layer 500, Point 900"):

@@ -20,7 +20,7 @@ from lidarcheck.cli.calibration.bloom_inputs import (
     reach_of,
     table_of,
 )
-from lidarcheck.cli.core.options import Files, Flag, JsonFile, Placed, Quiet, Several, Whole
+from lidarcheck.cli.core.options import Files, Flag, JsonFile, Permitted, Placed, Quiet, Several, Whole
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -91,6 +91,7 @@ def show(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Show the profiles of the bloom, real over simulated."""
     hush(quiet)
@@ -169,6 +170,7 @@ def fit(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Fit a blooming table to the profiles of all distances together."""
     hush(quiet)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import Jobs, JsonFile, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -69,6 +69,7 @@ def calibrate(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Fit named parameters of the model to measured frames."""
     hush(quiet)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Flag, JsonFile, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import MANY, Flag, JsonFile, Permitted, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -56,6 +56,7 @@ def find(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Find signs and their ghosts, and leave nothing else."""
     hush(quiet)
@@ -96,6 +97,7 @@ def fit(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)

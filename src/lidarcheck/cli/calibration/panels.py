@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, Whole, placement_of
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, Permitted, Placed, Quiet, Seed, Whole, placement_of
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
@@ -76,6 +76,7 @@ def panels(
     plot: Plot | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Say how the sensor sees panels: detection, range noise, walk, amplitude; and the model beside it."""
     hush(quiet)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, Permitted, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
@@ -80,6 +80,7 @@ def compare(
     json: JsonFile | None = None,
     plot: Plot | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Compare measured frames of a scene with the model's."""
     hush(quiet)

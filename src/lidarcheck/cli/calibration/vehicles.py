@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from lidarcheck.cli.calibration.vehicles_files import NamedFrame, boxes, check_compare, check_merge, frames_of, named
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, Placed, Quiet, Seed, Several, Whole, placement_of
+from lidarcheck.cli.core.options import (
+    MANY,
+    Files,
+    JsonFile,
+    Permitted,
+    Placed,
+    Quiet,
+    Seed,
+    Several,
+    Whole,
+    placement_of,
+)
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -56,6 +67,7 @@ def compare(
     json: JsonFile | None = None,
     plot: Plot | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Compare a vehicle at several distances, real against simulated."""
     hush(quiet)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 from cyclopts import App
 
 from lidarcheck import __version__
 from lidarcheck.cli.core.calibration_commands import CALIBRATION_COMMANDS, GROUPS
 from lidarcheck.cli.core.command import Command
+from lidarcheck.permissions import grant
 
 __all__ = ["COMMANDS", "Command", "make_app"]
 
@@ -161,12 +163,24 @@ COMMANDS = (
 )
 
 
+class _App(App):
+    """The parser; what the user permits holds as soon as it is read, for whatever the command then does."""
+
+    def parse_args(self, *args: Any, **kwargs: Any) -> Any:
+        """The command's function and its arguments."""
+        found = super().parse_args(*args, **kwargs)
+        for value in found[1].arguments.values():
+            if hasattr(value, "permissions"):
+                grant(value.permissions())
+        return found
+
+
 def make_app() -> App:
     """The parser, with every command known by name and none loaded."""
     plain = not sys.stdout.isatty()
     if plain:
         from lidarcheck.cli.core.help_text import HelpText
-    app = App(
+    app = _App(
         name="lidarcheck",
         version=__version__,
         help="Calibrates and validates a LiDAR sensor model against measurements.",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
+from lidarcheck.permissions import Permissions
 
 if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
@@ -23,8 +24,10 @@ __all__ = [
     "Jobs",
     "JsonFile",
     "JsonFlag",
+    "Permitted",
     "Placed",
     "Quiet",
+    "Rooted",
     "Seed",
     "Several",
     "TimeUnit",
@@ -113,6 +116,39 @@ class Placed:
             help='"x,y,z,roll,pitch,yaw" [m, deg]: takes the measured scans (mirrored) into the sensor\'s frame.',
         ),
     ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Rooted:
+    """What the user permits the files that a command reads; the parser grants it, the command need not look at it."""
+
+    root: Annotated[
+        list[Path] | None,
+        Parameter(negative=(), help="A folder outside of the project whose files may be named; given again, another."),
+    ] = None
+
+    def permissions(self) -> Permissions:
+        """The same, for this process; `UsageError` where a root is no folder."""
+        for root in self.root or ():
+            if not root.is_dir():
+                raise UsageError(f"--root {root} is no folder", fix="name one that is there")
+        return Permissions(getattr(self, "trust", False), tuple(root.absolute() for root in self.root or ()))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Permitted(Rooted):
+    """The same of a command that may run a model."""
+
+    trust: Annotated[
+        bool,
+        Flag,
+        Parameter(
+            help="Run the program of an [external] model, whatever it is. Programs can be trusted one by one: "
+            "LIDARCHECK_TRUST holds their hashes, or all, which runs whatever a pull request brings."
+        ),
+    ] = False
 
 
 def placement_of(placed: Placed | None) -> Placement:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -75,6 +75,7 @@ def explain(
         Parameter(help="Of --benchmark: only one kind: single, pair, several, null, null_nuisance, left_out or alien."),
     ] = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Name the effect that a model lacks, and add it."""
     hush(quiet)

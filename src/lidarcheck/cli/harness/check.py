@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Quiet, Seed
+from lidarcheck.cli.core.options import Jobs, JsonFile, Permitted, Quiet, Seed
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import complain, emit, hush, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -30,6 +30,7 @@ def check(
     html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
     junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Run scenarios against their goldens."""
     hush(quiet)

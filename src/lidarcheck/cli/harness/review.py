@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Quiet
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Permitted, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress
 from lidarcheck.errors import UsageError
@@ -25,6 +25,7 @@ def review(
     jobs: Jobs | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Show what is proposed for the goldens, and accept it."""
     hush(quiet)

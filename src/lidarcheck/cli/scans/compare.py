@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, JsonFile, Placed, Quiet, placement_of
+from lidarcheck.cli.core.options import MANY, JsonFile, Permitted, Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import files_given
 from lidarcheck.cli.core.terminal import columns, hush, note, stage
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
@@ -48,6 +48,7 @@ def compare(
     placed: Placed | None = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Compare a measured scan with a simulated one, or many of them frame by frame."""
     hush(quiet)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, TimeUnit, placement_of
+from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, Rooted, TimeUnit, placement_of
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import emit, hush, stage
 
@@ -22,6 +22,7 @@ def info(
     time_unit: TimeUnit | None = None,
     json: JsonFlag = False,
     quiet: Quiet = False,
+    permitted: Rooted | None = None,
 ) -> int:
     """Say what a file is and what is in it."""
     hush(quiet)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, up_to
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Rooted, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.errors import ConfigError, UsageError
@@ -54,6 +54,7 @@ def scene(
     no_second_hits: Annotated[bool, Flag, Parameter(help="Leave out what mirrors and panes show.")] = False,
     json: JsonFlag = False,
     quiet: Quiet = False,
+    permitted: Rooted | None = None,
 ) -> int:
     """Cast the beams into a scene and write what each meets."""
     hush(quiet)

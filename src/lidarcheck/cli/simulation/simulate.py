@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Jobs, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import MANY, Jobs, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler
@@ -63,6 +63,7 @@ def simulate(
         Literal["cpu", "cuda"], Parameter(help="What runs the exact chain: the processor, or an NVIDIA GPU.")
     ] = "cpu",
     quiet: Quiet = False,
+    permitted: Permitted | None = None,
 ) -> int:
     """Run ideal scans through the sensor model."""
     hush(quiet)

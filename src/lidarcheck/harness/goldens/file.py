@@ -18,13 +18,20 @@ from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
+from lidarcheck.trust.places import check_place
 
-__all__ = ["FORMAT", "dump_golden", "load_golden", "save_golden"]
+__all__ = ["FORMAT", "dump_golden", "load_golden", "load_proposal", "refuse_proposal", "save_golden"]
 
 FORMAT = 1
 _HEAD = (
     "# What the KPIs of this scenario were when somebody last agreed to them. Written by `lidarcheck review`: do not\n"
     "# edit it, the content hash at the end would no longer fit.\n"
+)
+_PROPOSED = "proposed"
+"""The key that only a proposal has."""
+_PROPOSED_HEAD = (
+    "# A proposal that a run has left: no golden. `lidarcheck review` shows it and accepts it; a copy of it among the\n"
+    "# goldens is refused.\n"
 )
 _ANEW = "make it anew with `lidarcheck review --accept all`"
 _RELEASE_ANEW = "make it anew from the last golden with `lidarcheck review --release`"
@@ -34,10 +41,24 @@ _WORDS = ("reason", "reason_date", "verdict")
 
 
 def load_golden(path: Path, *, release: bool = False) -> Golden:
-    """Read a golden; `GoldenError` if it is not TOML, not a golden, of another format, or edited by hand.
+    """Read a golden; `GoldenError` if it is not TOML, not a golden, of another format, edited by hand, or a proposal.
 
     `release`: it is a release golden, which is made anew in another way.
     """
+    golden = load_proposal(path, release=release)
+    refuse_proposal(golden, path)
+    return golden
+
+
+def refuse_proposal(golden: Golden, path: Path) -> None:
+    """`GoldenError` for a proposal that somebody has copied among the goldens, unreviewed."""
+    if golden.is_proposal:
+        fix = f"restore the golden from version control or delete it, then run `lidarcheck review {path.stem}`"
+        raise GoldenError("this is a proposal, not a golden: nobody has accepted it", file=path, fix=fix)
+
+
+def load_proposal(path: Path, *, release: bool = False) -> Golden:
+    """Read a proposal, or a golden; `GoldenError` as `load_golden` has it, but for a proposal."""
     anew = _RELEASE_ANEW if release else _ANEW
     restore = f"restore it from version control, or {anew}"
     document = _parse(path, restore)
@@ -63,17 +84,22 @@ def save_golden(golden: Golden, path: Path) -> None:
 
 def dump_golden(golden: Golden) -> str:
     """The golden's file content."""
-    head = {"format": FORMAT, "scenario": golden.scenario, "digests": list(golden.digests)}
+    head: dict[str, Any] = {"format": FORMAT, "scenario": golden.scenario, "digests": list(golden.digests)}
+    head |= {_PROPOSED: True} if golden.proposed else {}
     kpis = {name: _kpi_table(kpi) for name, kpi in golden.kpis.items()}
     provenance = _provenance_table(golden.provenance)
     provenance["content"] = _content_hash({**head, "kpis": kpis, "provenance": provenance})
-    parts = [_HEAD + _lines(head)]
+    parts = [(_PROPOSED_HEAD if golden.proposed else _HEAD) + _lines(head)]
     parts += [f"[kpis.{_string(name)}]\n{_lines(table)}" for name, table in kpis.items()]
     parts += [f"[provenance]\n{_lines(provenance)}"]
     return "\n".join(parts)
 
 
 def _parse(path: Path, restore: str) -> dict[str, Any]:
+    try:
+        check_place(path, path)
+    except InputError as error:
+        raise GoldenError(error.what, file=path, fix=error.fix) from None
     if not path.exists():
         raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`")
     try:
@@ -93,6 +119,7 @@ def _golden(document: Mapping[str, Any]) -> Golden:
         kpis={name: _kpi(name, table) for name, table in document.get("kpis", {}).items()},
         digests=tuple(document["digests"]),
         provenance=Provenance(**provenance),
+        proposed=document.get(_PROPOSED) is True,
     )
 
 
@@ -157,6 +184,8 @@ def _value(value: Any) -> str:
         return _string(value)
     if isinstance(value, list):
         return _array(value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
     return str(value) if isinstance(value, int) else _number(value)
 
 

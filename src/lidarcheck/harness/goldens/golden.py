@@ -51,12 +51,25 @@ class KpiGolden:
 
 @dataclass(frozen=True, slots=True)
 class Golden:
-    """A scenario's golden, or a proposal for one. `digests`: of the echoes of the 8 paired seeds."""
+    """A scenario's golden, or a proposal for one. `digests`: of the echoes of the 8 paired seeds; `proposed`: a run
+    wrote it, nobody has accepted it.
+    """
 
     scenario: str
     kpis: Mapping[str, KpiGolden]
     digests: tuple[str, ...]
     provenance: Provenance
+    proposed: bool = False
+
+    @property
+    def is_proposal(self) -> bool:
+        """Whether nobody has accepted it: it says so, or holds what only proposals hold; those of old do not say so.
+
+        A golden of a part of the seeds has the reason for which it was accepted.
+        """
+        kpis = self.kpis.values()
+        unasked = kpis and all(kpi.reference.drawn < evidence.FULL_SEEDS and not kpi.reason for kpi in kpis)
+        return bool(self.proposed or self.provenance.base or any(kpi.verdict for kpi in kpis) or unasked)
 
     @property
     def complete(self) -> bool:

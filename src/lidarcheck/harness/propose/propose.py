@@ -19,7 +19,7 @@ from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import UsageError
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, Progress, Runner, record_of
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_proposal
 from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.propose.files import ideal_file, model_file, write_files
@@ -202,7 +202,7 @@ def _confirmed(
     scenario: Scenario, proposal: Path, lost: Mapping[str, Model], catches: Mapping[str, tuple[Catch, ...]]
 ) -> dict[str, tuple[Catch, ...]]:
     """The catches as the files on disk have them: the proposal's reference against new runs without each effect."""
-    golden = load_golden(proposal)
+    golden = load_proposal(proposal)
     found = {}
     for effect, expected in catches.items():
         records = [record_of(measure(scenario, lost[effect], seed, threads=1)) for seed in LOST_SEEDS if expected]

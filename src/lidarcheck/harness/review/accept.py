@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import datetime
 import difflib
+import os
 import time
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from lidarcheck.harness.goldens.file import dump_golden, load_golden, save_golde
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.layout import Layout, layout_of, make_directory, select
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
+from lidarcheck.trust.places import own_place
 
 __all__ = ["ALL", "accept", "preview", "reject", "release"]
 
@@ -48,7 +50,7 @@ def preview(report: ReviewReport, names: Collection[str], *, reason: str = "") -
 
 def reject(layout: Layout, name: str) -> bool:
     """Drop the proposal for a scenario, whose golden stays; whether there was one."""
-    path = layout.proposal(name)
+    path = layout.own(layout.proposal(name))
     with _lock(layout):
         there = path.exists()
         path.unlink(missing_ok=True)
@@ -69,7 +71,7 @@ def release(paths: Sequence[Path | str] = ()) -> list[Path]:
         if not source.is_file():
             raise UsageError(f"{file.stem} has no golden to release", fix=f"run `lidarcheck review {file.stem}` first")
         load_golden(source)
-        pairs.append((source, layout.release(file.stem)))
+        pairs.append((source, layout.own(layout.release(file.stem))))
     with contextlib.ExitStack() as stack:
         for layout in dict.fromkeys(layouts.values()):
             stack.enter_context(_lock(layout))
@@ -133,11 +135,11 @@ def _refuse_changed(found: ScenarioReview) -> None:
 
 def _write(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Path:
     """Put the chosen KPIs into the golden; what is left open stays in the proposal."""
-    path = found.layout.golden(found.name)
+    path = found.layout.own(found.layout.golden(found.name))
     make_directory(path.parent)
     kept = _kept(found, kpis)
     save_golden(_accepted(found, kpis, reason), path)
-    proposal = found.layout.proposal(found.name)
+    proposal = found.layout.own(found.layout.proposal(found.name))
     if kept:
         left = dataclasses.replace(found.proposal.provenance, base=file_hash(path))
         save_golden(dataclasses.replace(found.proposal, provenance=left), proposal)
@@ -189,8 +191,8 @@ def _lock(layout: Layout) -> Iterator[None]:
     except ImportError:
         yield
         return
-    path = layout.private() / "lock"
-    with path.open("a") as stream:
+    path = own_place(layout.private() / "lock", layout.root)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666), "a") as stream:
         deadline = time.monotonic() + _LOCK_TIMEOUT_S
         while True:
             try:

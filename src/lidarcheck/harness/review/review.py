@@ -21,7 +21,7 @@ from lidarcheck.formats.plain import plain
 from lidarcheck.harness.gate import evidence, gate, sensitivity
 from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.gate.seeds import GOLDEN_SEEDS, REFERENCE_SEEDS, Progress, Runner, ScenarioJob, SeedRecord
-from lidarcheck.harness.goldens.file import load_golden, save_golden
+from lidarcheck.harness.goldens.file import load_proposal, save_golden
 from lidarcheck.harness.goldens.git_state import uncommitted
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden, build, paired_identical, sample_of, thresholds_changed
 from lidarcheck.harness.layout import Layout, make_directory, select
@@ -161,10 +161,10 @@ def _known_proposal(case: ScenarioRun, base: str) -> Golden | None:
         kpis = {name: dataclasses.replace(golden.kpis[name], spec=spec) for name, spec in asked.items()}
         made = golden.provenance
         now = provenance_now(case.scenario, case.model, seeds=made.seeds, reference_seeds=made.reference_seeds)
-        return dataclasses.replace(golden, kpis=kpis, provenance=dataclasses.replace(now, base=base))
+        return dataclasses.replace(golden, kpis=kpis, provenance=dataclasses.replace(now, base=base), proposed=True)
     path = case.layout.proposal(case.scenario.name)
     try:
-        proposal = load_golden(path)
+        proposal = load_proposal(path)
     except GoldenError:
         return None  # a proposal is only a saving of time
     same = (
@@ -196,7 +196,7 @@ def _proposal(case: ScenarioRun, reference: Sequence[SeedRecord], base: str, sha
         if said.get(name) in (KpiVerdict.REGRESSED, KpiVerdict.INDETERMINATE) and found[0] is not KpiVerdict.MISSING:
             found.append(said[name])
         kpis[name] = dataclasses.replace(kpi, verdict=evidence.worst(found).value)
-    return dataclasses.replace(built, kpis=kpis)
+    return dataclasses.replace(built, kpis=kpis, proposed=True)
 
 
 def _verdict(case: ScenarioRun, new: KpiGolden, records: Sequence[SeedRecord], share: float) -> KpiVerdict:
@@ -211,7 +211,7 @@ def _verdict(case: ScenarioRun, new: KpiGolden, records: Sequence[SeedRecord], s
 def _last_verdicts(case: ScenarioRun) -> Mapping[str, KpiVerdict]:
     """What the last check of the same model said, on other seeds."""
     try:
-        proposal = load_golden(case.layout.proposal(case.scenario.name))
+        proposal = load_proposal(case.layout.proposal(case.scenario.name))
     except GoldenError:
         return {}
     if not proposal.provenance.same_model(provenance_now(case.scenario, case.model)):
@@ -271,7 +271,7 @@ def _breaks_limit(kpi: KpiGolden) -> str:
 
 def _keep(found: ScenarioReview) -> None:
     """Leave the proposal for the next review, or remove one that has nothing to say."""
-    path = found.layout.proposal(found.name)
+    path = found.layout.own(found.layout.proposal(found.name))
     if found.settled:
         path.unlink(missing_ok=True)
     else:

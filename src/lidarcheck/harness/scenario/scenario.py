@@ -34,6 +34,7 @@ from lidarcheck.model.stages import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.scenes import Scene
 from lidarcheck.scenes.files.file import SceneFile, scene_of
+from lidarcheck.trust.places import named_file
 
 __all__ = ["AskedKpi", "Scenario", "load_scenario"]
 
@@ -121,7 +122,7 @@ def _model(data: Mapping[str, Any], table: ScenarioTable, lines: LineIndex) -> M
 
 
 def _existing(name: Path, key: str, lines: LineIndex) -> Path:
-    file = lines.file.parent / name
+    file = named_file(lines.file, name, lines.line((key,)))
     try:
         there = file.is_file()
     except OSError:

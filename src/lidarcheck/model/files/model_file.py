@@ -23,6 +23,7 @@ from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import External, Model
 from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
+from lidarcheck.trust.places import named_file
 
 __all__ = ["dump_model", "load_model", "model_of", "save_model"]
 
@@ -143,7 +144,7 @@ def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tup
             continue
         parameters = {key: value for key, value in table.items() if key != "name"}
         try:
-            made.append(make(table["name"], parameters, functools.partial(_curve, lines.file.absolute().parent)))
+            made.append(make(table["name"], parameters, functools.partial(_curve, lines, index)))
         except ConfigError as error:
             faults += error.faults
         except InputError as error:
@@ -160,9 +161,9 @@ def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tup
     return tuple(made)
 
 
-def _curve(directory: Path, parameter: FileParameter, path: str) -> Curve:
-    """The table of a LUT file that a model names by a path relative to its own."""
-    file = directory / path
+def _curve(lines: LineIndex, index: int, parameter: FileParameter, path: str) -> Curve:
+    """The table of a LUT file that a model names by a path relative to its own, for one of its effects."""
+    file = named_file(lines.file.absolute(), path, lines.line(("effects", index, parameter.name)))
     axis = parameter.kind.removeprefix("lut.")
     table = {str(name): table for name, table in load_lut(file).tables.items()}.get(axis)
     if table is None:
@@ -212,7 +213,7 @@ def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]
     for index, error in check_command(table.command):
         place = ("external", "command") if index is None else ("external", "command", index)
         faults.append(lines.fault(place, error.what, fix=error.fix))
-    if table.ini is not None and not (lines.file.absolute().parent / table.ini).is_file():
+    if table.ini is not None and not named_file(lines.file, table.ini, lines.line(("external", "ini"))).is_file():
         what = f"ini = {shown(str(table.ini))} is not a file"
         faults.append(lines.fault(("external", "ini"), what, fix="give its path from the model file's directory"))
     return faults

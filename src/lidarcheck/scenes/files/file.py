@@ -26,6 +26,7 @@ from lidarcheck.scenes.files.objects import is_file, objects_of
 from lidarcheck.scenes.files.shapes import Mesh, ObjectTable, ShapeTable, Velocity, entries
 from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
 from lidarcheck.sensor import LAYERS, POINTS, Material
+from lidarcheck.trust.places import named_file
 
 __all__ = [
     "SamplingTable",
@@ -181,7 +182,7 @@ def load_scene(path: Path | str) -> SceneFile:
     file = _scene_file(content, inner, Path(path).stem)
     if materials is not None:
         _check_materials(file, materials, content, inner)
-    named = [lines.file.parent / heading.materials] if isinstance(heading.materials, Path) else []
+    named = [_named(heading.materials, lines)] if isinstance(heading.materials, Path) else []
     facts: dict[str, Any] = {"path": Path(path), "description": heading.description, "materials": materials}
     return replace(file, files=(*file.files, *named), **facts)
 
@@ -199,7 +200,7 @@ def scene_of(value: object, lines: LineIndex, key: str = "scene") -> SceneFile:
         raise ConfigError([lines.fault((key,), what, fix=fix)])
     if value in builtin_names():
         return load_scene(builtin_path(value))
-    file = lines.file.parent / value
+    file = named_file(lines.file, value, lines.line((key,)))
     if not is_file(file):
         near = nearest(value, builtin_names())
         fix = f"did you mean {near}?" if near else "give its path from this file's directory, or the name of a built-in"
@@ -232,13 +233,17 @@ def _materials(heading: _Heading, data: dict[str, Any], lines: LineIndex) -> dic
     if heading.materials is None:
         return None
     if isinstance(heading.materials, Path):
-        file = lines.file.parent / heading.materials
+        file = _named(heading.materials, lines)
         if not is_file(file):
             what = f"materials = {shown(str(heading.materials))} is not a file"
             raise ConfigError([lines.fault(("materials",), what, fix="give its path from the scene's directory")])
         data, lines = parse_toml(file)
         validate(data, lines, _MaterialsFile)
     return materials_of(validate({"materials": data["materials"]}, lines, _Materials).materials, lines)
+
+
+def _named(materials: Path, lines: LineIndex) -> Path:
+    return named_file(lines.file, materials, lines.line(("materials",)))
 
 
 def _check_materials(

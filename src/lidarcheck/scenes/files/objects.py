@@ -13,6 +13,7 @@ from lidarcheck.formats.config_words import shown
 from lidarcheck.scenes import Facets, SceneObject
 from lidarcheck.scenes.facets import placed
 from lidarcheck.scenes.files.shapes import Mesh, ShapeTable
+from lidarcheck.trust.places import named_file
 
 __all__ = ["MAX_TRIANGLES", "is_file", "objects_of"]
 
@@ -69,7 +70,7 @@ def _surfaces(
 def _facets(shape: ShapeTable, index: int, directory: Path, lines: LineIndex) -> Facets:
     if not isinstance(shape, Mesh):
         return shape.facets(directory)
-    if not is_file(directory / shape.file):
+    if not is_file(named_file(lines.file, shape.file, lines.line(("objects", index, "file")))):
         what = f"objects[{index}].file = {shown(str(shape.file))} is not a file"
         raise lines.fault(("objects", index, "file"), what, fix="give its path from the scene's directory")
     try:

@@ -17,7 +17,7 @@ from lidarcheck.reading import Reading, reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.inputs import Inputs, files_named_by
 from lidarcheck.session.node import Cancelled, ProgressCallback
-from lidarcheck.session.own_files import make_own_directory, own_directory
+from lidarcheck.session.own_files import own_directory, own_file
 from lidarcheck.workers.identity import source_of_results
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Runs:
             document = {name: asdict(found) for name, found in self.last.items()}
             from lidarcheck.formats.atomic import write_text
 
-            write_text(make_own_directory(self.root) / "runs.json", json.dumps(document) + "\n")
+            write_text(own_file(self.root, "runs.json"), json.dumps(document) + "\n")
 
 
 def _outcome(found: Mapping[str, Any]) -> Outcome:

@@ -21,6 +21,7 @@ from lidarcheck.model.files.model_file import load_model
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 from lidarcheck.session.project import Project
+from lidarcheck.trust.places import check_place, own_place
 
 __all__ = [
     "Adoption",
@@ -87,7 +88,7 @@ def make_results_directory(root: Path, case: Path) -> Path:
     out = results_directory(root, case)
     make_own_directory(root)
     try:
-        out.parent.mkdir(exist_ok=True)
+        own_place(out, root).parent.mkdir(exist_ok=True)
     except OSError as error:
         what = f"cannot make the directory: {error.strerror}"
         raise InputError(what, file=out.parent, fix="make the project's directory writable") from error
@@ -169,6 +170,7 @@ def take_back(state: CaseState) -> Path:
         target, before, after = Path(record["target"]), record["before"], record["after"]
     except (OSError, ValueError, KeyError, TypeError):
         raise UsageError("nothing was accepted here", fix="there is nothing to take back") from None
+    check_place(target, state.path)  # the record is a file that anybody may have committed
     if not target.is_file() or content_hash(target.read_bytes()) != after:
         fix = "compare it with version control; what was there before is kept"
         raise UsageError(f"{target} has changed since it was accepted", fix=f"{fix} in {state.out / _TAKEN}")

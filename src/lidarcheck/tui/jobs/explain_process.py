@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError
+from lidarcheck.permissions import given
 
 __all__ = ["PROGRAM", "ExplainProcess", "ExplainProgress", "command_of"]
 
@@ -30,6 +31,8 @@ def command_of(
 ) -> list[str]:
     """The command that explains a case."""
     more = [*(["--seed", seed] if seed else []), *(["--exclude", exclude] if exclude else [])]
+    permitted = given()
+    more += [*(["--trust"] if permitted.trust else []), *(f"--root={root}" for root in permitted.roots)]
     return [*program, "explain", str(case), "--out", str(out), "--progress", "json", *more]
 
 

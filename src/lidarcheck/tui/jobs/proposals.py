@@ -12,7 +12,7 @@ from typing import Any
 from lidarcheck.errors import GoldenError, LidarcheckError
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.evidence import KpiVerdict
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_golden, load_proposal
 from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.goldens.provenance import Provenance, parameters_hash, source_hash
 from lidarcheck.harness.layout import Layout, layout_of
@@ -75,8 +75,8 @@ def waiting(path: Path) -> Waiting | None:
     file, proposed = layout.golden(name), layout.proposal(name)
     if file.is_file() and not proposed.is_file():
         return None
-    golden, fault = _read(file)
-    proposal, other = _read(proposed)
+    golden, fault = _read(file, load_golden)
+    proposal, other = _read(proposed, load_proposal)
     share = evidence.error_share(
         max(kpis_in_goldens(layout) + (0 if golden else len(proposal.kpis) if proposal else 0), 1)
     )
@@ -127,9 +127,9 @@ def stamp_of(layout: Layout, name: str) -> str:
     return " ".join(file_hash(path) for path in (layout.golden(name), layout.proposal(name)))
 
 
-def _read(path: Path) -> tuple[Golden | None, str]:
+def _read(path: Path, load: Callable[[Path], Golden]) -> tuple[Golden | None, str]:
     try:
-        return (load_golden(path) if path.is_file() else None), ""
+        return (load(path) if path.is_file() else None), ""
     except GoldenError as error:
         return None, error.lines()[0].removeprefix("error: ")
 
