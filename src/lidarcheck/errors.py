@@ -19,6 +19,8 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import Any
 
+from lidarcheck.printable import printable
+
 __all__ = [
     "ConfigError",
     "ExternalModelError",
@@ -61,7 +63,7 @@ class LidarcheckError(Exception):
         text = f"error: {where}: {self.what}" if where else f"error: {self.what}"
         if self.fix:
             text = f"{text}; {self.fix}"
-        return [" ".join(text.splitlines())]
+        return [printable(" ".join(text.splitlines()))]
 
     def __str__(self) -> str:
         return "\n".join(self.lines())

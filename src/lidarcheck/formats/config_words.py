@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from lidarcheck.formats.toml_lines import KeyPath
+from lidarcheck.printable import printable
 
 __all__ = ["Slot", "allowed", "dotted", "kind_of", "nearest", "printable", "shown", "slots_at"]
 
@@ -50,11 +51,6 @@ def shown(value: object, length: int = 60) -> str:
         text = str(value)
     text = printable(text)
     return text if len(text) <= length else text[: length - 4] + " ..."
-
-
-def printable(text: str) -> str:
-    """The text with control characters spelled out, so that it can stand in a message of one line."""
-    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
 
 
 def dotted(path: Iterable[str | int]) -> str:

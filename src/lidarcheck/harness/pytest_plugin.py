@@ -19,6 +19,7 @@ import pytest
 
 from lidarcheck import __version__
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.printable import printable, printable_lines
 
 if TYPE_CHECKING:
     from lidarcheck.harness.reports.results import KpiResult, ScenarioResult
@@ -110,7 +111,7 @@ class GoldensItem(pytest.Item):
         layout = layout_of(self.path / "any.toml")
         names = [path.relative_to(layout.root).as_posix() for path in layout.orphans()]
         if names:
-            lines = [f"{name} has no scenario: restore the scenario, or delete the golden" for name in names]
+            lines = [f"{printable(name)} has no scenario: restore the scenario, or delete the golden" for name in names]
             pytest.fail("\n".join(lines), pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
@@ -189,7 +190,7 @@ class KpiItem(pytest.Item):
             pytest.fail(str(error), pytrace=False)
         if not scenario.kpis:
             self.user_properties.extend([("scenario", scenario.name), ("verdict", "not run")])
-            pytest.skip("; ".join(scenario.notes) or "not run")
+            pytest.skip(printable("; ".join(scenario.notes)) or "not run")
         if self._kpi is not None:
             self._found = next((kpi for kpi in scenario.kpis if kpi.name == self._kpi), None)
             if self._found is None:
@@ -207,10 +208,11 @@ class KpiItem(pytest.Item):
                 pytest.fail(explanation(scenario, kpi), pytrace=False)
             return
         if scenario.notes:
-            self.add_report_section("call", "notes", "\n".join(scenario.notes))
+            self.add_report_section("call", "notes", printable_lines("\n".join(scenario.notes)))
         problems = scenario_problems(scenario)
         if problems:
-            pytest.fail("\n".join(f"{scenario.name}: {problem}" for problem in problems), pytrace=False)
+            said = (printable(f"{scenario.name}: {problem}") for problem in problems)
+            pytest.fail(printable_lines("\n".join(said)), pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """The KPI's line in the scenario file, counted from 0."""

@@ -9,6 +9,7 @@ import contextlib
 import inspect
 import logging
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 from lidarcheck.cli.core.table_blocks import Column, blocks, columns, number_text
+from lidarcheck.printable import printable, printable_lines
 
 __all__ = [
     "Column",
@@ -34,6 +36,7 @@ __all__ = [
 
 _LOG = logging.getLogger("lidarcheck")
 _NARROWEST = 40
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 Show = Callable[[int, int, str], None]
 
 
@@ -77,7 +80,7 @@ def _is_quiet() -> bool:
 
 def complain(line: str) -> None:
     """One line on standard error. What a file says cannot drive the terminal: control characters are spelled out."""
-    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    text = printable(line)
     # Standard output that is gone is the caller's to notice; without standard error there is nobody to tell.
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()  # what was said before stands above it
@@ -88,16 +91,20 @@ def complain(line: str) -> None:
 def note(line: str) -> None:
     """Something for the person at the terminal, on standard error."""
     if not _is_quiet():
-        complain(line)
+        complain(printable_lines(line))
 
 
 def emit(text: str) -> None:
-    """A result, on standard output."""
+    """A result, on standard output. Colours are a terminal's alone; all else that would drive it is spelled out."""
+    colours = _COLOUR.findall(text) if sys.stdout.isatty() else []
+    parts = _COLOUR.split(text) if colours else [text]
+    text = "".join(printable_lines(part) + colour for part, colour in zip(parts, [*colours, ""], strict=True))
     sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
 
 def table(columns: Sequence[Column], rows: Sequence[Sequence[str]], *, styles: Sequence[str] = ()) -> str:
     """Text of a table: drawn and fitted to a terminal, aligned plain columns elsewhere. `styles`: one a row."""
+    rows = [[printable(cell) for cell in row] for row in rows]
     if sys.stdout.isatty():
         return _drawn(columns, rows, styles)
     widths = [max(len(row[i]) for row in [columns, *rows]) for i in range(len(columns))]
@@ -149,10 +156,10 @@ def progress(what: str) -> Iterator[Show]:
         yield lambda _done, _total, _label: None
         return
     with bars:
-        task = bars.add_task(what, total=None)
+        task = bars.add_task(printable(what), total=None)
 
         def show(done: int, total: int, label: str) -> None:
-            bars.update(task, completed=done, total=total, description=f"{what} {label}")
+            bars.update(task, completed=done, total=total, description=printable(f"{what} {label}"))
 
         yield show
 
@@ -165,7 +172,7 @@ def stage(what: str) -> Iterator[None]:
         yield
         return
     with bars:
-        bars.add_task(what, total=None)
+        bars.add_task(printable(what), total=None)
         yield
 
 

@@ -13,6 +13,7 @@ from lidarcheck.figures.axes.distributions import DISTRIBUTIONS, values_of
 from lidarcheck.figures.axes.elements import Band, Dots, Line, Subplot
 from lidarcheck.figures.axes.scales import log10
 from lidarcheck.figures.data import Cloud, Course, Distribution, Figure, Grid
+from lidarcheck.printable import printable
 
 __all__ = ["KINDS", "MOST_SERIES", "VIEWS", "kinds_of", "subplots_of"]
 
@@ -66,18 +67,14 @@ def _absent(figure: Figure) -> tuple[str, ...]:
 
 def _printable(subplot: Subplot) -> Subplot:
     """The subplot with words that can drive no terminal: names may come from files."""
-
-    def clean(words: str) -> str:
-        return "".join(c if c.isprintable() else "?" for c in words)
-
     return dataclasses.replace(
         subplot,
-        title=clean(subplot.title),
-        x_label=clean(subplot.x_label),
-        y_label=clean(subplot.y_label),
-        names=tuple(map(clean, subplot.names)),
-        y_names=tuple(map(clean, subplot.y_names)),
-        absent=tuple(map(clean, subplot.absent)),
+        title=printable(subplot.title),
+        x_label=printable(subplot.x_label),
+        y_label=printable(subplot.y_label),
+        names=tuple(map(printable, subplot.names)),
+        y_names=tuple(map(printable, subplot.y_names)),
+        absent=tuple(map(printable, subplot.absent)),
     )
 
 

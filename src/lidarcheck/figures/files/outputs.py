@@ -12,6 +12,7 @@ from typing import Any
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import is_read_only
+from lidarcheck.printable import printable_json
 
 __all__ = [
     "STANDARD_OUTPUT",
@@ -81,7 +82,7 @@ def json_text(value: Any) -> str:
     """JSON for machines: dataclasses and numpy values as plain ones; what is not finite is null."""
     from lidarcheck.formats.plain import plain
 
-    return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return printable_json(json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
 
 
 def make_directory(out: Path) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
+
+from lidarcheck.printable import printable, printable_lines
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -23,6 +25,7 @@ def page_environment() -> Environment:
         loader=PackageLoader("lidarcheck.figures", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=_printable,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -30,11 +33,16 @@ def page_environment() -> Environment:
     return environment
 
 
+def _printable(value: Any) -> Any:
+    """What a template says, but for what it has set itself."""
+    return printable_lines(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
 def breakable(name: str) -> Markup:
     """A name that may be broken behind its dots and underscores, but for a number's."""
-    return Markup(re.sub(r"(?<![0-9])[._]|[._](?![0-9])", r"\g<0><wbr>", str(escape(name))))
+    return Markup(re.sub(r"(?<![0-9])[._]|[._](?![0-9])", r"\g<0><wbr>", str(escape(printable(name)))))
 
 
 def _code(text: str) -> Markup:
     """A text whose `commands` are set as such."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(printable_lines(text)))))

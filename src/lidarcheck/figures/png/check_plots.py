@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.harness.reports.results import KpiResult
+from lidarcheck.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,7 +160,7 @@ class Pen:
         for colour, variable in _VARIABLES.items():
             text = text.replace(colour, f"var({variable})")
         size = f"0 0 {_WIDTH_IN * 72:g} {_HEIGHT_IN * 72:g}"
-        opening = f'<svg class="plot" role="img" aria-label="{html.escape(label)}" viewBox="{size}">'
+        opening = f'<svg class="plot" role="img" aria-label="{html.escape(printable(label))}" viewBox="{size}">'
         return _OPENING.sub(
             opening, "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip()), count=1
         )

@@ -16,6 +16,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.figures.gap.data import Detected, Histogram, ResidualCurve
 from lidarcheck.figures.svg.shapes import PlotArea, nodes, svg
 from lidarcheck.figures.words import amount, short
+from lidarcheck.printable import printable
 
 __all__ = ["detected_svg", "histogram_svg", "residual_svg"]
 
@@ -179,7 +180,7 @@ def _hints(frame: PlotArea, bins: Sequence[str], words: Sequence[str]) -> str:
     for i in range(len(bins)):
         left, right = frame.across(i - 0.5), frame.across(i + 0.5)
         box = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}"'
-        boxes.append(f'<rect class="hint" {box}><title>{html.escape(words[i])}</title></rect>')
+        boxes.append(f'<rect class="hint" {box}><title>{html.escape(printable(words[i]))}</title></rect>')
     return "".join(boxes)
 
 

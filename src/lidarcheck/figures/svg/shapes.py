@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lidarcheck.figures.axes.scales import round_ticks
+from lidarcheck.printable import printable
 
 __all__ = ["HEIGHT", "LETTER", "WIDTH", "PlotArea", "line", "nodes", "svg", "text"]
 
@@ -103,15 +104,15 @@ def _part(value: float, span: tuple[float, float]) -> float:
 
 def svg(label: str, content: str, *, name: str = "plot", width: float = WIDTH, height: float = HEIGHT) -> str:
     """A picture with its words for those who do not see it."""
-    opening = f'<svg class="{name}" role="img" aria-label="{html.escape(label)}" viewBox="0 0 {width:g} {height:g}">'
-    return f"{opening}{content}</svg>"
+    words, size = html.escape(printable(label)), f"0 0 {width:g} {height:g}"
+    return f'<svg class="{name}" role="img" aria-label="{words}" viewBox="{size}">{content}</svg>'
 
 
 def text(x: float, y: float, words: str, anchor: str = "start", name: str = "") -> str:
     """Words at a place; `anchor`: start, middle or end."""
     style = f' class="{name}"' if name else ""
     where = "" if anchor == "start" else f' text-anchor="{anchor}"'
-    return f'<text{style}{where} x="{x:.1f}" y="{y:.1f}">{html.escape(words)}</text>'
+    return f'<text{style}{where} x="{x:.1f}" y="{y:.1f}">{html.escape(printable(words))}</text>'
 
 
 def line(name: str, x: float, y: float, end_x: float, end_y: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
+from lidarcheck.printable import printable, printable_lines
 
 __all__ = ["advice", "annotations", "explanation", "headline", "number", "scenario_lines", "with_unit"]
 
@@ -57,7 +58,7 @@ def explanation(scenario: ScenarioResult, kpi: KpiResult) -> str:
     head = f"{scenario.name} {kpi.name}: {kpi.verdict.value.upper()}"
     if math.isfinite(kpi.old) and math.isfinite(kpi.new):
         head += f", {number(kpi.old)} is now {with_unit(number(kpi.new), kpi)}"
-    return "\n".join([head, *table])
+    return printable_lines("\n".join(map(printable, [head, *table])))
 
 
 def advice(scenario: ScenarioResult, kpis: Sequence[KpiResult]) -> str:
@@ -138,6 +139,7 @@ def _command(kind: str, file: str, line: int, title: str, message: str) -> str:
 
 def _escaped(text: str, *, property: bool = False) -> str:
     """As GitHub's runner undoes it: percent first, and in properties also what separates them."""
+    text = printable(text) if property else printable_lines(text)
     escapes = {"%": "%25", "\r": "%0D", "\n": "%0A"}
     if property:
         escapes |= {":": "%3A", ",": "%2C"}

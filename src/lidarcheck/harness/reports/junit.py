@@ -13,6 +13,7 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.harness.reports.annotations import explanation, headline
 from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioResult
+from lidarcheck.printable import printable_lines
 
 __all__ = ["GOLDEN_CASE", "RUN_SUITE", "junit_text", "properties", "scenario_problems", "write_junit"]
 
@@ -147,5 +148,5 @@ def _count(root: ET.Element) -> None:
 
 
 def _clean(text: str | os.PathLike[str]) -> str:
-    """The text without the characters that XML cannot hold, each shown as the replacement character."""
-    return _NOT_XML.sub("\ufffd", str(text))
+    """The text as it shows itself; what XML cannot hold besides is the replacement character."""
+    return _NOT_XML.sub("\ufffd", printable_lines(str(text)))

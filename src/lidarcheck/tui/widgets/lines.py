@@ -13,6 +13,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from lidarcheck.printable import printable
 from lidarcheck.tui.widgets.themes import Role, style
 
 __all__ = [
@@ -88,11 +89,6 @@ def folded(parts: Line, width: int) -> list[Line]:
         runs = [("".join(letter for letter, _ in run), role) for role, run in groupby(now, lambda one: one[1])]
         found.append((*line(indent), *runs) if indent else tuple(runs))
     return found
-
-
-def printable(text: str) -> str:
-    """A text that cannot drive the terminal, whatever a file has in it."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 class Lines(Widget, can_focus=True):
