@@ -45,7 +45,8 @@ def check_place(path: Path, naming: str | os.PathLike[str], line: int | None = N
     if is_permitted(path, naming):
         return
     is_link = os.path.realpath(path) != os.path.abspath(path)  # noqa: PTH100 - without following links
-    what = f"{shown(str(path), 200)} leads out of the project {project_of(naming)}" + (" by a link" if is_link else "")
+    which = "" if Path(naming) == path else f"{shown(str(path), 200)} "
+    what = f"{which}leads out of the project {project_of(naming)}{' by a link' if is_link else ''}"
     real = Path(os.path.realpath(path)).parent
     fix = f"move it into the project, or permit its folder: --root {real}, or roots in {user_file_path()}"
     raise InputError(what, file=naming, line=line, fix=fix)

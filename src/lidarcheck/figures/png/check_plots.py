@@ -161,9 +161,8 @@ class Pen:
             text = text.replace(colour, f"var({variable})")
         size = f"0 0 {_WIDTH_IN * 72:g} {_HEIGHT_IN * 72:g}"
         opening = f'<svg class="plot" role="img" aria-label="{html.escape(printable(label))}" viewBox="{size}">'
-        return _OPENING.sub(
-            opening, "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip()), count=1
-        )
+        text = "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
+        return _OPENING.sub(lambda _match: opening, text, count=1)  # a name may hold what a template reads
 
 
 def _strokes(axes: Axes, ends: Sequence[tuple[float, float, float, float]], colour: str, width: float) -> None:

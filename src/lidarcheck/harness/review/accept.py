@@ -78,8 +78,9 @@ def release(paths: Sequence[Path | str] = ()) -> list[Path]:
         for source, target in pairs:
             make_directory(target.parent)
             write_bytes(target, source.read_bytes())
-        for path in (path for layout in selection.whole for path in layout.orphans() if path.parent == layout.releases):
-            path.unlink()
+        for layout in selection.whole:
+            for path in (path for path in layout.orphans() if path.parent == layout.releases):
+                layout.own(path).unlink()
     return [target for _, target in pairs]
 
 
