@@ -47,7 +47,9 @@ def test_no_beams_are_no_trouble() -> None:
 
 
 def test_the_density_is_log_normal_of_mean_one() -> None:
-    found = np.array([patches_of(one, 0.5, 20.0, 12.0).density[[5, 90, 200]] for one in frames(600)])
+    # Sectors a patch apart: with some ten patches along each, about ten thousand densities that know nothing of
+    # each other, which give the mean to 0.005 and the standard deviation to 0.7 %.
+    found = np.array([patches_of(one, 0.5, 20.0, 12.0).density[:-1:24] for one in frames(100)])
     log = np.log(found)
     assert found.mean() == pytest.approx(1.0, abs=0.03)
     assert log.mean() == pytest.approx(-0.125, abs=0.03)

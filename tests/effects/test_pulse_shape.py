@@ -11,6 +11,7 @@ from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.trace import bin_rates, draw_traces, on_probability
 from lidarcheck.scan import Light, PulseShape, Scan
 from lidarcheck.sensor import FWHM_PER_SIGMA, Sensor
+from reference_kit import simulate_detectors
 
 COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
 
@@ -177,7 +178,7 @@ def test_echoes_agree_with_every_detector_followed_on_its_own(shape: PulseShape)
     n, rng = 300, np.random.default_rng(7)
     p_values = {}
     for signal in (0.12, 0.4, 3.0, 60.0):
-        theirs = reference.simulate_detectors(light(signal, n, shape), sensor, rng)
+        theirs = simulate_detectors(light(signal, n, shape), sensor, rng)
         ours = echoes_of(light(signal, 20 * n, shape), sensor, seed=2)
         for name in ("peak", "area", "width_ns", "range_m"):
             one, other = np.round(getattr(ours, name), 3), np.round(getattr(theirs, name), 3)

@@ -8,6 +8,8 @@ import re
 import time
 from pathlib import Path
 
+from textual import _wait
+
 from blooming_kit import lut_text, sign_model
 from lidarcheck.harness.gate.evidence import KpiEvidence, KpiVerdict
 from lidarcheck.harness.kpis.spec import KpiSpec
@@ -17,6 +19,11 @@ from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.widgets import dialogs
 
 dialogs.UNASKED_S = 0.0  # tests answer at once; the one of it sets it again
+# After each key textual's pilot sleeps until the process is idle. It is the thread of the keys that has to be: what
+# computes beside it is waited for with `until`, by the tests that are about it.
+_wait.process_time = time.thread_time
+_wait.SLEEP_GRANULARITY = 0.002
+_wait.SLEEP_IDLE = 0.0003
 ROOT = Path(__file__).resolve().parents[2]
 SNAPSHOTS = ROOT / "tests/snapshots"
 LUT = "# our sign\r\n" + lut_text().replace("\n", "\r\n") + "; the end\r\nPostPro.Other = 7"
@@ -82,7 +89,7 @@ async def until(pilot, true, shown=lambda: "it did not come about", seconds=60.0
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, shown()
-        await pilot.pause(0.02)
+        await pilot.pause(0.005)
 
 
 def app_on(project, **how):

@@ -10,6 +10,7 @@ from lidarcheck.model import Model, detection, echoes_of, expected_trace, light_
 from lidarcheck.model.trace import bin_rates, draw_traces, on_probability
 from lidarcheck.scan import IdealScan, Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, Sensor
+from reference_kit import simulate_detectors
 
 SHORT = {"max_range_m": 40.0}
 
@@ -121,7 +122,7 @@ def test_the_chain_agrees_with_every_detector_followed_on_its_own(variant: str) 
     for signal in (0.0, 0.03, 0.06, 0.1, 0.2, 0.5, 1.5, 5.0, 20.0, 200.0, 5000.0):
         # Many more beams cost the chain nothing and halve the statistical error of the comparison.
         many = light(signal, 20 * n, range_m=np.tile(range_m, 20))
-        theirs = reference.simulate_detectors(light(signal, n, range_m=range_m), sensor, rng)
+        theirs = simulate_detectors(light(signal, n, range_m=range_m), sensor, rng)
         ours = echoes_of(many, sensor, seed=5)
         p_values |= {(signal, name): p for name, p in agreement(ours, theirs)}
         hits = np.unique(ours.layer * 960 + ours.point).size
@@ -149,7 +150,7 @@ def test_several_pulses_agree_with_every_detector_followed_on_its_own(signals: t
         pulse_signal=pulses.pulse_signal[: 2 * n],
     )
     ours = echoes_of(pulses, sensor, seed=1)
-    theirs = reference.simulate_detectors(few, sensor, np.random.default_rng(8))
+    theirs = simulate_detectors(few, sensor, np.random.default_rng(8))
     for name, p_value in agreement(ours, theirs):
         assert p_value > 1e-4, name
     assert len(ours) / 20 == pytest.approx(len(theirs), abs=5 * np.sqrt(n))
@@ -233,7 +234,7 @@ def test_every_number_of_the_sensor_can_be_another(overrides: dict[str, float]) 
     sensor = Sensor.of("SMART", max_range_m=30.0, threshold=4, **overrides)
     n = 250
     range_m = np.full(n, 12.2)
-    theirs = reference.simulate_detectors(light(0.3, n, range_m=range_m), sensor, np.random.default_rng(1))
+    theirs = simulate_detectors(light(0.3, n, range_m=range_m), sensor, np.random.default_rng(1))
     ours = echoes_of(light(0.3, 20 * n, range_m=12.2), sensor, seed=1)
     assert len(theirs) > 100
     for name, p_value in agreement(ours, theirs):
@@ -243,7 +244,7 @@ def test_every_number_of_the_sensor_can_be_another(overrides: dict[str, float]) 
 def test_a_dazzled_sensor_runs_through_every_bin() -> None:
     """Background beyond what blocks can hold: the explicit chain takes over, on the same stationary level."""
     sensor = Sensor.of("SMART", background_per_ns=0.2, max_range_m=30.0)
-    theirs = reference.simulate_detectors(light(0.0, 40, background=0.2), sensor, np.random.default_rng(1))
+    theirs = simulate_detectors(light(0.0, 40, background=0.2), sensor, np.random.default_rng(1))
     ours = echoes_of(light(0.0, 2000, background=0.2), sensor, seed=1)
     assert len(ours) / 2000 == pytest.approx(len(theirs) / 40, rel=0.05)
     assert ours.area.mean() == pytest.approx(theirs.area.mean(), rel=0.05)

@@ -103,7 +103,7 @@ def test_any_size_down_to_one_by_one(project, screen):
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
             await pilot.press("down", "f1", "escape", "ctrl+p", "escape")
-            await pilot.pause(0.2)
+            await pilot.pause()
         await sees(app, pilot, "F1 Help")
 
     drive(app_on(project, screen=screen), do)

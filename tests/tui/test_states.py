@@ -77,7 +77,7 @@ def holds(app):
 async def settle(app, pilot, steps=6):
     """Look several times while things happen; drawn after its state has changed, a screen has the state's word."""
     for _ in range(steps):
-        await pilot.pause(0.03)
+        await pilot.pause(0.01)
         holds(app)
     if isinstance(app.view, PageView) and app.view.made is not None:
         await until(pilot, lambda: app.view.state.partition(",")[0] in text_of(app), lambda: text_of(app), seconds=5.0)

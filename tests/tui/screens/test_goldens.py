@@ -160,7 +160,7 @@ def test_what_is_written_is_what_was_shown(bench):
         await on_goldens(app, pilot, bench)
         await pilot.press("a")
         await asked(app, pilot, Ask)
-        await until(pilot, lambda: app.screen.query("#question"))
+        await until(pilot, lambda: any(one.text for one in app.screen.query("#question")))
         shown["text"] = app.screen.query_one("#question").text
         await pilot.press("enter")
         await says(app, pilot, "accepted")

@@ -292,7 +292,7 @@ def test_any_size_down_to_one_by_one(bench):
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
             await pilot.press("n", "b", "plus", "n", "t")
-            await pilot.pause(0.2)
+            await pilot.pause()
         await sees(app, pilot, "F1 Help")
 
     histograms(bench, do)

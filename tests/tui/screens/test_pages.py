@@ -326,7 +326,7 @@ def test_any_size_down_to_one_by_one(project):
         for size in SIZES:
             await pilot.resize_terminal(*size)
             await pilot.press("t", "n", "v", "down", "up", "tab")
-            await pilot.pause(0.2)
+            await pilot.pause()
         await sees(app, pilot, "F1 Help")
 
     fakes(project, do)
