@@ -27,6 +27,11 @@ def answer(source: Path, cache: Path) -> int:
     return int(run.stdout)
 
 
+def kept(cache: Path) -> dict[Path, int]:
+    """The files of the cache, and when each was written."""
+    return {path: path.stat().st_mtime_ns for path in cache.rglob("*") if path.is_file()}
+
+
 def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None:
     """`enter` calls `binomial` from another file, whose change numba's own cache would not see."""
     shutil.copytree(PACKAGE, tmp_path / "src" / "lidarcheck", ignore=shutil.ignore_patterns("__pycache__"))
@@ -35,6 +40,11 @@ def test_a_change_in_a_called_module_reaches_its_callers(tmp_path: Path) -> None
     assert before > 0
     assert answer(tmp_path / "src", cache) == before
     assert len(list((cache / "kernels").iterdir())) == 1, "the same source uses the same cache"
+    compiled = kept(cache)
+    shutil.move(tmp_path / "src", tmp_path / "elsewhere")
+    assert answer(tmp_path / "elsewhere", cache) == before
+    assert kept(cache) == compiled, "the same source in another place is not compiled anew"
+    shutil.move(tmp_path / "elsewhere", tmp_path / "src")
     changed = tmp_path / "src" / "lidarcheck" / "model" / "exact" / "binomial.py"
     text = changed.read_text()
     changed.write_text(text.replace("    if trials <= 0 or rate <= 0.0:\n", "    if trials > 0:\n"))

@@ -100,6 +100,41 @@ def _prune(base: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
+class CachePlace:
+    """Where numba keeps a compiled kernel: named by its module and the file's bytes, wherever the file lies.
+
+    numba's own place is named by the directory of the file, so that every copy of a source would be compiled anew. The
+    methods are those that numba asks for.
+    """
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        self._stamp = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        self._path = cache_directory() / f"{function.__module__}_{self._stamp[:16]}"
+        self._line = function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> CachePlace | None:
+        """The place; none for what lies in no file of its own, which numba finds a place for."""
+        return cls(function, file) if Path(file).is_file() else None
+
+    def get_cache_path(self) -> str:
+        """The directory."""
+        return str(self._path)
+
+    def ensure_cache_path(self) -> None:
+        """Make the directory."""
+        self._path.mkdir(parents=True, exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        """What a kernel must have been compiled from."""
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        """What tells functions of one name apart."""
+        return str(self._line)
+
+
+_PLACES = f"{__name__}.{CachePlace.__name__},UserProvidedCacheLocator"
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 """No reference counts: kernels allocate nothing, and counting the arrays they pass took a third of their time."""
 
@@ -119,10 +154,10 @@ def inlined(function: _F) -> _F:
 
 def _compiled(function: _F, *, inline: str) -> _F:
     settings: Any = numba.config
-    before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(cache_directory())
+    before = settings.CACHE_DIR, getattr(settings, "CACHE_LOCATOR_CLASSES", "")
+    settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = str(cache_directory()), _PLACES
     try:
         compiled: Any = numba.njit(**{**_OPTIONS, "inline": inline})(function)
     finally:
-        settings.CACHE_DIR = before
+        settings.CACHE_DIR, settings.CACHE_LOCATOR_CLASSES = before
     return cast(_F, compiled)
