@@ -108,6 +108,7 @@ class CachePlace:
     """
 
     def __init__(self, function: Callable[..., Any], file: str) -> None:
+        self._py_file = file  # numba names it where it warns that a function cannot be kept
         self._stamp = hashlib.sha256(Path(file).read_bytes()).hexdigest()
         self._path = cache_directory() / f"{function.__module__}_{self._stamp[:16]}"
         self._line = function.__code__.co_firstlineno

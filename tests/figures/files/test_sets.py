@@ -141,7 +141,13 @@ def test_a_run_that_was_killed_midway_is_undone_by_the_next(tmp_path: Path, at: 
 def test_an_interrupt_amid_the_exchange_waits_for_its_end(tmp_path: Path, at: int) -> None:
     out = tmp_path / "out"
     earlier(out)
-    run = subprocess.run([sys.executable, "-c", KILLED, str(out), str(at), "SIGINT"], check=False, capture_output=True)
+    run = subprocess.run(
+        [sys.executable, "-c", KILLED, str(out), str(at), "SIGINT"],
+        check=False,
+        capture_output=True,
+        # A background job of a shell inherits that SIGINT is ignored, and the tests may be one.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     assert run.returncode == -signal.SIGINT
     assert {contents(out)[name] for name in FILES} == {f"new {name}" for name in FILES}
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
