@@ -14,6 +14,10 @@ from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
 
 SETTLING_DEAD_TIMES = 15
+SETTLING_DEAD_TIMES_IN_THE_DARK = 4
+"""Where hardly any detector avalanches within a dead time: by then what they do before it is of the fourth order."""
+DARK = 0.01
+"""Avalanches of background per detector and dead time."""
 SETTLING_DELAYS = 6
 SIDES = [(0, 1), (0, -1), (1, 0), (-1, 0)]
 CORNERS = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
@@ -53,7 +57,9 @@ def avalanches(
     shape = (len(rates), sensor.shots, rows, sensor.spads // rows)
     if settling is None:
         delay = max(real.afterpulse_ns, real.afterpulse_slow_ns) if real.afterpulse else 0.0
-        settling = SETTLING_DEAD_TIMES * sensor.dead_bins + int(SETTLING_DELAYS * delay / sensor.bin_ns)
+        dark = background.max() * sensor.dead_bins < DARK
+        dead_times = SETTLING_DEAD_TIMES_IN_THE_DARK if dark else SETTLING_DEAD_TIMES
+        settling = dead_times * sensor.dead_bins + int(SETTLING_DELAYS * delay / sensor.bin_ns)
     rates = np.concatenate([np.repeat(background[:, None], settling, axis=1), rates], axis=1)
     bins = rates.shape[1]
     armed_from, due = np.zeros(shape, dtype=int), np.zeros((bins, *shape), dtype=bool)
