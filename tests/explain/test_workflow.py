@@ -184,9 +184,7 @@ def test_the_unseen_frames_change_one_word_and_nothing_else(offset_case: Case, n
     assert f"{100.0 * found.gap.closed:.0f} %" in words
 
 
-def test_what_has_no_name_is_described_without_the_unseen_frames(
-    alien: Explanation, excluded: tuple[str, ...]
-) -> None:
+def test_what_has_no_name_is_described_without_the_unseen_frames(alien: Explanation, excluded: tuple[str, ...]) -> None:
     right = case(model(), model())
     found = explain(with_unseen(case(model(), model(), changed=ripple), right), seed=1, exclude=excluded)
     assert said(found) == said(alien)

@@ -107,6 +107,11 @@ async def sees(app, pilot, text):
     await until(pilot, lambda: text in text_of(app), lambda: text_of(app))
 
 
+async def misses(app, pilot, text):
+    """Wait until a text is no longer on the screen."""
+    await until(pilot, lambda: text not in text_of(app), lambda: text_of(app))
+
+
 async def says(app, pilot, text):
     """Wait until the status line says something."""
     await until(pilot, lambda: text in status(app), lambda: status(app))

@@ -8,7 +8,7 @@ from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.profiles import Profiles
 from lidarcheck.tui.screens.pages.screen import PageView
 from states_kit import ROW, cheap, check, make_stateful
-from tui_kit import drive, on_blooming, scaled, sees, text_of, until
+from tui_kit import drive, misses, on_blooming, scaled, sees, text_of, until
 
 PAGES = {"histograms": "f3", "noise": "f4", "ghosts": "f6", "scenes": "f7"}
 JOBS = {"noise": "hall_SLIM/frame", "ghosts": "signs_SLIM/1_25m.txt", "scenes": "car_20m_SLIM_real.txt"}
@@ -170,11 +170,11 @@ def test_verdicts_are_of_the_saved_model_until_it_is_saved_and_run_again(project
         await until(pilot, lambda: not view_of(app, "blooming").file.dirty)
         await go(app, pilot, "overview")
         await until(pilot, lambda: view.states["one"] == f"{OLD}, a_lut.ini changed", lambda: view.states["one"])
-        assert SAVED not in text_of(app)
+        await misses(app, pilot, SAVED)
         await pilot.press("home", "r")
         await until(pilot, lambda: view.states["one"] == CURRENT, lambda: view.states["one"])
         holds(app)
-        assert SAVED not in text_of(app)
+        await misses(app, pilot, SAVED)
 
     drive(LidarcheckApp(project, check=check), do)
 
@@ -212,8 +212,8 @@ def test_words_about_states_are_true_after_each_step(project, runs, monkeypatch)
                 await go(app, pilot, name)
                 await settle(app, pilot, 2)
                 if name == "overview":
-                    said = f"without {app.session.unsaved()} edit" in text_of(app)
-                    assert said == view.file.dirty
+                    words, dirty = f"without {app.session.unsaved()} edit", view.file.dirty
+                    await (sees if dirty else misses)(app, pilot, words)
         path.write_bytes(load_lut(path).with_scaled("vertical", ROW, 650).content)
         await until(pilot, lambda: app.session.look() or True)
         for name in PAGES:

@@ -55,7 +55,7 @@ def test_a_page_is_computed_once_and_kept(project):
         await says(app, pilot, "one: All is well with one.")
         await until(pilot, lambda: "Figures 1 of 4" in text_of(app) and "one, PEAK" in text_of(app))
         assert "current" in shown(view, "jobs")
-        assert "current" in text_of(app).splitlines()[6]
+        await until(pilot, lambda: "current" in text_of(app).splitlines()[6], lambda: text_of(app))
         await pilot.press("down")
         await sees(app, pilot, "what two is")
         assert "two_b.txt: left out" in shown(view, "figures")

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from lidarcheck.tui.jobs import profile_worker
-from tui_kit import app_on, drive, make_project, says, sees, text_of, until
+from tui_kit import app_on, drive, make_project, misses, says, sees, text_of, until
 
 WIDE, NARROW = (160, 50), (80, 24)
 
@@ -55,7 +55,7 @@ def test_all_features_of_one_distance_by_one_key(project):
         for unit in ("AREA", "PEAK", "WIDTH [ns]", "range [m]"):
             await sees(app, pilot, unit)
         assert len(view.tile_panes()) == 4
-        assert "a_lut.ini" not in text_of(app)
+        await misses(app, pilot, "a_lut.ini")
         assert app.focused.id == "profile"
         await pilot.press("plus")
         await says(app, pilot, "X = -160: scaled 430")
