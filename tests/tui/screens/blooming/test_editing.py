@@ -32,7 +32,6 @@ def test_a_cell_is_edited_seen_and_saved(project):
         await pilot.press("escape")
         assert lut.read_bytes() == LUT.encode()
         await pilot.press("S", "enter")
-        await pilot.pause()
         await says(app, pilot, "saved, 1 row")
         assert load_lut(lut).tables["vertical"].rows()[2].scaled == 513
         assert lut.read_bytes().endswith(b"; the end\r\nPostPro.Other = 7")
@@ -138,14 +137,13 @@ def test_a_file_changed_on_disk_asks(project):
         await pilot.press("S")
         await sees(app, pilot, "has changed on the disk")
         await pilot.press("k", "S", "enter")
-        await pilot.pause()
-        assert b"our sign" in lut.read_bytes()
+        await until(pilot, lambda: b"our sign" in lut.read_bytes())
         await pilot.press("plus")
         lut.write_bytes(LUT.replace("our", "his").encode())
         view._look_at_disk()
         await pilot.pause()
         await pilot.press("r")
-        assert not view.file.dirty
+        await until(pilot, lambda: not view.file.dirty)
         assert b"his" in view.file.current.content
 
     drive(app_on(project), do)
@@ -192,8 +190,7 @@ def test_leaving_with_edits_keeps_them(project):
         await pilot.press("plus", "q")
         await sees(app, pilot, "1 row not saved")
         await pilot.press("escape", "q", "q")
-        await pilot.pause()
-        assert not app.is_running or app._exit
+        await until(pilot, lambda: not app.is_running or app._exit)
 
     drive(app_on(project), do)
     assert (project / "a_lut.ini").read_bytes() == LUT.encode()
