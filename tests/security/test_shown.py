@@ -1,5 +1,6 @@
 """Names and words from files drive no terminal, no page and no CI server, whatever is in them."""
 
+import hashlib
 import json
 import re
 import subprocess
@@ -215,3 +216,21 @@ def test_pytest_says_what_a_check_says(tmp_path):
     for line in own:
         harmless(line.removeprefix("E   "))
     assert not [line for line in done.stdout.splitlines() if line.startswith("::error::gone")]
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["<script>x</script>", '<p onclick="x">', '<meta http-equiv="refresh" content="0; url=//x">', '<a href="//x">x</a>',
+     "<form action='//x'>", "<iframe>", "<svg><image href='//x'/>", "<ScRiPt>"],
+)  # fmt: skip
+def test_a_page_that_reaches_out_is_not_put_onto_another(content, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = f"<html><header></header><main><p>pwned</p>{content}</main></html>"
+    Path("report.html").write_text(page)
+    result = {"workflow": "panels", "title": "t", "summary": "s", "lidarcheck": "0.1", "provenance": {}}
+    result["page"] = {"sha256": hashlib.sha256(page.encode()).hexdigest()}
+    Path("result.json").write_text(json.dumps(result))
+    main(["report", ".", "--out", "release.html", "-q"])
+    shown = Path("release.html").read_text()
+    assert "which lidarcheck does not write" in shown
+    assert "<p>pwned</p>" not in shown

@@ -12,6 +12,8 @@ from lidarcheck.cli.core.workflow_output import PAGE, RESULT
 from lidarcheck.cli.explain.files import PAGE as EXPLAIN_PAGE
 from lidarcheck.cli.explain.files import REPORT as EXPLAIN_REPORT
 from lidarcheck.errors import InputError
+from lidarcheck.figures.html.foreign import foreign_in
+from lidarcheck.figures.html.page import main_of
 from lidarcheck.figures.html.release import Outcome
 
 __all__ = ["CHECK", "checks_in", "outcomes_in"]
@@ -107,7 +109,9 @@ def _page(file: Path, record: Any) -> tuple[str, str]:
     content = beside.read_bytes()
     if hashlib.sha256(content).hexdigest() != record["sha256"]:
         return "", f"{beside} is of another run, or was edited"
-    return content.decode("utf-8"), ""
+    text = content.decode("utf-8")
+    foreign = foreign_in(main_of(text, ""))
+    return (text, "") if not foreign else ("", f"{beside} holds {foreign}, which lidarcheck does not write")
 
 
 def _explained(file: Path, document: dict[str, Any]) -> Outcome:
