@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 import shutil
+import signal
 import socket
 import sys
 import time
@@ -155,6 +156,17 @@ def test_where_nobody_listens_is_said_with_how_to_start_a_scheduler(inputs, tmp_
     assert not (tmp_path / "out").exists()
 
 
+def test_who_listens_and_says_nothing_is_not_waited_for(inputs, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(cluster_module, "_CONNECT_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        assert simulate_at(address, inputs, tmp_path / "out") == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: no scheduler of dask answers at {address}: no answer within 1.2 s; start ")
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_without_dask_the_command_that_installs_it_is_said(inputs, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert simulate_at("tcp://127.0.0.1:1", inputs, tmp_path / "out") == 2
@@ -277,6 +289,17 @@ def test_all_workers_killed_in_the_middle_lose_nothing_once_there_are_others(far
     farm.kill()
     farm.add(3)
     assert [*results] == [499500] * 59
+
+
+def test_a_scheduler_that_hangs_is_not_waited_for(farm, cluster, monkeypatch):
+    monkeypatch.setattr(cluster_module, "_ANSWER_S", 0.5)
+    farm.scheduler.send_signal(signal.SIGSTOP)
+    try:
+        with pytest.raises(WorkerError, match="does not answer: no answer within"):
+            cluster._look(now=True)
+    finally:
+        farm.scheduler.send_signal(signal.SIGCONT)
+    until(lambda: workers_of(cluster) == 3)
 
 
 def test_what_ends_all_workers_or_the_scheduler_ends_in_one_line(farm, cluster, monkeypatch):

@@ -26,10 +26,16 @@ from lidarcheck.workers.address import START, check_reachable
 from lidarcheck.workers.base import AsyncPool, Shared, pack_tasks, pack_thing, shared_by
 from lidarcheck.workers.identity import identity
 from lidarcheck.workers.on_worker import refusal, run_tasks
+from lidarcheck.workers.waiting import within
 
 __all__ = ["Cluster"]
 
 _CONNECT_S = 10.0
+_ANSWER_S = 60.0
+"""So long a scheduler, or a worker that loads lidarcheck for the first time, may take to answer."""
+_TRANSFER_S = 600.0
+"""So long it may take to send what many tasks need, or to fetch results."""
+_CLOSE_S = 5.0
 _LOOK_S = 1.0
 NO_WORKERS_S = 60.0
 """So long a run waits for workers when all are gone."""
@@ -89,7 +95,7 @@ class Cluster(AsyncPool[_Batch]):
     def _close(self) -> None:
         self._placed.clear()
         with contextlib.suppress(Exception):
-            self._client.close(timeout=2)
+            within(_CLOSE_S, self._client.close, timeout=2)
 
     def _most_pending(self) -> int:
         return 3 * self.jobs + _GATHERED
@@ -109,7 +115,7 @@ class Cluster(AsyncPool[_Batch]):
     def _check_workers(self) -> None:
         """Refuse the first worker that would find other numbers."""
         with self._scheduler_there():
-            found = self._client.run(identity, on_error="return")
+            found = within(_ANSWER_S, self._client.run, identity, on_error="return")
         for address, other in sorted(found.items()):
             if words := refusal(other, identity(), address):
                 raise words
@@ -123,7 +129,7 @@ class Cluster(AsyncPool[_Batch]):
             return
         self._looked_s = at
         with self._scheduler_there():
-            threads = self._client.nthreads()
+            threads = within(_ANSWER_S, self._client.nthreads)
         self.jobs = max(sum(threads.values()), 1)
         if threads:
             self._empty_since_s = None
@@ -138,8 +144,14 @@ class Cluster(AsyncPool[_Batch]):
         """What goes wrong when the scheduler is lost, as one error."""
         try:
             yield
+        except TimeoutError as error:
+            raise self._silent(error) from error
         except (OSError, CancelledError) as error:
             raise self._lost() from error
+
+    def _silent(self, error: TimeoutError) -> WorkerError:
+        what = f"the scheduler at {self.address} does not answer: {error or 'it takes too long'}"
+        return WorkerError(what, fix="see whether it still runs, and what its log says")
 
     def _lost(self) -> WorkerError:
         return WorkerError(f"the scheduler at {self.address} was lost", fix=f"see whether it still runs; else {START}")
@@ -170,7 +182,7 @@ class Cluster(AsyncPool[_Batch]):
             content = shared.thing if raw else pack_thing(shared)
             key = f"lidarcheck-shared-{shared.key}-{uuid.uuid4().hex}"
             with self._scheduler_there():
-                there = self._client.scatter({key: content}, hash=False)[key]
+                there = within(_TRANSFER_S, self._client.scatter, {key: content}, hash=False)[key]
             self._placed[shared] = there
         return there
 
@@ -182,13 +194,19 @@ class Cluster(AsyncPool[_Batch]):
             there = [*takewhile(lambda batch: batch.future.status == "finished", [*waiting][:_GATHERED])]
             if there:
                 with contextlib.suppress(CancelledError, OSError):
-                    found = self._client.gather([batch.future for batch in there])
+                    found = self._gathered([batch.future for batch in there])
                     for batch, (seconds, _) in zip(there, found, strict=True):
                         self._took_s[batch.work] = seconds / batch.count
                         waiting.popleft()
                     return [result for _, results in found for result in results]
             self._look(now=True)  # which tells a lost scheduler from what was lost with a worker
             self._begin_again(waiting)
+
+    def _gathered(self, futures: Sequence[Any]) -> Any:
+        try:
+            return within(_TRANSFER_S, self._client.gather, futures)
+        except TimeoutError as error:
+            raise self._silent(error) from error
 
     def _wait_for(self, future: Any) -> None:
         """Until there is a result, an error, or nothing to wait for any more."""
@@ -225,7 +243,7 @@ class Cluster(AsyncPool[_Batch]):
     def _cancel(self, waiting: deque[_Batch]) -> None:
         if waiting and self._client.status == "running":
             with contextlib.suppress(Exception):
-                self._client.cancel([batch.future for batch in waiting], force=True)
+                within(_CLOSE_S, self._client.cancel, [batch.future for batch in waiting], force=True)
 
 
 def _connected(address: str) -> Any:
@@ -243,7 +261,9 @@ def _connected(address: str) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+            # The library's own time limit ends where the connection is there, and nobody speaks.
+            client = distributed.Client
+            return within(_CONNECT_S + 1, client, address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise WorkerError(f"no scheduler of dask answers at {address}: {reason}", fix=START) from None
