@@ -26,6 +26,8 @@ PLACEHOLDERS = ("ideal", "ini", "scan", "seed")
 
 _BRACES = re.compile(r"\{\{|\}\}|\{(?P<name>[^{}]*)\}|[{}]")
 _TAIL_BYTES = 8192
+_GUARD = 'read -r over || { kill -9 "-$1"; rm -rf -- "$2"; }'
+"""The end of input without a word is the end of whoever would have said it."""
 _log = logging.getLogger(__name__)
 _running: set[int] = set()
 """Process groups of the external models that run."""
@@ -125,7 +127,7 @@ def _run(command: Sequence[str], external: External, directory: Path) -> str:
         if os.sep not in command[0] and (external.directory / command[0]).is_file():
             fix = f"write ./{command[0]} for the file beside the model"
         raise _failure(f"cannot be started: {reason}", external, "", fix) from None
-    with _group_killed_on_error(process):
+    with _group_killed_on_error(process), _guarded(process.pid, directory):
         try:
             code = process.wait(timeout=external.timeout_s)
         except subprocess.TimeoutExpired:
@@ -158,6 +160,29 @@ def _group_killed_on_error(process: subprocess.Popen[bytes]) -> Iterator[None]:
         _running.discard(process.pid)
         _kill(process.pid)
         process.wait()
+
+
+@contextlib.contextmanager
+def _guarded(group: int, directory: Path) -> Iterator[None]:
+    """While the block runs, a shell waits to kill the group and clear its temporary directory when this process is
+    gone, as after `kill -9`.
+    """
+    try:
+        guard = subprocess.Popen(
+            ["sh", "-c", _GUARD, "sh", str(group), str(directory)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError:  # without a shell, or another process, a killed run leaves its external model to end by itself
+        yield
+        return
+    try:
+        yield
+    finally:
+        with contextlib.suppress(BrokenPipeError):
+            guard.communicate(b"over\n")
 
 
 def stop_external_models() -> None:

@@ -1,7 +1,8 @@
 """Work on several cores of this machine: threads where the interpreter's lock is free, else processes.
 
 Worker processes are started afresh and not forked, since the caller may have threads (a progress bar, a terminal
-interface). One that is killed is replaced, and what it had under way is done again.
+interface). One that is killed is replaced, and what it had under way is done again; they end with their caller, even
+where that is killed.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from lidarcheck.permissions import Permissions, given, grant
 from lidarcheck.workers.base import AsyncPool, Shared, WorkerPool, pack_tasks, pack_thing, perform, shared_by, things_of
 from lidarcheck.workers.identity import limit_blas
 from lidarcheck.workers.keeping import kept
+from lidarcheck.workers.parent import end_with_parent
 from lidarcheck.workers.waiting import result_of
 
 __all__ = ["Processes", "Threads"]
@@ -152,7 +154,10 @@ class Processes(AsyncPool[_Batch]):
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(self.jobs, context, initializer=_as_worker, initargs=(self._wake, given()))
+        assert self._files is not None
+        self._pool = ProcessPoolExecutor(
+            self.jobs, context, initializer=_as_worker, initargs=(self._wake, given(), self._files.name)
+        )
 
     def _begin(self, work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> _Batch:
         shared = {one.key: self._put(one) for one in shared_by(tasks)}
@@ -222,8 +227,9 @@ def _has_result(future: Future[Any]) -> bool:
     return future.done() and not future.cancelled() and future.exception() is None
 
 
-def _as_worker(wake: Callable[[], object] | None, permissions: Permissions) -> None:
+def _as_worker(wake: Callable[[], object] | None, permissions: Permissions, files: str) -> None:
     """The process that started the workers ends them and says what there is to say; what it permits, they permit."""
+    end_with_parent(files)
     grant(permissions)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")

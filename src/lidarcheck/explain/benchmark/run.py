@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.explain.benchmark.score import Answer, Score, score
 from lidarcheck.explain.report.explanation import Explanation
+from lidarcheck.workers.parent import end_with_parent
 from lidarcheck.workers.waiting import as_they_end
 
 if TYPE_CHECKING:
@@ -180,6 +181,7 @@ def _answers(tasks: Sequence[tuple[str, dict[str, Any], str, str]], jobs: int) -
 
 def _as_worker() -> None:
     """The process that started the workers ends them and says what there is to say."""
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
 
