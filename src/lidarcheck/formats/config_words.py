@@ -21,6 +21,8 @@ from lidarcheck.printable import printable
 __all__ = ["Slot", "allowed", "dotted", "kind_of", "nearest", "printable", "shown", "slots_at"]
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_LONGEST_KEY = 80
+"""Letters of a key that a message spells out."""
 _SEQUENCES = (tuple, list, set, frozenset, Sequence)
 
 
@@ -60,7 +62,7 @@ def dotted(path: Iterable[str | int]) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
             continue
-        key = part if _BARE_KEY.fullmatch(part) else shown(part)
+        key = part if _BARE_KEY.fullmatch(part) and len(part) <= _LONGEST_KEY else shown(part)
         text += f".{key}" if text else key
     return text
 

@@ -23,6 +23,7 @@ from lidarcheck.calibration.blooming.target import STEP, saturated
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source
+from lidarcheck.formats.table import quoted
 from lidarcheck.kpi.variant import ABOVE_SATURATION
 from lidarcheck.sensor import Sensor
 
@@ -31,6 +32,7 @@ __all__ = ["is_profile", "profile_axis", "read_profile"]
 _OFFSETS: dict[str, Axis] = {"offset_spad_rows": "vertical", "offset_columns": "horizontal"}
 _NAMES = {"PEAK": ("peak",), "AREA": ("area",), "WIDTH": ("width_ns", "width"), "range_m": ("range_m", "range")}
 _LONG = ("feature", "y_m", "value")
+_LARGEST = 1e6  # a hundred times what any of these numbers can be
 _COLUMN_RAD = math.radians(0.05)
 
 
@@ -70,7 +72,7 @@ def read_profile(
     target or one cut off.
     """
     file = Path(path)
-    rows = list(csv.reader(io.StringIO(decode_text(read_source(file), file))))
+    rows = _rows(file)
     header = [name.strip().lower() for name in rows[0]]
     axis = _axis_of(header)
     if axis is None:
@@ -84,9 +86,20 @@ def read_profile(
         what = f"PEAK reaches {most:g}, above the {sensor.peak_saturation:g} at which {sensor.variant} saturates"
         raise InputError(what, file=file, fix="name the model of the variant that measured")
     at_m = float(np.nanmean(range_m)) if distance_m is None and np.any(np.isfinite(range_m)) else distance_m
-    if at_m is None:
-        raise InputError("has no ranges", file=file, fix="name the distance as PROFILE@DISTANCE")
+    if at_m is None or not at_m > 0:
+        what = "has no ranges" if at_m is None else f"has ranges whose mean is {at_m:g} m"
+        raise InputError(what, file=file, fix="name the distance as PROFILE@DISTANCE")
     return _cells(file, axis, at_m, offset, range_m, value, sensor, signal_at_1m)
+
+
+def _rows(file: Path) -> list[list[str]]:
+    """The cells of each line, as many as it has."""
+    reader = csv.reader(io.StringIO(decode_text(read_source(file), file), newline=None))
+    try:
+        return list(reader)
+    except csv.Error as error:
+        fix = "write numbers separated by commas"
+        raise InputError(f"is no CSV: {error}", file=file, line=reader.line_num, fix=fix) from None
 
 
 def _wide(
@@ -111,7 +124,7 @@ def _long(rows: Iterable[tuple[int, list[str]]], file: Path) -> tuple[FloatArray
         name = row[0].strip()
         if name not in names:
             raise InputError(
-                f"there is no feature {name!r}", file=file, line=line, fix=f"use one of {', '.join(names)}"
+                f"there is no feature {quoted(name)}", file=file, line=line, fix=f"use one of {', '.join(names)}"
             )
         found.append((names[name], _number(row, 1, line, file, needed=True), _number(row, 2, line, file, needed=True)))
     kind, y_m, value = np.array(found, dtype=np.float64).reshape(-1, 3).T
@@ -136,8 +149,9 @@ def _number(row: Sequence[str], at: int | None, line: int, file: Path, *, needed
         value = float(text)
     except ValueError:
         value = math.inf
-    if not math.isfinite(value):
-        raise InputError(f"{text!r} is not a number", file=file, line=line, fix="write it as 12.5, or leave it empty")
+    if not abs(value) <= _LARGEST:
+        what = f"{quoted(text)} is not a number" + (f" up to {_LARGEST:g}" if math.isfinite(value) else "")
+        raise InputError(what, file=file, line=line, fix="write it as 12.5, or leave it empty")
     return value
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.formats.atomic import write_text
+from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.source import decode_text, read_source
 from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.harness.gate import evidence
@@ -64,7 +65,7 @@ def load_proposal(path: Path, *, release: bool = False) -> Golden:
     document = _parse(path, restore)
     if document.get("format") != FORMAT:
         raise GoldenError(
-            f"golden format {document.get('format')!r} is not {FORMAT}",
+            f"golden format {shown(document.get('format'))} is not {FORMAT}",
             file=path,
             fix=f"use the lidarcheck that wrote it, or {anew}",
         )
