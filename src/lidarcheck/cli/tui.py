@@ -9,9 +9,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Permitted, Quiet
+from lidarcheck.cli.core.options import Flag, MaxRows, Permitted, Quiet
 from lidarcheck.cli.core.terminal import hush
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.limits import limit_rows
 
 __all__ = ["tui"]
 
@@ -29,6 +30,7 @@ def tui(
         Parameter(help="dark, light, high-contrast, or plain: the terminal's own 16 colours; by default the last one."),
     ] = None,
     no_mouse: Annotated[bool, Flag, Parameter(help="Leave the mouse to the terminal, to select text with.")] = False,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
@@ -38,6 +40,7 @@ def tui(
         what = "is not a directory" if root.exists() else "there is no such directory"
         raise InputError(what, file=root, fix="give the directory with scenarios, models and tables")
     _check_terminal()
+    limit_rows(max_rows)
     hush(True)  # what is said while it runs stands in its log
     from lidarcheck.tui.app import run
 

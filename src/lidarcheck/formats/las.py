@@ -27,10 +27,11 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.formats.las_layout import check_layout
+from lidarcheck.formats.las_layout import HEADER_BYTES, check_claims, check_layout
+from lidarcheck.formats.limits import scan_bytes
 from lidarcheck.formats.panics import panics_unsaid
 from lidarcheck.formats.records import writable
-from lidarcheck.formats.source import read_source
+from lidarcheck.formats.source import first_bytes, read_source, size_of
 from lidarcheck.formats.table import Table, check_names
 
 __all__ = ["read_las", "write_las"]
@@ -45,7 +46,7 @@ COARSEST_SCALE = -4
 """As a power of ten of a metre: below what any reader of ranges can tell, and 214 km to either side."""
 LARGEST_STEPS = 2**31 - 1
 NAME_BYTES = 32
-PIECE_POINTS = 65_536
+PIECE_POINTS, PIECE_BYTES = 65_536, 16 << 20
 MOST_EXTRA = 65_535 // 192  # their descriptions share one record of 16-bit length
 DAMAGED_FIX = "the file is damaged or cut off: write it again"
 ECHO_NUMBER = "EchoNumber"
@@ -62,7 +63,8 @@ def read_las(path: str | Path) -> Table:
     file is too short for, and compressed chunks that do not unpack.
     """
     file = Path(path)
-    content = read_source(file)
+    check_claims(first_bytes(file, HEADER_BYTES), size_of(file), file)
+    content = read_source(file, most=scan_bytes())
     layout = check_layout(content, file)
     with _damage_reported(file), panics_unsaid(layout.compressed):
         columns, header, points = _columns(content, file)
@@ -156,8 +158,9 @@ def _columns(content: bytes, path: Path) -> tuple[dict[str, Column], Any, int]:
 
 def _pieces(reader: Any) -> Iterator[Any]:
     left = reader.header.point_count
+    most = max(min(PIECE_POINTS, PIECE_BYTES // reader.header.point_format.size), 1)
     while left > 0:
-        piece = reader.read_points(min(left, PIECE_POINTS))
+        piece = reader.read_points(min(left, most))
         if not len(piece):
             return
         left -= len(piece)

@@ -13,13 +13,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.formats.table import quoted
+from lidarcheck.formats.limits import check_rows
+from lidarcheck.formats.table import counted, quoted
 
-__all__ = ["LasLayout", "check_layout"]
+__all__ = ["HEADER_BYTES", "LasLayout", "check_claims", "check_layout"]
 
+HEADER_BYTES = 375
+"""Bytes that hold the longest header."""
 SMALLEST_HEADER = 227
 HEADER_SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 POINT_SIZES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
+BYTES_A_NUMBER = 8
+"""What a number takes in memory; a point has fields of a bit as well as of eight bytes."""
+MOST_BEHIND = 64 << 20
+"""Bytes of what may stand behind the points, such as waveforms or extended records."""
 RECORD_HEAD = 54
 VARIABLE_CHUNKS = 2**32 - 1
 POINT_BY_POINT, CHUNKED_POINTS, CHUNKED_LAYERS = 1, 2, 3
@@ -52,33 +59,52 @@ class _Packing:
     items: tuple[tuple[int, int], ...]
 
 
+def check_claims(start: bytes, size: int, path: Path) -> None:
+    """What a header claims, against the `size` of its file and the limit; `start`: the file's first bytes.
+
+    `InputError` before anything else is read. A point that is compressed takes no more than twice its own bytes.
+    """
+    layout, _, _ = _header(start, size, path)
+    numbers = -(-layout.point_size // BYTES_A_NUMBER)
+    check_rows(layout.points, numbers, path)
+    most = layout.start + 2 * layout.points * layout.point_size + MOST_BEHIND
+    if size > most:
+        what = f"the header says {counted(layout.points, 'point')} of {layout.point_size} bytes, the file has {size}"
+        raise _fault(path, what)
+
+
 def check_layout(content: bytes, path: Path) -> LasLayout:
     """The layout, once the file has the bytes for it; `InputError` says which of its numbers cannot be."""
+    layout, header_size, records = _header(content, len(content), path)
+    packing = _records(content, header_size, layout.start, records, path)
+    if layout.compressed and layout.points:
+        _check_chunks(content, layout, packing, path)
+    return layout
+
+
+def _header(content: bytes, size: int, path: Path) -> tuple[LasLayout, int, int]:
+    """The layout of a file of `size` bytes, as its header has it, that header's size, and how many records follow."""
     if content[:4] != b"LASF":
         what = f"{quoted(content[:4])} is not the signature 'LASF'"
         raise InputError(what, file=path, fix="this is no LAS or LAZ file")
-    if len(content) < SMALLEST_HEADER:
-        raise _fault(path, f"the header needs {SMALLEST_HEADER} bytes, the file has {len(content)}")
+    if size < SMALLEST_HEADER:
+        raise _fault(path, f"the header needs {SMALLEST_HEADER} bytes, the file has {size}")
     major, minor = content[24], content[25]
     if major != 1 or minor not in HEADER_SIZES:
         fix = "versions 1.0 to 1.4 are read"
         raise InputError(f"LAS version {major}.{minor} is not known", file=path, fix=fix)
     header_size, start, records, format_byte, point_size, points = struct.unpack_from("<HIIBHI", content, 94)
-    if header_size < HEADER_SIZES[minor] or not header_size <= start <= len(content):
-        what = f"a header of {header_size} bytes and points from byte {start} do not fit {len(content)} bytes"
+    if header_size < HEADER_SIZES[minor] or not header_size <= start <= size:
+        what = f"a header of {header_size} bytes and points from byte {start} do not fit {size} bytes"
         raise _fault(path, what)
     if minor == 4:
         (points,) = struct.unpack_from("<Q", content, 247)
     _check_point_size(format_byte, point_size, path)
     layout = LasLayout(points, point_size, start, compressed=bool(format_byte & 0x80))
-    packing = _records(content, header_size, start, records, path)
-    if not layout.compressed:
-        have = (len(content) - start) // point_size
-        if points > have:
-            raise _fault(path, f"the header says {points} points, the bytes end after {have}")
-    elif points:
-        _check_chunks(content, layout, packing, path)
-    return layout
+    have = (size - start) // point_size
+    if points > have and not layout.compressed:
+        raise _fault(path, f"the header says {points} points, the bytes end after {have}")
+    return layout, header_size, records
 
 
 def _fault(path: Path, what: str) -> InputError:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_path
+from lidarcheck.formats.limits import check_rows
 from lidarcheck.formats.names import is_needed, leave_out
 from lidarcheck.formats.source import check_file
 from lidarcheck.formats.table import Column, Table, check_names, quoted
@@ -30,12 +31,31 @@ def read_parquet(path: str | os.PathLike[str]) -> Table:
     try:
         with parquet.ParquetFile(file, page_checksum_verification=True) as stream:
             check_names(stream.schema_arrow.names, file)
-            content = stream.read(columns=_numeric(stream.schema_arrow, file), use_threads=False)
+            names = _numeric(stream.schema_arrow, file)
+            _check_counts(stream.metadata, names, file)
+            content = stream.read(columns=names, use_threads=False)
     except (pa.ArrowException, OSError, ValueError, KeyError, IndexError, MemoryError) as error:
         reason = " ".join(str(error).split())[:160]
         raise InputError(f"damaged or cut off Parquet: {reason}", file=file, fix="write it anew") from error
     columns = {name: _numbers(name, content.column(name), file) for name in content.column_names}
     return Table({name: column for name, column in columns.items() if column is not None}, file)
+
+
+def _check_counts(metadata: Any, names: list[str], file: Path) -> None:
+    """What the footer says of the columns that will be read: pages of a few bytes may stand for any number of rows."""
+    check_rows(metadata.num_rows, max(len(names), 1), file)
+    wanted, found = set(names), 0
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        found += group.num_rows
+        for column in (group.column(i) for i in range(group.num_columns)):
+            if column.path_in_schema in wanted and column.num_values != group.num_rows:
+                raise ValueError(
+                    f"group {number + 1} has {group.num_rows} rows, but {quoted(column.path_in_schema)} says "
+                    f"{column.num_values}"
+                )
+    if found != metadata.num_rows:
+        raise ValueError(f"the footer says {metadata.num_rows} rows, its groups {found}")
 
 
 def _numeric(schema: Any, file: Path) -> list[str]:

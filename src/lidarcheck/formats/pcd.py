@@ -20,9 +20,10 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, compose_header, read_header
-from lidarcheck.formats.records import RecordLayout, packed_columns, text_columns, writable
-from lidarcheck.formats.source import read_source
+from lidarcheck.formats.limits import scan_bytes
+from lidarcheck.formats.pcd_header import ENCODINGS, Encoding, PcdHeader, compose_header, read_header
+from lidarcheck.formats.records import HEADER_BYTES, MOST_PADDING, RecordLayout, packed_columns, text_columns, writable
+from lidarcheck.formats.source import first_bytes, read_lines, read_source, size_of
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.text import rows_as_text
 
@@ -30,6 +31,7 @@ __all__ = ["ENCODINGS", "read_pcd", "write_pcd"]
 
 Column = npt.NDArray[Any]
 LZF_BEST_RATIO = 88  # a back reference of 3 bytes stands for at most 264
+SIZES = struct.Struct("<II")  # of the compressed block, and of what it holds
 LARGEST_BLOCK = 2**32 - 1
 
 
@@ -41,9 +43,9 @@ def read_pcd(path: str | Path) -> Table:
     header says.
     """
     file = Path(path)
-    content = read_source(file)
-    header = read_header(content, file)
+    header = _checked_header(file)
     rows = header.rows
+    content = read_lines(file) if header.encoding == "ascii" else read_source(file, most=scan_bytes())
     body = memoryview(content)[header.start :]
     if header.encoding == "ascii":
         return Table(text_columns(rows, content, header.start, header.first_line), file, height=header.height)
@@ -68,21 +70,43 @@ def write_pcd(table: Table, path: str | Path, encoding: Encoding = "binary_compr
     write_bytes(path, head + _compose_body(columns, encoding, path))
 
 
+def _checked_header(file: Path) -> PcdHeader:
+    """The header, once it is known that what it claims can be: nothing but the beginning of the file is read."""
+    head = first_bytes(file, HEADER_BYTES)
+    header = read_header(head, file)
+    size = size_of(file) - header.start
+    if header.encoding == "binary_compressed":
+        _check_sizes(head[header.start : header.start + SIZES.size], size, header.rows)
+    else:
+        header.rows.check_claim(size, packed=header.encoding == "binary")
+    return header
+
+
+def _check_sizes(sizes: bytes, there: int, rows: RecordLayout) -> None:
+    """Hold the size that a compressed block says of itself against the `there` bytes that the file has for it."""
+    if len(sizes) < SIZES.size:
+        if rows.count:
+            raise rows.miscounted("the bytes end before the two sizes of the compressed block")
+        return
+    rest = there - SIZES.size - SIZES.unpack(sizes)[0]
+    if rest > MOST_PADDING:
+        raise rows.miscounted(f"but {rest} bytes follow the last")
+
+
 def _unpack(body: memoryview, rows: RecordLayout) -> dict[str, Column]:
     """The columns of a binary_compressed body: each field's numbers of all points, one field after the other."""
-    if rows.count == 0 and len(body) < 8:
+    if rows.count == 0 and len(body) < SIZES.size:
         return packed_columns(rows, memoryview(b""))
-    if len(body) < 8:
-        raise rows.miscounted("the bytes end before the two sizes of the compressed block")
-    packed_size, size = struct.unpack("<II", body[:8])
+    packed_size, size = SIZES.unpack_from(body)
     fields = [f for f in rows.fields if f.kept]
     sizes = {rows.count * sum(f.dtype.itemsize * f.count for f in some): some for some in (rows.fields, fields)}
     if size not in sizes:
         raise rows.miscounted(f"the compressed block holds {size} bytes instead of {next(iter(sizes))}")
-    if len(body) - 8 < packed_size:
-        raise rows.miscounted(f"of {packed_size} compressed bytes there are {len(body) - 8}")
-    _check_rest(body[8 + packed_size :], rows)
-    plain = memoryview(_inflate(bytes(body[8 : 8 + packed_size]), size, rows))
+    end = SIZES.size + packed_size
+    if len(body) < end:
+        raise rows.miscounted(f"of {packed_size} compressed bytes there are {len(body) - SIZES.size}")
+    _check_rest(body[end:], rows)
+    plain = memoryview(_inflate(bytes(body[SIZES.size : end]), size, rows))
     columns: dict[str, Column] = {}
     offset = 0
     for field in sizes[size]:
@@ -99,6 +123,7 @@ def _inflate(packed: bytes, size: int, rows: RecordLayout) -> bytes:
 
     plain: bytes | None = b"" if size == 0 else None
     if 0 < size <= LZF_BEST_RATIO * len(packed):
+        rows.check_limit()
         try:
             plain = lzf.decompress(packed, size)
         except ValueError:
@@ -132,7 +157,7 @@ def _compose_body(columns: Mapping[str, Column], encoding: str, path: str | Path
         what = f"binary_compressed holds at most 4 GiB, these columns are {len(plain)} bytes"
         raise InputError(what, file=path, fix="write binary instead")
     packed = _deflate(plain)
-    return struct.pack("<II", len(packed), len(plain)) + packed
+    return SIZES.pack(len(packed), len(plain)) + packed
 
 
 def _deflate(plain: bytes) -> bytes:

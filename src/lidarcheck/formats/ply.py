@@ -18,8 +18,9 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.records import Field, RecordLayout, packed_columns, text_columns, writable
-from lidarcheck.formats.source import read_source
+from lidarcheck.formats.limits import scan_bytes
+from lidarcheck.formats.records import HEADER_BYTES, Field, RecordLayout, packed_columns, text_columns, writable
+from lidarcheck.formats.source import first_bytes, read_lines, read_source, size_of
 from lidarcheck.formats.table import Table, quoted
 from lidarcheck.formats.text import rows_as_text
 
@@ -82,14 +83,17 @@ def read_ply(path: str | Path) -> Table:
     unknown types, no `vertex`, list properties in or before it, or fewer or more rows than the header says.
     """
     file = Path(path)
-    content = read_source(file)
-    header = _header(content, file)
+    header = _header(first_bytes(file, HEADER_BYTES), file)
     before, vertex, last = _find_vertex(header, file)
     rows = _rows(vertex, file)
     if header.encoding == "ascii":
+        rows.check_claim(size_of(file) - header.start, packed=False)
+        content = read_lines(file)
         start, line = _skip_lines(content, header, sum(element.count for element in before), rows)
         return Table(text_columns(rows, content, start, line, last=last), file)
     skipped = sum(element.count * _size(element) for element in before)
+    rows.check_claim(max(size_of(file) - header.start - skipped, 0), packed=True, last=last)
+    content = read_source(file, most=scan_bytes())
     body_view = memoryview(content)[header.start :][skipped:]
     columns = packed_columns(rows, body_view)
     rest = bytes(body_view[rows.count * rows.dtype.itemsize :])

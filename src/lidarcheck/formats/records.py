@@ -15,14 +15,28 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.limits import BYTES_A_CELL, check_rows
 from lidarcheck.formats.names import writable_names
 from lidarcheck.formats.rows import TextRows, end_of_rows, parse_rows, warn_of_open_end
 from lidarcheck.formats.table import Table, check_names, counted
 
-__all__ = ["MAX_COLUMNS", "Field", "RecordLayout", "packed_columns", "text_columns", "writable"]
+__all__ = [
+    "HEADER_BYTES",
+    "MAX_COLUMNS",
+    "MOST_PADDING",
+    "Field",
+    "RecordLayout",
+    "packed_columns",
+    "text_columns",
+    "writable",
+]
 
 Column = npt.NDArray[Any]
 MAX_COLUMNS = 10_000
+HEADER_BYTES = 4 << 20
+"""Bytes in which a header ends: ten thousand columns have names of a few hundred letters then."""
+MOST_PADDING = 1 << 20
+"""Bytes behind the last row that a writer may have padded a file with."""
 EXACT_IN_FLOAT = 2**53
 
 
@@ -74,6 +88,30 @@ class RecordLayout:
             raise InputError(what, file=self.path, line=self.line, fix=f"use at most {MAX_COLUMNS}")
         check_names((name for f in self.fields if f.kept for name in f.names), self.path, self._faulty_line())
 
+    def check_claim(self, size: int, *, packed: bool, last: bool = True) -> None:
+        """Hold the count against the bytes that a file has for it, and the limit, before these are read.
+
+        `packed`: records, else a line of text each. `last`: nothing else may follow them. `InputError` says what cannot
+        be; of text that is too short for its count, its reader says which line is the last.
+        """
+        needed = self.count * self.dtype.itemsize if packed else 0
+        if size < needed:
+            raise self.cut_off(size)
+        if last and packed and size - needed > MOST_PADDING:
+            raise self.miscounted(f"but {size - needed} bytes follow the last")
+        if packed or size >= self.count * self.width * BYTES_A_CELL:
+            self.check_limit()
+
+    def check_limit(self) -> None:
+        """Hold the count against the limit: `InputError`."""
+        check_rows(self.count, self.width, self.path, line=self.line)
+
+    def cut_off(self, bytes_there: int) -> InputError:
+        """The error for packed records that end after so many bytes."""
+        have, part = divmod(bytes_there, self.dtype.itemsize)
+        rest = f" and {part} bytes of another" if part else ""
+        return self.miscounted(f"the bytes end after {have}{rest}")
+
     def _faulty_line(self) -> int | None:
         """The header's line of the first name that is unprintable or stands there again; None where there is none."""
         seen: set[str] = set()
@@ -95,9 +133,7 @@ def packed_columns(rows: RecordLayout, body: memoryview) -> dict[str, Column]:
     """The kept columns of packed records, native byte order. `InputError` when `body` is too short."""
     size = rows.dtype.itemsize
     if len(body) < rows.count * size:
-        have, part = divmod(len(body), size)
-        rest = f" and {part} bytes of another" if part else ""
-        raise rows.miscounted(f"the bytes end after {have}{rest}")
+        raise rows.cut_off(len(body))
     records = np.frombuffer(body, rows.dtype, rows.count)
     columns: dict[str, Column] = {}
     for i, field in enumerate(rows.fields):
@@ -124,6 +160,8 @@ def text_columns(
         source, start, end, names, " ", rows.path, first_line, lambda name, values: _cast(values, types[name])
     )
     columns = parse_rows(text)
+    if not columns:
+        return {}  # all are left out, which was said
     found = len(next(iter(columns.values())))
     if found < rows.count:
         raise rows.miscounted(f"the file has {found}")

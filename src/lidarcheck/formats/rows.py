@@ -19,6 +19,7 @@ import numpy as np
 from lidarcheck.errors import InputError
 from lidarcheck.formats.cells import CellFault, line_fault, slow_columns
 from lidarcheck.formats.growing import EXACT_IN_FLOAT, INEXACT, GrowingColumn
+from lidarcheck.formats.limits import check_rows
 from lidarcheck.formats.names import is_needed, leave_out
 from lidarcheck.formats.source import LONGEST_LINE, long_line
 from lidarcheck.formats.table import Column, quoted
@@ -129,6 +130,8 @@ class _Reading:
                 self._leave_out(name, values[1], self.rows.line_at(start) + values[0])
             elif not self.columns[name].add(values, left):
                 self._leave_out(name, INEXACT, self.rows.line_at(start))
+        found = max((len(column.values) for column in self.columns.values()), default=0)
+        check_rows(found, len(self.columns), self.rows.path, says="it holds more than" if left else "it holds")
 
     def _slow(self, start: int, end: int) -> dict[str, Column]:
         rows = self.rows

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.limits import CONFIG_BYTES, check_bytes, scan_bytes
 from lidarcheck.reading import note, shown_content
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "read_lines",
     "read_source",
     "read_text",
+    "size_of",
 ]
 
 LONGEST_LINE = 1 << 20
@@ -44,16 +46,32 @@ def check_file(path: str | os.PathLike[str], *, pipes: bool = False) -> Path:
     return file
 
 
-def read_source(path: str | os.PathLike[str], *, pipes: bool = False) -> bytes:
-    """The whole content of a file that has some, or with `pipes` of a pipe; `InputError` when it cannot be read."""
+def read_source(path: str | os.PathLike[str], *, pipes: bool = False, most: int = CONFIG_BYTES) -> bytes:
+    """The whole content of a file that has some, or with `pipes` of a pipe.
+
+    `InputError` when it cannot be read, or has more than `most` bytes, of which no more than these are read.
+    """
     shown = shown_content(path)
     if shown is not None:
         return shown
     file = check_file(path, pipes=pipes)
     try:
+        if pipes and file.is_fifo():
+            return _from_pipe(file, most)
+        check_bytes(file.stat().st_size, file, most)
         return file.read_bytes()
     except OSError as error:
         raise _unreadable(file, error) from error
+
+
+def _from_pipe(file: Path, most: int) -> bytes:
+    """What somebody writes into a pipe; nothing but its end says how much that is."""
+    content = bytearray()
+    with file.open("rb") as stream:
+        while block := stream.read1(LOOKED_AT):
+            content += block
+            check_bytes(len(content), file, most)
+    return bytes(content)
 
 
 def read_lines(path: str | os.PathLike[str]) -> bytes:
@@ -66,7 +84,9 @@ def read_lines(path: str | os.PathLike[str]) -> bytes:
         return shown
     file = check_file(path)
     try:
-        if file.stat().st_size > LONGEST_LINE:
+        size = file.stat().st_size
+        check_bytes(size, file, scan_bytes())
+        if size > LONGEST_LINE:
             _check_line_lengths(file)
         return file.read_bytes()
     except OSError as error:
@@ -117,6 +137,17 @@ def first_bytes(path: str | os.PathLike[str], count: int = 65536) -> bytes:
             return stream.read(count)
     except OSError as error:
         raise _unreadable(file, error) from error
+
+
+def size_of(path: str | os.PathLike[str]) -> int:
+    """Bytes of a file that `first_bytes` has opened."""
+    shown = shown_content(path)
+    if shown is not None:
+        return len(shown)
+    try:
+        return Path(path).stat().st_size
+    except OSError as error:
+        raise _unreadable(Path(path), error) from error
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

@@ -14,6 +14,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ import numpy as np
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
 from lidarcheck.formats.cells import NUMBER, cells_of
+from lidarcheck.formats.growing import EXACT_IN_FLOAT
+from lidarcheck.formats.limits import BYTES_A_CELL, check_rows
 from lidarcheck.formats.names import canonical, is_needed, usable_names, writable_names
 from lidarcheck.formats.rows import REAL_COLUMNS, TextRows, end_of_rows, parse_rows, warn_of_open_end
 from lidarcheck.formats.source import read_lines
@@ -47,6 +50,8 @@ def read_text(path: str | os.PathLike[str]) -> Table:
     head = _read_head(source, file)
     names = usable_names(head.names, file)
     check_names(names, file, head.line)
+    if head.count is not None and head.count * len(names) * BYTES_A_CELL <= len(source):
+        check_rows(head.count, len(names), file, line=head.first_line - 1)
     end = end_of_rows(source, head.body)
     columns = parse_rows(TextRows(source, head.body, end, names, head.delimiter, file, head.first_line))
     table = Table(columns, file, TextLayout(source, head.delimiter, head.body, head.first_line))
@@ -277,8 +282,17 @@ def _printable(name: str, column: Column) -> Column | list[str]:
         return column
     reals = column.astype(np.float64)
     if name.casefold() not in REAL_COLUMNS and (reals == np.rint(reals))[np.isfinite(reals)].all():
-        return [repr(value) for value in reals.tolist()]
+        return [_real_text(value) for value in reals.tolist()]
     return reals
+
+
+def _real_text(value: float) -> str:
+    """A whole number as a real one: with `.0`, or with an exponent where digits alone would promise to be exact."""
+    return (
+        repr(value)
+        if abs(value) < EXACT_IN_FLOAT or not np.isfinite(value)
+        else f"{Decimal(repr(value)).normalize():e}"
+    )
 
 
 def source_as_text(table: Table) -> bytes:

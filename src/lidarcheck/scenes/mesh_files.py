@@ -6,14 +6,17 @@ what is cut off; so text is cleaned, and sizes and counts are checked, before it
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from pathlib import Path
+from typing import Any
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.limits import MESH_CORNERS, RESULT_BYTES, check_bytes
 from lidarcheck.reading import note
 
-__all__ = ["mesh_content"]
+__all__ = ["check_glb", "mesh_content"]
 
 _STL_HEADER, _STL_FACE = 84, 50
 _BINARY = b"\x00"
@@ -46,6 +49,50 @@ def mesh_content(path: Path, kind: str) -> bytes:
     if kind == "obj":
         return _obj(raw, path)
     return _ply(raw, path) if kind == "ply" else raw
+
+
+def check_glb(path: Path) -> None:
+    """Count the corners that a GLB file comes down to, before they are made: the same ones may stand in many places.
+
+    `InputError` for more than `MESH_CORNERS`, or more in one list than the file has bytes. What is no GLB passes.
+
+    Source: Khronos Group, "glTF 2.0 Specification", 2021: binary files, accessors, primitives, nodes.
+    """
+    note(path)
+    with path.open("rb") as stream:
+        head = stream.read(20)
+        if len(head) < 20 or head[:4] != b"glTF":
+            return
+        length: int = struct.unpack_from("<I", head, 12)[0]
+        check_bytes(length, path, RESULT_BYTES)
+        text = stream.read(length)
+    try:
+        document = json.loads(text)
+        counts = [int(accessor.get("count", 0)) for accessor in document.get("accessors", [])]
+        corners = _corners(document, counts)
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
+        return  # for its reader to say
+    size = path.stat().st_size
+    if max(counts, default=0) > size:
+        what = f"not a whole GLB mesh: it says that it holds {max(counts)} numbers in a row, it has {size} bytes"
+        raise InputError(what, file=path, fix=_COMPLETE)
+    if corners > MESH_CORNERS:
+        what = f"the mesh comes down to {corners} corners of triangles"
+        raise InputError(what, file=path, fix=f"the limit is {MESH_CORNERS}: name a coarser mesh, or parts of it")
+
+
+def _corners(document: dict[str, Any], counts: list[int]) -> int:
+    """Of all meshes, each as often as nodes place it, or once."""
+    of_mesh: list[int] = [
+        sum(max(counts[at] for at in [*one["attributes"].values(), *_indices(one)]) for one in mesh["primitives"])
+        for mesh in document.get("meshes", [])
+    ]
+    placed: list[int] = [of_mesh[node["mesh"]] for node in document.get("nodes", []) if "mesh" in node]
+    return max(sum(placed), sum(of_mesh))
+
+
+def _indices(primitive: dict[str, Any]) -> list[int]:
+    return [primitive["indices"]] if "indices" in primitive else []
 
 
 def _text(raw: bytes) -> str:

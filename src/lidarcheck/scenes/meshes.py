@@ -10,8 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.limits import MESH_BYTES, check_bytes
 from lidarcheck.scenes.facets import Facets
-from lidarcheck.scenes.mesh_files import mesh_content
+from lidarcheck.scenes.mesh_files import check_glb, mesh_content
 from lidarcheck.trust.places import named_file
 
 __all__ = ["SUFFIXES", "load_mesh"]
@@ -33,6 +34,7 @@ def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = 
         raise InputError("there is no such mesh file", file=path, fix="check the name and the directory")
     if path.stat().st_size == 0:
         raise InputError("the mesh file is empty", file=path, fix="was it written completely?")
+    check_bytes(path.stat().st_size, path, MESH_BYTES)
     triangles = _triangles(path, suffix[1:]) * scale
     if not np.all(np.isfinite(triangles)):
         raise InputError("the mesh has corners that are not finite", file=path, fix="export it again")
@@ -44,6 +46,8 @@ def load_mesh(path: Path, material: int, *, scale: float = 1.0, up: Up | None = 
 def _triangles(path: Path, kind: str) -> Any:
     import trimesh
 
+    if kind == "glb":
+        check_glb(path)
     source = io.BytesIO(mesh_content(path, kind))
     # Colours and textures say nothing here, and would be looked for in further files.
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
@@ -61,6 +65,9 @@ def _triangles(path: Path, kind: str) -> Any:
         # Whatever trimesh's readers stumble over, it is the file that is not what it should be.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"not a readable {kind.upper()} mesh: {reason[:120]}", file=path, fix=_formats()) from None
+    if triangles.ndim != 3 or triangles.shape[1:] != (3, 3):
+        what = f"not a readable {kind.upper()} mesh: its corners do not have three coordinates each"
+        raise InputError(what, file=path, fix=_formats())
     if not len(triangles):
         raise InputError("the mesh has no triangles", file=path, fix="export surfaces, not points or lines")
     return triangles

@@ -20,11 +20,12 @@ from lidarcheck.cli.calibration.bloom_inputs import (
     reach_of,
     table_of,
 )
-from lidarcheck.cli.core.options import Files, Flag, JsonFile, Permitted, Placed, Quiet, Several, Whole
+from lidarcheck.cli.core.options import Files, Flag, JsonFile, MaxRows, Permitted, Placed, Quiet, Several, Whole
 from lidarcheck.cli.core.outputs import alone, as_it_was, check_twice, check_writable, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells, Profile
@@ -90,11 +91,13 @@ def show(
     placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Show the profiles of the bloom, real over simulated."""
     hush(quiet)
+    limit_rows(max_rows)
     check_ways(ideal, settings, signal)
     _check_outputs(out, json, [*scans, *(simulated or ()), *(ideal or ()), model, lut])
     from lidarcheck.calibration.blooming.cells import profile_of
@@ -169,11 +172,13 @@ def fit(
     placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Fit a blooming table to the profiles of all distances together."""
     hush(quiet)
+    limit_rows(max_rows)
     check_ways(ideal, settings, signal)
     if out.resolve() == lut.resolve().parent:
         raise InputError("is the directory of --lut, which would be replaced", file=out, fix="name another for --out")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Permitted, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import Jobs, JsonFile, MaxRows, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -21,6 +21,7 @@ from lidarcheck.cli.core.workflow_output import PAGE, RESULT, Plot, check_out_di
 from lidarcheck.cli.explain.files import MODEL, check_directory, check_not_read, make_directory
 from lidarcheck.cli.explain.watch import clock_text
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.parameters.workflow import Calibration, Request, Round
@@ -68,11 +69,13 @@ def calibrate(
     scheduler: Scheduler | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Fit named parameters of the model to measured frames."""
     hush(quiet)
+    limit_rows(max_rows)
     from lidarcheck.calibration.parameters.workflow import Request
 
     asked = Request(

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Flag, JsonFile, Permitted, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import MANY, Flag, JsonFile, MaxRows, Permitted, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
@@ -55,11 +56,13 @@ def find(
     placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Find signs and their ghosts, and leave nothing else."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     _check_options(bright, ideal, model, simulated)
     from lidarcheck.calibration.ghosts.files import dataset_names, stripped_files, stripped_name
@@ -96,11 +99,13 @@ def fit(
     placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Fit the ghost effect to signs and ghosts measured at several ranges."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     _check_options(bright, ideal, model, ())
     check_places(out, json, files_given(*scans, *ideal, model), [MODEL])

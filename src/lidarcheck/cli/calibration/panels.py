@@ -11,12 +11,24 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, Permitted, Placed, Quiet, Seed, Whole, placement_of
+from lidarcheck.cli.core.options import (
+    MANY,
+    Files,
+    JsonFile,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    Seed,
+    Whole,
+    placement_of,
+)
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress
 from lidarcheck.cli.core.workflow_output import Folder, Plot, check_out_dir, finish
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.files.result_folder import drawing_ahead
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.panels.samples import PanelSamples
@@ -75,11 +87,13 @@ def panels(
     placed: Placed | None = None,
     plot: Plot | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Say how the sensor sees panels: detection, range noise, walk, amplitude; and the model beside it."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     from lidarcheck.calibration.panels.settings import PanelSettings
     from lidarcheck.formats.recognise import target_format

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, Permitted, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import MANY, Files, JsonFile, MaxRows, Permitted, Placed, Quiet, Seed, placement_of
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.scenes.frame import SceneFrame
@@ -79,11 +80,13 @@ def compare(
     placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Compare measured frames of a scene with the model's."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     grid = _sectors(sectors)
     _check_arguments(measured, model, simulated, effects, without)

@@ -13,6 +13,7 @@ from lidarcheck.cli.core.options import (
     MANY,
     Files,
     JsonFile,
+    MaxRows,
     Permitted,
     Placed,
     Quiet,
@@ -24,6 +25,7 @@ from lidarcheck.cli.core.options import (
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import Pair
@@ -66,11 +68,13 @@ def compare(
     placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Compare a vehicle at several distances, real against simulated."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     cuts = boxes(box or [])
     reals, shown, ideals = _frames(real, simulated or (), ideal or ())
@@ -174,10 +178,12 @@ def merge(
     placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Put a real and a simulated vehicle beside each other in one file."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     files, places = [named(real), named(simulated)], boxes(box or [])
     check_merge(files, out, vehicle, ideal, object_, places, x, y)

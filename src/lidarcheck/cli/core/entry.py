@@ -120,13 +120,14 @@ def _run(argv: list[str]) -> int:
     """The command's exit code. A `SystemExit` of the parser, as from `--help`, is one too."""
     from lidarcheck.cli.core.app import make_app
     from lidarcheck.cli.core.command import ARGUMENTS
+    from lidarcheck.formats.limits import own_limit
     from lidarcheck.permissions import Permissions, granted
     from lidarcheck.reading import reading
 
     app = make_app()
     given = ARGUMENTS.set(tuple(argv))
     try:
-        with reading(), granted(Permissions()):  # nothing, until the arguments say so
+        with reading(), own_limit(), granted(Permissions()):  # nothing, until the arguments say so
             result = app(_lone_hyphens(argv), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         raise explain_usage(error) from error

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import MAX_ROWS, MOST_ROWS
 from lidarcheck.permissions import Permissions
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ __all__ = [
     "Jobs",
     "JsonFile",
     "JsonFlag",
+    "MaxRows",
     "Permitted",
     "Placed",
     "Quiet",
@@ -90,6 +92,14 @@ Seed = Annotated[
     int, Parameter(converter=_seed, help="Seed of the random numbers, 0 to 2^64 - 1: the same seed, the same bytes.")
 ]
 Jobs = Annotated[int, Parameter(converter=up_to(MAX_JOBS), help="Cores to use, 1 to 1024; all of them by default.")]
+MaxRows = Annotated[
+    int,
+    Parameter(
+        name="--max-rows",
+        converter=up_to(MOST_ROWS),
+        help=f"Rows that a file of points may have; {MAX_ROWS} by default.",
+    ),
+]
 Quiet = Annotated[
     bool, Flag, Parameter(name=("--quiet", "-q"), help="Results and errors only, no progress or warnings.")
 ]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Permitted, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, MaxRows, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
@@ -19,6 +19,7 @@ from lidarcheck.cli.explain.files import check_directory, check_not_read, make_d
 from lidarcheck.cli.explain.watch import JsonLines, watched
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.files import KEPT, MODEL, PAGE, REPORT
+from lidarcheck.formats.limits import limit_rows
 from lidarcheck.workers.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -74,11 +75,13 @@ def explain(
         str | None,
         Parameter(help="Of --benchmark: only one kind: single, pair, several, null, null_nuisance, left_out or alien."),
     ] = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Name the effect that a model lacks, and add it."""
     hush(quiet)
+    limit_rows(max_rows)
     if benchmark is not None:
         others: dict[str, object] = {"CASE": case, "--exclude": exclude, "--into": into, "--no-html": no_html}
         others |= {"--no-nuisances": no_nuisances}

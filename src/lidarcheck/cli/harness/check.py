@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, Permitted, Quiet, Seed
+from lidarcheck.cli.core.options import Jobs, JsonFile, MaxRows, Permitted, Quiet, Seed
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import complain, emit, hush, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.harness.reports.results import CheckReport
@@ -29,11 +30,13 @@ def check(
     json: JsonFile | None = None,
     html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
     junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Run scenarios against their goldens."""
     hush(quiet)
+    limit_rows(max_rows)
     outputs = {"--json": json, "--html": html, "--junit": junit}
     for option, place in outputs.items():
         if place is not None:

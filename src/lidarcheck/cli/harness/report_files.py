@@ -15,6 +15,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.figures.html.foreign import foreign_in
 from lidarcheck.figures.html.page import main_of
 from lidarcheck.figures.html.release import Outcome
+from lidarcheck.formats.limits import RESULT_BYTES, check_bytes
 
 __all__ = ["CHECK", "checks_in", "outcomes_in"]
 
@@ -67,6 +68,7 @@ def _named(directory: Path, names: Sequence[str]) -> list[Path]:
 def _outcome(file: Path) -> Outcome | str:
     """The result, or what speaks against its being one."""
     try:
+        check_bytes(file.stat().st_size, file, RESULT_BYTES)
         document = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot read: {error.strerror or error}", file=file, fix="check its permissions") from error

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, Permitted, Quiet
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, MaxRows, Permitted, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note, progress
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import limit_rows
 
 __all__ = ["review"]
 
@@ -24,11 +25,13 @@ def review(
     release: Release = False,
     jobs: Jobs | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Show what is proposed for the goldens, and accept it."""
     hush(quiet)
+    limit_rows(max_rows)
     if reason and accept is None:
         raise UsageError("--reason without --accept says why of nothing", fix="add --accept")
     if release:

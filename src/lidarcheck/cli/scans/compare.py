@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, JsonFile, Permitted, Placed, Quiet, placement_of
+from lidarcheck.cli.core.options import MANY, JsonFile, MaxRows, Permitted, Placed, Quiet, placement_of
 from lidarcheck.cli.core.outputs import files_given
 from lidarcheck.cli.core.terminal import columns, hush, note, stage
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
 from lidarcheck.cli.scans.compare_results import chance_cells, check_places, say, write
 from lidarcheck.cli.scans.fail_on import Value, conditions_of, outcomes
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.kpi.chance.verdict import Verdict
@@ -47,11 +48,13 @@ def compare(
     ] = None,
     placed: Placed | None = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Compare a measured scan with a simulated one, or many of them frame by frame."""
     hush(quiet)
+    limit_rows(max_rows)
     conditions, placement = conditions_of(fail_on or ()), placement_of(placed)
     check_places(out, json, files_given(measured, simulated, ideal, model))
     from lidarcheck.cases.source import frames_in, ideal_of, scan_of

@@ -7,9 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, Placed, Quiet, TimeUnit, placement_of
+from lidarcheck.cli.core.options import Flag, MaxRows, Placed, Quiet, TimeUnit, placement_of
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, stage
+from lidarcheck.formats.limits import limit_rows
 
 __all__ = ["convert"]
 
@@ -22,10 +23,12 @@ def convert(
     placed: Placed | None = None,
     drop_empty: Annotated[bool, Flag, Parameter(help="Leave out the rows without a return.")] = False,
     time_unit: TimeUnit | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Convert a file; the output's format follows its suffix."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     from lidarcheck.formats.convert import convert as run
     from lidarcheck.formats.recognise import target_format

@@ -7,9 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Placed, Quiet, Rooted, TimeUnit, placement_of
+from lidarcheck.cli.core.options import JsonFlag, MaxRows, Placed, Quiet, Rooted, TimeUnit, placement_of
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import emit, hush, stage
+from lidarcheck.formats.limits import limit_rows
 
 __all__ = ["info"]
 
@@ -21,11 +22,13 @@ def info(
     placed: Placed | None = None,
     time_unit: TimeUnit | None = None,
     json: JsonFlag = False,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Rooted | None = None,
 ) -> int:
     """Say what a file is and what is in it."""
     hush(quiet)
+    limit_rows(max_rows)
     placement = placement_of(placed)
     from lidarcheck.formats.describe import describe
     from lidarcheck.model import load_model

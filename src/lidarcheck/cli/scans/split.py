@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFile, Quiet
+from lidarcheck.cli.core.options import JsonFile, MaxRows, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, progress, stage, table
 from lidarcheck.errors import InputError
 from lidarcheck.figures.files.sets import write_set
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
@@ -46,10 +47,12 @@ def split(
         Parameter(help="What each frame is written as; by default as MERGED is."),
     ] = None,
     json: JsonFile | None = None,
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Split a file of several frames into a file a frame."""
     hush(quiet)
+    limit_rows(max_rows)
     if out.exists() and not out.is_dir():
         raise InputError("is not a directory", file=out, fix="name a directory for the frames")
     from lidarcheck.cases.source import frames_of_file

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Jobs, Permitted, Quiet, Seed, up_to
+from lidarcheck.cli.core.options import MANY, Jobs, MaxRows, Permitted, Quiet, Seed, up_to
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workers import Scheduler
 from lidarcheck.cli.simulation.simulate_frames import MOST_FRAMES, simulate_frames
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile
@@ -62,11 +63,13 @@ def simulate(
     device: Annotated[
         Literal["cpu", "cuda"], Parameter(help="What runs the exact chain: the processor, or an NVIDIA GPU.")
     ] = "cpu",
+    max_rows: MaxRows | None = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Run ideal scans through the sensor model."""
     hush(quiet)
+    limit_rows(max_rows)
     from lidarcheck.cli.simulation.scene import find_scene
 
     with stage("reading"):

@@ -20,6 +20,7 @@ from lidarcheck.explain.report.explanation import (
     SearchStep,
     Standout,
 )
+from lidarcheck.formats.limits import RESULT_BYTES, check_bytes
 from lidarcheck.inference.intervals import ClassifierGap, Gap, Interval
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.spec import Model
@@ -33,6 +34,7 @@ def load_explanation(report: Path, model: Path, before: Model) -> Explanation:
     `InputError` where the report cannot be read or is none; as `load_model` for the model.
     """
     try:
+        check_bytes(report.stat().st_size, report, RESULT_BYTES)
         document = json.loads(report.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot read: {error.strerror}", file=report, fix="explain the case again") from error

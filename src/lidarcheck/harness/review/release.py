@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import GoldenError, InputError
+from lidarcheck.formats.limits import RESULT_BYTES, check_bytes
 from lidarcheck.harness.goldens.file import load_golden
 from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.goldens.provenance import Provenance, source_hash
@@ -159,6 +160,7 @@ def last_check(file: Path) -> LastCheck:
     """Read what `lidarcheck check --json` has written; `InputError` if it is not that."""
     fix = "give the file that `lidarcheck check --json FILE` wrote"
     try:
+        check_bytes(file.stat().st_size, file, RESULT_BYTES)
         document = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot read: {error.strerror or error}", file=file, fix=fix) from error
