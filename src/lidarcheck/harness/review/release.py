@@ -179,7 +179,7 @@ def last_check(file: Path) -> LastCheck:
             counts={str(word): int(count) for word, count in document["counts"].items() if count},
             scenarios={str(one["name"]): _verdict(one) for one in document["scenarios"]},
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(f"is not the JSON of a check: {type(error).__name__} {error}", file=file, fix=fix) from error
 
 
