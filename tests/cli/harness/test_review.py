@@ -48,6 +48,28 @@ def test_review_shows_accepts_and_is_settled(project, capsys):
     assert Path("goldens/release/wall.toml").read_bytes() == Path("goldens/wall.toml").read_bytes()
 
 
+def test_a_golden_keeps_who_accepted_a_kpi_and_where_its_limit_comes_from(project, monkeypatch):
+    from lidarcheck.harness.goldens.file import load_golden
+
+    def kpi():
+        return load_golden(project / "goldens/wall.toml").kpis["detection_probability"]
+
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", str(project / "gitconfig"))
+    Path("gitconfig").write_text('[user]\nname = "A\\tReviewer"\nemail = a@b.example\n')
+    Path("scenarios/wall.toml").write_text(SCENARIO + 'low = 0.1\nrequirement = "SR-12"\n')
+    assert main(["review", "--accept", "all", "--quiet"]) == 0
+    assert kpi().accepted_by == "A Reviewer <a@b.example>"
+    assert kpi().accepted_date.startswith("20")
+    assert kpi().spec.requirement == "SR-12"
+    first = Path("goldens/wall.toml").read_bytes()
+    assert main(["review", "--accept", "all", "--by", "somebody", "--quiet"]) == 0
+    assert Path("goldens/wall.toml").read_bytes() == first  # nothing was open
+    Path("goldens/wall.toml").unlink()
+    assert main(["review", "--accept", "all", "--by", " some\nbody ", "--quiet"]) == 0
+    assert kpi().accepted_by == "some body"
+    assert main(["review", "--by", "somebody"]) == 2
+
+
 def test_review_as_json(project, capsys):
     assert main(["review", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["scenarios"][0]["name"] == "wall"

@@ -22,6 +22,9 @@ def review(
     *scenario: Annotated[str, Parameter(help="Scenario files, directories of them, or names; all by default.")],
     accept: Accept | None = None,
     reason: Annotated[str, Parameter(show_default=False, help="Why; the golden keeps it.")] = "",
+    by: Annotated[
+        str, Parameter(show_default=False, help="Who accepts; git's user or the login name by default.")
+    ] = "",
     release: Release = False,
     jobs: Jobs | None = None,
     json: JsonFile | None = None,
@@ -34,6 +37,8 @@ def review(
     limit_rows(max_rows)
     if reason and accept is None:
         raise UsageError("--reason without --accept says why of nothing", fix="add --accept")
+    if by and accept is None:
+        raise UsageError("--by without --accept says who of nothing", fix="add --accept")
     if release:
         if accept is not None:
             raise UsageError("--release does not go with --accept", fix="accept first, then release")
@@ -52,7 +57,7 @@ def review(
         emit(review_text(report, hint=accept is None))
     if accept is not None:
         names = [name for name in (part.strip() for part in accept.split(",")) if name]
-        for path in write(report, names, reason=reason):
+        for path in write(report, names, reason=reason, by=by):
             note(f"accepted {path}")
     return 0
 

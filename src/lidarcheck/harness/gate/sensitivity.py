@@ -10,7 +10,7 @@ from lidarcheck.harness.gate import statistics as stats
 from lidarcheck.harness.gate.evidence import FULL_SEEDS, GATE_LEVEL, NULL_LEVELS, Reference, null_rank
 from lidarcheck.harness.kpis.spec import KpiSpec
 
-__all__ = ["resolution", "smallest_change", "too_coarse"]
+__all__ = ["misses", "resolution", "smallest_change", "too_coarse"]
 
 
 def resolution(share: float, sd: float) -> float:
@@ -29,6 +29,15 @@ def too_coarse(spec: KpiSpec, reference: Reference, share: float) -> str:
             f"or set the tolerance to {1.02 * coarse:.3g} at least"
         )
     return ""
+
+
+def misses(spec: KpiSpec, reference: Reference, share: float) -> str:
+    """Why this golden lets a change pass that the scenario wants caught; empty where it catches it."""
+    smallest = smallest_change(spec, reference, share)
+    if smallest <= spec.must_catch:
+        return ""
+    what = f"it catches changes from {smallest:.4g} on, not {spec.must_catch:.4g}"
+    return f"{what}: measure more beams, or state catches = {1.02 * smallest:.3g}"
 
 
 def smallest_change(spec: KpiSpec, reference: Reference, share: float) -> float:

@@ -36,9 +36,9 @@ _PROPOSED_HEAD = (
 )
 _ANEW = "make it anew with `lidarcheck review --accept all`"
 _RELEASE_ANEW = "make it anew from the last golden with `lidarcheck review --release`"
-_SPEC_FIELDS = ("kind", "unit", "direction", "tolerance", "low", "high", "feature")
+_SPEC_FIELDS = ("kind", "unit", "direction", "tolerance", "low", "high", "feature", "requirement")
 _NUMBER_FIELDS = ("mean", "sd", "seeds", "drawn", "trials")
-_WORDS = ("reason", "reason_date", "verdict")
+_WORDS = ("reason", "reason_date", "accepted_by", "accepted_date", "verdict")
 
 
 def load_golden(path: Path, *, release: bool = False) -> Golden:
@@ -144,6 +144,7 @@ def _kpi(name: str, table: Mapping[str, Any]) -> KpiGolden:
 
 def _kpi_table(kpi: KpiGolden) -> dict[str, Any]:
     table = {field: getattr(kpi.spec, field) for field in _SPEC_FIELDS}
+    table["requirement"] = kpi.spec.requirement or None
     table |= {field: getattr(kpi.reference, field) for field in _NUMBER_FIELDS}
     table["trials"] = kpi.reference.trials or None
     table["paired"] = list(kpi.reference.paired)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import getpass
 import subprocess
 from pathlib import Path
 
 from lidarcheck.harness.goldens.provenance import external_files, package_directory, source_files
 from lidarcheck.harness.scenario.scenario import Scenario
 
-__all__ = ["uncommitted"]
+__all__ = ["acceptor", "uncommitted"]
 
 _TIMEOUT_S = 30.0
 _NAMED = 3
@@ -36,6 +37,26 @@ def uncommitted(scenario: Scenario) -> tuple[str, str]:
     names = list(dict.fromkeys(changed))
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + more, note
+
+
+def acceptor(directory: Path) -> str:
+    """Who accepts a golden here: git's user.name and user.email, else the login name; one line, never empty."""
+    try:
+        name, mail = (_config(directory, key) for key in ("user.name", "user.email"))
+    except (OSError, subprocess.SubprocessError):
+        name = mail = ""
+    known = " ".join(part for part in (name, f"<{mail}>" if mail else "") if part)
+    try:
+        return known or getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "unknown"
+
+
+def _config(directory: Path, key: str) -> str:
+    """A value of git's configuration on one line; empty where it is not set."""
+    git = ["git", "-C", str(directory), "config", "--get", key]
+    done = subprocess.run(git, capture_output=True, check=False, timeout=_TIMEOUT_S)
+    return " ".join(done.stdout.decode("utf-8", "replace").split())
 
 
 def _status(directory: Path, files: list[Path]) -> list[str] | None:

@@ -34,7 +34,8 @@ class KpiGolden:
     """One KPI of a golden: what was asked, what was measured, and the reference of a distance.
 
     `quantiles`: for a distance, the mean quantile function of its feature at 129 levels; `reason`, `reason_date`: why
-    it was accepted although something spoke against it; `verdict`: in a proposal, what the run said of it.
+    it was accepted although something spoke against it;
+    `accepted_by`, `accepted_date`: who accepted it and when; `verdict`: in a proposal, what the run said of it.
     """
 
     spec: KpiSpec
@@ -42,6 +43,8 @@ class KpiGolden:
     quantiles: tuple[float, ...] = ()
     reason: str = ""
     reason_date: str = ""
+    accepted_by: str = ""
+    accepted_date: str = ""
     verdict: str = ""
 
     def same_values(self, other: KpiGolden) -> bool:

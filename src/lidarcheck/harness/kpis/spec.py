@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -26,6 +26,8 @@ class KpiSpec:
     `tolerance`: a change up to this does not matter in practice, in `unit`.
     `low`, `high`: absolute limits on the value, the sensor's requirement; None where there is none.
     `feature`: for a distance, the key of its sample in `SeedMeasurement.samples`; None otherwise.
+    `requirement`: in words, where the limits come from; `catches`: the change that must be caught, in `unit`, None
+    where the scenario leaves it at twice the tolerance. Neither moves a verdict, so that neither tells two specs apart.
     """
 
     name: str
@@ -36,6 +38,13 @@ class KpiSpec:
     low: float | None = None
     high: float | None = None
     feature: str | None = None
+    requirement: str = field(default="", compare=False)
+    catches: float | None = field(default=None, compare=False)
+
+    @property
+    def must_catch(self) -> float:
+        """The smallest change that must be caught, in `unit`."""
+        return 2.0 * self.tolerance if self.catches is None else self.catches
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.harness.goldens.file import dump_golden, load_golden, save_golden
+from lidarcheck.harness.goldens.git_state import acceptor
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.layout import Layout, layout_of, make_directory, select
 from lidarcheck.harness.review.review import KpiReview, ReviewReport, ScenarioReview, file_hash
@@ -25,11 +26,12 @@ ALL = "all"
 _LOCK_TIMEOUT_S = 30.0
 
 
-def accept(report: ReviewReport, names: Collection[str], *, reason: str = "") -> list[Path]:
+def accept(report: ReviewReport, names: Collection[str], *, reason: str = "", by: str = "") -> list[Path]:
     """Write the proposals of the KPIs `names` (`all`: every one) into the goldens; returns the goldens written.
 
     `UsageError`, with nothing written, for an unknown name, for what needs a reason and has none, for what cannot be
-    accepted at all, and for a golden that has changed since the review. `reason`: one line that the golden carries.
+    accepted at all, and for a golden that has changed since the review. `reason`: one line that the golden
+    carries; `by`: who accepts, by default whom git or the system knows.
     """
     reason, chosen = _acceptable(report, names, reason)
     with contextlib.ExitStack() as stack:
@@ -37,15 +39,15 @@ def accept(report: ReviewReport, names: Collection[str], *, reason: str = "") ->
             stack.enter_context(_lock(layout))
         for found, _ in chosen:
             _refuse_changed(found)
-        return [_write(found, kpis, reason) for found, kpis in chosen]
+        return [_write(found, kpis, reason, by) for found, kpis in chosen]
 
 
-def preview(report: ReviewReport, names: Collection[str], *, reason: str = "") -> dict[Path, str]:
+def preview(report: ReviewReport, names: Collection[str], *, reason: str = "", by: str = "") -> dict[Path, str]:
     """What `accept` would write, by the golden's path: the whole new text. Raises as `accept` does; writes nothing."""
     reason, chosen = _acceptable(report, names, reason)
     for found, _ in chosen:
         _refuse_changed(found)
-    return {found.layout.golden(found.name): dump_golden(_accepted(found, kpis, reason)) for found, kpis in chosen}
+    return {found.layout.golden(found.name): dump_golden(_accepted(found, kpis, reason, by)) for found, kpis in chosen}
 
 
 def reject(layout: Layout, name: str) -> bool:
@@ -134,12 +136,12 @@ def _refuse_changed(found: ScenarioReview) -> None:
         )
 
 
-def _write(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Path:
+def _write(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str, by: str) -> Path:
     """Put the chosen KPIs into the golden; what is left open stays in the proposal."""
     path = found.layout.own(found.layout.golden(found.name))
     make_directory(path.parent)
     kept = _kept(found, kpis)
-    save_golden(_accepted(found, kpis, reason), path)
+    save_golden(_accepted(found, kpis, reason, by), path)
     proposal = found.layout.own(found.layout.proposal(found.name))
     if kept:
         left = dataclasses.replace(found.proposal.provenance, base=file_hash(path))
@@ -155,9 +157,16 @@ def _kept(found: ScenarioReview, kpis: Sequence[KpiReview]) -> list[KpiReview]:
     return [kpi for kpi in found.kpis if kpi.open and kpi.name not in taken]
 
 
-def _accepted(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str) -> Golden:
-    """The golden with the chosen KPIs in it."""
-    return _merged(found, {kpi.name: _with_reason(found, kpi, reason) for kpi in kpis}, _kept(found, kpis))
+def _accepted(found: ScenarioReview, kpis: Sequence[KpiReview], reason: str, by: str) -> Golden:
+    """The golden with the chosen KPIs in it, each with who took it and when."""
+    who = " ".join(by.split()) or acceptor(found.layout.root)
+    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    taken = {kpi.name: _with_reason(found, kpi, reason, today) for kpi in kpis}
+    signed = {
+        name: None if kpi is None else dataclasses.replace(kpi, accepted_by=who, accepted_date=today)
+        for name, kpi in taken.items()
+    }
+    return _merged(found, signed, _kept(found, kpis))
 
 
 def _merged(found: ScenarioReview, taken: dict[str, KpiGolden | None], kept: Sequence[KpiReview]) -> Golden:
@@ -172,12 +181,11 @@ def _merged(found: ScenarioReview, taken: dict[str, KpiGolden | None], kept: Seq
     return Golden(found.name, merged, found.proposal.digests, provenance)
 
 
-def _with_reason(found: ScenarioReview, kpi: KpiReview, reason: str) -> KpiGolden | None:
+def _with_reason(found: ScenarioReview, kpi: KpiReview, reason: str, today: str) -> KpiGolden | None:
     """The proposed KPI with the reason if it needed one, else with the one that it had."""
     if kpi.new is None:
         return None
     if reason and (found.needs_reason or kpi.needs_reason):
-        today = datetime.datetime.now(datetime.UTC).date().isoformat()
         return dataclasses.replace(kpi.new, reason=reason, reason_date=today)
     if kpi.old is not None:
         return dataclasses.replace(kpi.new, reason=kpi.old.reason, reason_date=kpi.old.reason_date)

@@ -257,6 +257,8 @@ def _kpi_review(case: ScenarioRun, old: KpiGolden | None, new: KpiGolden | None,
     if moved and verdict is not KpiVerdict.IDENTICAL:
         reasons.append(f"a threshold changed in the same step: {moved}")
     refused = [sensitivity.too_coarse(new.spec, new.reference, share), _breaks_limit(new)]
+    if new.spec.catches is not None:
+        refused.append(sensitivity.misses(new.spec, new.reference, share))
     return KpiReview(new.spec.name, old, new, verdict, tuple(reasons), tuple(text for text in refused if text))
 
 

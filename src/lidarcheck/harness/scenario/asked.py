@@ -21,10 +21,13 @@ from lidarcheck.kpi.pairing import pair_with_ideal, surface_window_m
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["AskedKpi", "ask", "hashed"]
+__all__ = ["AskedKpi", "ask", "hashed", "name_of"]
 
 _LATER_KEYS = ("layers", "points", "echo_range_m", "number")
 """Keys that younger scenarios may have: left out they say nothing, so that older goldens keep their hash."""
+
+_NOT_MEASURED = {"requirement", "catches"}
+"""Keys that change neither what is measured nor a verdict: no golden is another for them."""
 
 _FORMER_WINDOW_M = 0.5
 """The window of KPIs that name none, before it followed from the pulse. Goldens were hashed with it, and names made."""
@@ -72,16 +75,21 @@ def ask(
 
 def hashed(table: KpiTable) -> dict[str, Any]:
     """What of a KPI enters the scenario's content hash, by the keys that the file has."""
-    values = table.model_dump(mode="json", by_alias=True)
+    values = table.model_dump(mode="json", by_alias=True, exclude=_NOT_MEASURED)
     if table.window_m is None:
         values["window_m"] = _FORMER_WINDOW_M
     return {key: value for key, value in values.items() if value is not None or key not in _LATER_KEYS}
 
 
+def name_of(kpi: KpiTable) -> str:
+    """The KPI's name within its scenario: its own, or its kind and what it selects."""
+    return kpi.name or ".".join([kpi.kpi, *_label(kpi)])
+
+
 def _one(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
     kind = KINDS[kpi.kpi]
     selection = _selection(kpi, ideal, sensor, fired)
-    name = kpi.name or ".".join([kpi.kpi, *_label(kpi)])
+    name = name_of(kpi)
     from_file = kind.sample is not None and measured is not None
     spec = KpiSpec(
         name=name,
@@ -91,6 +99,8 @@ def _one(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams, mea
         tolerance=kpi.tolerance,
         low=kpi.low,
         high=kpi.high,
+        requirement=kpi.requirement or "",
+        catches=kpi.catches,
         feature=name if kind.gate == "distance" and not from_file else None,
     )
     if kind.sample is None or measured is None:

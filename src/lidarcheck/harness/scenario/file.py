@@ -77,6 +77,14 @@ class KpiTable(Config):
     direction: Direction | None = None
     low: float | None = None
     high: float | None = None
+    requirement: Annotated[str, Field(min_length=1)] | None = None
+    catches: Annotated[float, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _catches_beyond_the_tolerance(self) -> KpiTable:
+        if self.catches is not None and self.catches <= self.tolerance:
+            raise ValueError("catches is not above the tolerance; a change up to the tolerance does not matter")
+        return self
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> KpiTable:
