@@ -1,8 +1,10 @@
 """The release report: what is there, what is missing, and how the goldens stand."""
 
+import dataclasses
 import json
 import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +114,29 @@ def test_what_has_moved_since_the_release_is_told(project):
     assert shift["release"] == 0.5
     assert shift["now"] == kpi.reference.mean
     assert f"{(kpi.reference.mean - 0.5) / 0.05:.2g}" in Path("release.html").read_text()
+
+
+def test_two_releases_stand_side_by_side_from_folders_and_from_git(project, capsys):
+    git = ["git", "-c", "user.name=a", "-c", "user.email=b"]
+    for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "one"], ["tag", "v1"]):
+        subprocess.run([*git, *words], check=True)
+    shutil.copytree("goldens/release", "second")
+    golden = load_golden(project / "second/wall.toml")
+    ((name, kpi),) = golden.kpis.items()
+    moved = dataclasses.replace(kpi, reference=dataclasses.replace(kpi.reference, mean=0.5), reason="new laser")
+    save_golden(dataclasses.replace(golden, kpis={name: moved}), project / "second/wall.toml")
+    capsys.readouterr()
+    assert main(["report", "--between", "v1", "second", "--out", "r.html", "--json", "r.json", "--quiet"]) == 0
+    (one,) = json.loads(Path("r.json").read_text())["kpis"]
+    assert (one["old"], one["new"], one["reason"]) == (kpi.reference.mean, 0.5, "new laser")
+    assert one["accepted_by"]
+    assert one["difference"] == 0.5 - kpi.reference.mean
+    for text in (capsys.readouterr().out, Path("r.html").read_text()):
+        assert "1 of 1 KPIs differ" in text
+        assert "new laser" in text
+    assert main(["report", "--between", "v1", "--help-me", "--out", "x.html"]) == 2
+    assert main(["report", "--between", "v1", "v2", "--out", "x.html"]) == 2
+    assert "v2: is no folder, and no revision of git here" in capsys.readouterr().err
 
 
 def test_goldens_that_are_missing_orphaned_or_edited_are_told(project):

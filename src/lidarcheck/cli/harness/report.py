@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +14,7 @@ from lidarcheck.cli.core.options import JsonFile, Quiet
 from lidarcheck.cli.core.outputs import check_writable, json_text, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, paragraphs, stage, table
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.plain import plain
 
 if TYPE_CHECKING:
     from lidarcheck.figures.html.release import Outcome, Release
@@ -31,11 +33,19 @@ def report(
     check: Annotated[
         Path | None, Parameter(help="The JSON of the last check; by default check.json in the directories.")
     ] = None,
+    between: Annotated[
+        tuple[str, str] | None,
+        Parameter(help="Two releases to put side by side instead: folders of goldens, or revisions of git."),
+    ] = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,
 ) -> int:
     """Put what all workflows have found, and the goldens, on one page."""
     hush(quiet)
+    if between is not None:
+        if directory or check is not None:
+            raise UsageError("--between does not go with DIR or --check", fix="leave out one of them")
+        return _between(between, goldens, out, json)
     if not directory:
         raise UsageError("lidarcheck report needs DIR", fix="give the directories that workflows wrote with --out")
     from lidarcheck.cli.harness.report_files import outcomes_in
@@ -55,6 +65,47 @@ def report(
         write_result(json, json_text(_document(release)))
     if json != "-":
         _show(release)
+    note(f"{out}: the report")
+    return 0
+
+
+def _between(names: tuple[str, str], goldens: Path | None, out: Path, json: str | None) -> int:
+    """Two releases side by side, KPI by KPI."""
+    check_writable(out, option="--out", besides=(json,))
+    if json is not None:
+        check_writable(json, option="--json", besides=(out,))
+    from lidarcheck.figures.data import Page, Section, Table
+    from lidarcheck.figures.html.page import page_html
+    from lidarcheck.figures.words import amount
+    from lidarcheck.harness.review.between import changes_between
+    from lidarcheck.harness.review.release import project_of
+
+    layout = project_of(goldens)
+    changes = changes_between(*names, Path.cwd() if layout is None else layout.root)
+    moved = [one for one in changes if one.old != one.new and not (one.old != one.old and one.new != one.new)]
+    header = ("scenario", "KPI", "unit", "old", "new", "difference", "requirement", "accepted by", "on", "reason")
+    rows = {
+        id(one): (
+            one.scenario,
+            one.kpi,
+            "" if one.unit == "1" else one.unit,
+            *("–" if number is None else amount(number, 4) for number in (one.old, one.new, one.difference)),
+            *(one.requirement, one.accepted_by, one.accepted_date, one.reason),
+        )
+        for one in changes
+    }
+    summary = f"{names[0]} against {names[1]}: {len(moved)} of {len(changes)} KPIs differ."
+    whole = Table("", header, tuple(rows.values()), header[3:6])
+    write_result(out, page_html(Page("Two releases", summary, (Section("KPIs", tables=(whole,)),))))
+    if json is not None:
+        kpis = [{**dataclasses.asdict(one), "difference": one.difference} for one in changes]
+        document = {"lidarcheck": __version__, "old": names[0], "new": names[1], "kpis": plain(kpis)}
+        write_result(json, json_text(document))
+    if json != "-":
+        emit(summary)
+        if moved:
+            shown = [Column(name, right=name in whole.right) for name in header]
+            emit(table(shown, [rows[id(one)] for one in moved]))
     note(f"{out}: the report")
     return 0
 

@@ -183,10 +183,14 @@ def shift_table(goldens: Sequence[GoldenState]) -> Table:
             amount(shift.change),
             amount(shift.in_tolerances, 2),
             shift.reason,
+            shift.requirement,
+            shift.accepted_by,
+            shift.accepted_date,
         )
         for scenario, shift in found
     ]
     header = ("scenario", "KPI", "unit", "release", "now", "change", "in tolerances", "reason")
+    header += ("requirement", "accepted by", "on")
     return Table("Since the last release", header, tuple(rows), header[3:7])
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.formats.limits import RESULT_BYTES, check_bytes
 from lidarcheck.harness.goldens.file import load_golden
-from lidarcheck.harness.goldens.golden import Golden
+from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance, source_hash
 from lidarcheck.harness.layout import Layout, layout_of, select
 
@@ -32,6 +32,9 @@ class Shift:
     now: float
     tolerance: float
     reason: str = ""
+    requirement: str = ""
+    accepted_by: str = ""
+    accepted_date: str = ""
 
     @property
     def change(self) -> float:
@@ -147,8 +150,13 @@ def _shifts(golden: Golden, release: Golden) -> tuple[Shift, ...]:
         same = values[0] == values[1] or (now is not None and then is not None and all(map(math.isnan, values)))
         if not same:
             reason = now.reason if now else "no longer measured"
-            shifts.append(Shift(name, known.spec.unit, values[0], values[1], known.spec.tolerance, reason))
+            shifts.append(Shift(name, known.spec.unit, values[0], values[1], known.spec.tolerance, reason, *_told(now)))
     return tuple(shifts)
+
+
+def _told(kpi: KpiGolden | None) -> tuple[str, str, str]:
+    """(requirement, who accepted it, when)."""
+    return ("", "", "") if kpi is None else (kpi.spec.requirement, kpi.accepted_by, kpi.accepted_date)
 
 
 def is_check(document: Any) -> bool:
