@@ -16,7 +16,7 @@ from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config_words import nearest
 from lidarcheck.trust.places import check_place, own_place
 
-__all__ = ["Layout", "ScenarioSelection", "layout_of", "make_directory", "select"]
+__all__ = ["Layout", "ScenarioSelection", "layout_of", "make_directory", "select", "toml_files"]
 
 _SCENARIOS = "scenarios"
 
@@ -73,7 +73,7 @@ class Layout:
 
     def orphans(self) -> list[Path]:
         """Goldens and release goldens without a scenario, in the order of their paths."""
-        found = [*_toml_files(self.goldens), *_toml_files(self.releases)]
+        found = [*toml_files(self.goldens), *toml_files(self.releases)]
         return [path for path in found if not self.scenario(path.stem).is_file()]
 
     def orphans_in_words(self) -> list[str]:
@@ -117,7 +117,7 @@ def select(paths: Sequence[Path | str]) -> ScenarioSelection:
     for path in [Path(path) for path in paths] or [_scenarios_from(Path.cwd())]:
         if path.is_dir():
             directory = path / _SCENARIOS if (path / _SCENARIOS).is_dir() else path
-            for file in _toml_files(directory):
+            for file in toml_files(directory):
                 check_place(file, file)  # it may be a link that somebody has committed
                 files[file.resolve()] = None
             whole[layout_of(directory / "any.toml")] = None
@@ -134,7 +134,7 @@ def _scenario_file(path: Path) -> Path:
         if named.is_file():
             return named.resolve()
     beside = Path(_SCENARIOS) if path.parent == Path() and not path.suffix else path.parent
-    near = nearest(path.stem, [file.stem for file in _toml_files(beside)])
+    near = nearest(path.stem, [file.stem for file in toml_files(beside)])
     fix = f"did you mean {path.with_stem(near)}?" if near else "give a scenario file, or a directory of them"
     raise InputError("there is no such scenario", file=path, fix=fix)
 
@@ -149,5 +149,6 @@ def _scenarios_from(start: Path) -> Path:
     )
 
 
-def _toml_files(directory: Path) -> list[Path]:
+def toml_files(directory: Path) -> list[Path]:
+    """The TOML files of a directory, in order, without hidden ones."""
     return sorted(path for path in directory.glob("*.toml") if path.is_file() and not path.name.startswith("."))

@@ -21,7 +21,7 @@ from lidarcheck.harness.goldens.provenance import Provenance
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.trust.places import check_place
 
-__all__ = ["FORMAT", "dump_golden", "load_golden", "load_proposal", "refuse_proposal", "save_golden"]
+__all__ = ["FORMAT", "dump_golden", "golden_of", "load_golden", "load_proposal", "refuse_proposal", "save_golden"]
 
 FORMAT = 1
 _HEAD = (
@@ -60,9 +60,13 @@ def refuse_proposal(golden: Golden, path: Path) -> None:
 
 def load_proposal(path: Path, *, release: bool = False) -> Golden:
     """Read a proposal, or a golden; `GoldenError` as `load_golden` has it, but for a proposal."""
-    anew = _RELEASE_ANEW if release else _ANEW
-    restore = f"restore it from version control, or {anew}"
-    document = _parse(path, restore)
+    return golden_of(_text(path, _restore(release)), path, release=release)
+
+
+def golden_of(text: str, path: Path, *, release: bool = False) -> Golden:
+    """The golden or proposal of a file's text; `path` is named in errors, which are those of `load_proposal`."""
+    anew, restore = _RELEASE_ANEW if release else _ANEW, _restore(release)
+    document = _parse(text, path, restore)
     if document.get("format") != FORMAT:
         raise GoldenError(
             f"golden format {shown(document.get('format'))} is not {FORMAT}",
@@ -96,7 +100,11 @@ def dump_golden(golden: Golden) -> str:
     return "\n".join(parts)
 
 
-def _parse(path: Path, restore: str) -> dict[str, Any]:
+def _restore(release: bool) -> str:
+    return f"restore it from version control, or {_RELEASE_ANEW if release else _ANEW}"
+
+
+def _text(path: Path, restore: str) -> str:
     try:
         check_place(path, path)
     except InputError as error:
@@ -104,9 +112,15 @@ def _parse(path: Path, restore: str) -> dict[str, Any]:
     if not path.exists():
         raise GoldenError("there is no such golden", file=path, fix="make it with `lidarcheck review`")
     try:
-        text = decode_text(read_source(path), path)
-        if not text.strip():
-            raise InputError("the golden is empty", file=path)
+        return decode_text(read_source(path), path)
+    except InputError as error:
+        raise GoldenError(error.what, file=path, line=error.line, fix=restore) from error
+
+
+def _parse(text: str, path: Path, restore: str) -> dict[str, Any]:
+    if not text.strip():
+        raise GoldenError("the golden is empty", file=path, fix=restore)
+    try:
         return toml_of(text, path)
     except InputError as error:
         raise GoldenError(error.what, file=path, line=error.line, fix=restore) from error

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lidarcheck.errors import InputError
-from lidarcheck.harness.goldens.file import golden_of, load_golden
+from lidarcheck.harness.goldens.file import golden_of, load_golden, refuse_proposal
 from lidarcheck.harness.goldens.golden import Golden
 from lidarcheck.harness.layout import toml_files
 
@@ -81,7 +81,12 @@ def _at_revision(name: str, project: Path) -> Mapping[str, Golden]:
         raise InputError("is no folder, and no revision of git here", file=name, fix=fix) from error
     if not texts:
         raise InputError(f"has no goldens in {_PLACE}", file=name, fix=fix)
-    return {Path(path).stem: golden_of(text, Path(f"{name}:{path}"), release=True) for path, text in texts.items()}
+    found = {}
+    for path, text in texts.items():
+        file = Path(f"{name}:{path}")
+        found[file.stem] = golden_of(text, file, release=True)
+        refuse_proposal(found[file.stem], file)
+    return found
 
 
 def _git(project: Path, *words: str) -> str:
