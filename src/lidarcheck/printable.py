@@ -2,7 +2,7 @@
 
 Names of files, KPIs, materials and columns, comments and messages of others are a stranger's words. Every output hands
 them through here: an escape sequence, a line end in a name or a mark that turns the direction of writing is shown as
-`\\x1b`, `\\x0a`, `\\u202e`.
+`\\x1b`, `\\n`, `\\u202e`.
 """
 
 from __future__ import annotations

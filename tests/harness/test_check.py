@@ -15,7 +15,7 @@ from lidarcheck.harness import scenario_run
 from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import evidence, seeds
 from lidarcheck.harness.gate.evidence import KpiVerdict
-from lidarcheck.harness.goldens.file import load_golden, save_golden
+from lidarcheck.harness.goldens.file import load_golden, load_proposal, save_golden
 from lidarcheck.harness.layout import select
 from lidarcheck.harness.reports.results import CheckReport
 from lidarcheck.harness.review import review as review_module
@@ -299,7 +299,7 @@ def test_same_source_other_echoes_is_noted(project: Project) -> None:
 def test_a_proposal_is_left_and_removed(project: Project) -> None:
     project.shift = 3.0
     run(project)
-    proposal = load_golden(project.proposal("one"))
+    proposal = load_proposal(project.proposal("one"))
     assert not proposal.complete
     assert proposal.kpis["area_mean"].verdict == "regressed"
     assert (project.root / ".lidarcheck" / ".gitignore").read_text(encoding="utf-8") == "*\n"

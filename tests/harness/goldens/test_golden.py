@@ -25,7 +25,7 @@ from lidarcheck.harness.gate.seeds import (
     quantile_function,
     record_of,
 )
-from lidarcheck.harness.goldens.file import dump_golden, load_golden, save_golden
+from lidarcheck.harness.goldens.file import dump_golden, load_golden, load_proposal, save_golden
 from lidarcheck.harness.goldens.git_state import uncommitted
 from lidarcheck.harness.goldens.golden import Golden, build, paired_identical, thresholds_changed, values_of
 from lidarcheck.harness.goldens.hash_words import hashed_parts
@@ -78,7 +78,7 @@ def test_odd_names_and_numbers_read_back(golden: Golden, tmp_path: Path) -> None
         golden, kpis={name: odd}, provenance=dataclasses.replace(PROVENANCE, kept=kept, base="x")
     )
     save_golden(written, tmp_path / "one.toml")
-    assert load_golden(tmp_path / "one.toml") == written
+    assert load_proposal(tmp_path / "one.toml") == written
 
 
 def test_lines_stay_readable(golden: Golden) -> None:

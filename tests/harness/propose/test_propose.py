@@ -11,7 +11,7 @@ from lidarcheck.effects.search import search_specs
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats import save_ideal
 from lidarcheck.harness.check import check
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_proposal
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.propose.candidates import OTHERS, watches
 from lidarcheck.harness.propose.propose import propose_scenario
@@ -93,7 +93,7 @@ def test_the_proposed_scenario_holds_and_fails_when_an_effect_is_lost(tree: Path
     caught = {catch.kpi for found in made.catches.values() for catch in found}
     assert {spec.name for spec in load_scenario(made.scenario).kpis} == caught
     assert dataclasses.replace(load_scenario(made.scenario).model, file=None) == whole
-    assert load_golden(made.proposal).complete
+    assert load_proposal(made.proposal).complete
 
     found = review([made.scenario], jobs=2)
     assert not [text for one in found.scenarios for kpi in one.kpis for text in kpi.refused]

@@ -107,7 +107,7 @@ def test_markup_and_what_xml_cannot_hold():
     note = 'a < b & "c" \x00\x1b[31m \ud800 ]]> ü'
     found = suites(junit_text(report(scenario("wall", kpi(verdict=KpiVerdict.CHANGED, note=note)))))
     values = {item.get("name"): item.get("value") for item in case(found["wall"], "area_mean").iter("property")}
-    assert values["note"] == 'a < b & "c" \ufffd\ufffd[31m \ufffd ]]> ü'
+    assert values["note"] == 'a < b & "c" \\x00\\x1b[31m \\ud800 ]]> ü'
 
 
 def test_written_whole_or_not_at_all(tmp_path):
@@ -157,7 +157,7 @@ def test_a_workspace_is_the_root(tmp_path):
 def test_a_command_cannot_be_broken_out_of():
     bad = "50 %\r\n::set-output name=x::y"
     (line,) = annotations(report(scenario("a,b:c", kpi(), problems=(bad,), file=Path("a,b:c%.toml"))), GITHUB)
-    assert line == ("::error file=a%2Cb%3Ac%25.toml,line=1,title=a%2Cb%3Ac::50 %25%0D%0A::set-output name=x::y")
+    assert line == ("::error file=a%2Cb%3Ac%25.toml,line=1,title=a%2Cb%3Ac::50 %25\\r%0A\\x3a:set-output name=x::y")
     (line,) = annotations(report(problems=["an orphan"]), GITHUB)
     assert line == "::error title=lidarcheck check::an orphan"
 

@@ -14,7 +14,7 @@ from lidarcheck.harness.check import check
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.gate.evidence import KpiVerdict
 from lidarcheck.harness.gate.sensitivity import resolution
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_golden, load_proposal
 from lidarcheck.harness.review import review as review_module
 from lidarcheck.harness.review.accept import ALL, accept, release
 from lidarcheck.harness.review.review import ReviewReport, review
@@ -66,9 +66,9 @@ def test_a_golden_from_scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_check_then_review_then_accept(project: Project) -> None:
     project.shift = 0.9
     assert check([project.root], **project.stand_ins).exit_code == 0
-    assert not load_golden(project.proposal("one")).complete
+    assert not load_proposal(project.proposal("one")).complete
     report = look(project)
-    assert load_golden(project.proposal("one")).complete
+    assert load_proposal(project.proposal("one")).complete
     row = report.scenarios[0].kpis[0]
     assert row.delta == pytest.approx(0.9, abs=0.05)
     assert row.verdict is KpiVerdict.CHANGED
@@ -129,7 +129,7 @@ def test_what_the_check_saw_is_not_forgotten(project: Project) -> None:
     # The review's own seeds may just miss what the check has proven on others.
     project.shift = 0.9
     check([project.root], **project.stand_ins)
-    proposal = load_golden(project.proposal("one"))
+    proposal = load_proposal(project.proposal("one"))
     seen = {name: dataclasses.replace(kpi, verdict="regressed") for name, kpi in proposal.kpis.items()}
     review_module.save_golden(dataclasses.replace(proposal, kpis=seen), project.proposal("one"))
     assert {kpi.verdict for kpi in look(project).scenarios[0].kpis} >= {KpiVerdict.REGRESSED}

@@ -8,7 +8,7 @@ import pytest
 
 from lidarcheck.errors import InputError
 from lidarcheck.harness import check as check_module
-from lidarcheck.harness.goldens.file import load_golden
+from lidarcheck.harness.goldens.file import load_golden, load_proposal
 from lidarcheck.harness.kpis.spec import SeedMeasurement
 from lidarcheck.harness.review import review as review_module
 from lidarcheck.harness.review.accept import ALL, accept
@@ -129,7 +129,7 @@ def test_a_proposal_is_reviewed_and_accepted(bench):
         await pilot.press("r")
         await until(pilot, lambda: view.waiting[0].found is not None and not view.running)
         await says(app, pilot, "reviewed: what speaks against accepting stands below")
-        assert load_golden(bench.proposal("one")).complete
+        assert load_proposal(bench.proposal("one")).complete
         await sees(app, pilot, "changed")
         await sees(app, pilot, "nothing speaks against it: a accepts")
         await pilot.press("a")
