@@ -8,7 +8,7 @@ import pytest
 from lidarcheck.formats.config import load_toml
 from lidarcheck.harness.gate import evidence, sensitivity
 from lidarcheck.harness.goldens.file import load_golden
-from lidarcheck.harness.layout import Layout
+from lidarcheck.harness.layout import Layout, toml_files
 from lidarcheck.harness.scenario.asked import hashed, name_of
 from lidarcheck.harness.scenario.file import ScenarioTable
 from lidarcheck.harness.scenario_run import kpis_in_goldens
@@ -22,7 +22,7 @@ def share() -> float:
     return evidence.error_share(kpis_in_goldens(PROJECT))
 
 
-@pytest.mark.parametrize("file", PROJECT.scenario_files(), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", toml_files(PROJECT.scenarios), ids=lambda file: file.stem)
 def test_a_golden_catches_what_its_scenario_wants_caught(file) -> None:
     golden, found = load_golden(PROJECT.golden(file.stem)), []
     for table in load_toml(file, ScenarioTable).kpis:
