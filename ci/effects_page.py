@@ -43,9 +43,10 @@ variant = "SMART"
 
 {example}```
 
-A parameter that is left out has its typical value. A value out of range, an unknown name, or an effect in the wrong
-place of the light's way is refused with the line it stands in. Paths of files are relative to the model file. See
-[model-files.md](model-files.md).
+A parameter that is left out has its typical value. `noticeable` is the change of it that its user would notice, by a
+rule for each [kind of quantity](research/sensitivity.md); `lidarcheck check --sensitivity` makes each of these changes
+in turn. A value out of range, an unknown name, or an effect in the wrong place of the light's way is refused with the
+line it stands in. Paths of files are relative to the model file. See [model-files.md](model-files.md).
 
 ## Adding one
 
@@ -55,8 +56,8 @@ must know, and as a plugin of your own.
 
 1. A frozen dataclass that derives from `AimEffect`, `LightEffect`, `DetectorEffect` or `ReadoutEffect` of
    `effects/base.py`, with a `name`, and in `tree` the nodes of the effect tree, if it has any.
-2. Its parameters as fields, each `parameter(unit, low=, high=, typical=, meaning=)`; a table from a file is
-   `file_parameter(kind, meaning=)`. The typical value is the default, and should show the effect clearly.
+2. Its parameters as fields, each `parameter(unit, low=, high=, typical=, noticeable=, meaning=)`; a table from a file
+   is `file_parameter(kind, meaning=)`. The typical value is the default, and should show the effect clearly.
 3. A docstring: what it does to the data in the first line; then formula, source, valid range, and where it is the
    identity.
 4. The one method of its stage, which takes the stage's table and returns a new one, and the very same one at zero
@@ -106,12 +107,16 @@ def section(effect: type[Effect]) -> str:
     """One effect: docstring, parameters, and how a model asks for it."""
     text = [f"### {effect.name}\n\n{prose(inspect.getdoc(effect) or '')}\n\nEffect tree: {node_names(effect)}.\n\n"]
     rows = [
-        f"| `{p.name}` | {cell(p.unit)} | {p.low:g} ... {p.high:g} | {p.typical:g} | {cell(p.meaning)} |"
+        f"| `{p.name}` | {cell(p.unit)} | {p.low:g} ... {p.high:g} | {p.typical:g} | {p.noticeable:g} | "
+        f"{cell(p.meaning)} |"
         for p in effect.parameters()
     ]
-    rows += [f"| `{f.name}` | file | `{f.kind}` | none | {cell(f.meaning)} |" for f in effect.files()]
+    rows += [
+        f"| `{f.name}` | file | `{f.kind}` | none | {100.0 * f.noticeable:g} % | {cell(f.meaning)} |"
+        for f in effect.files()
+    ]
     if rows:
-        text.append("| parameter | unit | range | typical | meaning |\n|---|---|---|---|---|\n")
+        text.append("| parameter | unit | range | typical | noticeable | meaning |\n|---|---|---|---|---|---|\n")
         text.append("".join(f"{row}\n" for row in rows) + "\n")
     return "".join([*text, f"```toml\n{example(effect)}```\n\n", *seen(effect)])
 

@@ -48,29 +48,33 @@ RETRO_GAIN_MAX = 1e6
 
 
 class Bounds(NamedTuple):
-    """The closed interval a number may lie in, whether it is a whole number, and its unit."""
+    """The closed interval a number may lie in, whether it is a whole number, its unit, and a change to be noticed.
+
+    `noticeable` follows the rules of effects' parameters (`effects.parameters`), at the variants' own numbers.
+    """
 
     low: float
     high: float
     whole: bool
     unit: str
+    noticeable: float
 
 
 SENSOR_BOUNDS: dict[str, Bounds] = {
-    "spads": Bounds(1, 1000, True, "SPADs per point"),
-    "shots": Bounds(1, 100, True, "shots"),
-    "threshold": Bounds(0, 100_000, True, "detectors ON"),
-    "peak_saturation": Bounds(1, 100_000, True, "detectors ON"),
-    "on_bins": Bounds(1, 1000, True, "bins"),
-    "dead_bins": Bounds(1, 1000, True, "bins"),
-    "pulse_fwhm_ns": Bounds(0.01, 200.0, False, "ns"),
-    "background_per_ns": Bounds(0.0, 10.0, False, "avalanches per armed SPAD and ns"),
-    "signal_at_1m": Bounds(0.0, 1e9, False, "avalanches per SPAD and shot at 1 m"),
-    "bin_ns": Bounds(0.01, 10.0, False, "ns"),
-    "max_range_m": Bounds(1.0, 1000.0, False, "m"),
-    "max_echoes": Bounds(1, 16, True, "echoes"),
-    "time_offset_ns": Bounds(-1000.0, 1000.0, False, "ns"),
-    "range_resolution_m": Bounds(0.0, 1.0, False, "m"),
+    "spads": Bounds(1, 1000, True, "SPADs per point", 1),
+    "shots": Bounds(1, 100, True, "shots", 1),
+    "threshold": Bounds(0, 100_000, True, "detectors ON", 1),
+    "peak_saturation": Bounds(1, 100_000, True, "detectors ON", -5),
+    "on_bins": Bounds(1, 1000, True, "bins", 1),
+    "dead_bins": Bounds(1, 1000, True, "bins", 1),
+    "pulse_fwhm_ns": Bounds(0.01, 200.0, False, "ns", 0.25),
+    "background_per_ns": Bounds(0.0, 10.0, False, "avalanches per armed SPAD and ns", 7.5e-5),
+    "signal_at_1m": Bounds(0.0, 1e9, False, "avalanches per SPAD and shot at 1 m", 600.0),
+    "bin_ns": Bounds(0.01, 10.0, False, "ns", 0.01),
+    "max_range_m": Bounds(1.0, 1000.0, False, "m", -30.0),
+    "max_echoes": Bounds(1, 16, True, "echoes", 1),
+    "time_offset_ns": Bounds(-1000.0, 1000.0, False, "ns", 0.07),
+    "range_resolution_m": Bounds(0.0, 1.0, False, "m", 0.01),
 }
 """Every number of the sensor that a model file may override, with its allowed interval."""
 

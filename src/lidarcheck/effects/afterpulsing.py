@@ -26,15 +26,27 @@ class Afterpulsing(DetectorEffect):
     name = "afterpulsing"
 
     probability: float = parameter(
-        "", low=0.0, high=0.9, typical=0.03, meaning="probability that an avalanche sets off a later one"
+        "",
+        low=0.0,
+        high=0.9,
+        typical=0.03,
+        noticeable=0.0075,
+        meaning="probability that an avalanche sets off a later one",
     )
     delay_ns: float = parameter(
-        "ns", low=0.0, high=1000.0, typical=5.0, meaning="mean delay behind the end of the dead time"
+        "ns", low=0.0, high=1000.0, typical=5.0, noticeable=1.0, meaning="mean delay behind the end of the dead time"
     )
     slow_share: float = parameter(
-        "", low=0.0, high=1.0, typical=0.3, meaning="share of the afterpulses that come by the slow delay"
+        "",
+        low=0.0,
+        high=1.0,
+        typical=0.3,
+        noticeable=0.2,
+        meaning="share of the afterpulses that come by the slow delay",
     )
-    slow_delay_ns: float = parameter("ns", low=0.0, high=1000.0, typical=30.0, meaning="mean delay of the slow ones")
+    slow_delay_ns: float = parameter(
+        "ns", low=0.0, high=1000.0, typical=30.0, noticeable=6.0, meaning="mean delay of the slow ones"
+    )
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Let avalanches have afterpulses."""

@@ -43,17 +43,36 @@ class AmbientLight(LightEffect):
     tree = (86,)
 
     rate_per_ns: float = parameter(
-        "1/ns", low=0.0, high=10.0, typical=0.0005, meaning="avalanches per armed SPAD and ns from a white surface"
+        "1/ns",
+        low=0.0,
+        high=10.0,
+        typical=0.0005,
+        noticeable=0.000125,
+        meaning="avalanches per armed SPAD and ns from a white surface",
     )
-    sky: float = parameter("", low=0.0, high=10.0, typical=0.1, meaning="reflectance that open sky looks like")
+    sky: float = parameter(
+        "", low=0.0, high=10.0, typical=0.1, noticeable=0.025, meaning="reflectance that open sky looks like"
+    )
     direct: float = parameter(
-        "", low=0.0, high=1.0, typical=0.0, meaning="part of the light that comes from the sun", option=True
+        "",
+        low=0.0,
+        high=1.0,
+        typical=0.0,
+        noticeable=0.2,
+        meaning="part of the light that comes from the sun",
+        option=True,
     )
     sun_azimuth_deg: float = parameter(
-        "deg", low=-360.0, high=360.0, typical=120.0, meaning="where the sun is, from X to the left", option=True
+        "deg",
+        low=-360.0,
+        high=360.0,
+        typical=120.0,
+        noticeable=15.0,
+        meaning="where the sun is, from X to the left",
+        option=True,
     )
     sun_elevation_deg: float = parameter(
-        "deg", low=0.0, high=90.0, typical=45.0, meaning="how high the sun stands", option=True
+        "deg", low=0.0, high=90.0, typical=45.0, noticeable=15.0, meaning="how high the sun stands", option=True
     )
 
     def light(self, light: Light, around: Surroundings) -> Light:

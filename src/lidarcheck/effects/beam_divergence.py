@@ -39,10 +39,16 @@ class BeamDivergence(AimEffect):
     name = "beam_divergence"
     tree = (105, 109, 118)
 
-    vertical_deg: float = parameter("deg", low=0.0, high=3.0, typical=0.1, meaning="width (FWHM) along elevation")
-    horizontal_deg: float = parameter("deg", low=0.0, high=3.0, typical=0.2, meaning="width (FWHM) along azimuth")
-    rays: int = parameter("", low=2, high=15, typical=5, whole=True, meaning="rays per axis")
-    least_m: float = parameter("m", low=0.0, high=10.0, typical=0.1, meaning="spread of ranges that is worth rays")
+    vertical_deg: float = parameter(
+        "deg", low=0.0, high=3.0, typical=0.1, noticeable=0.02, meaning="width (FWHM) along elevation"
+    )
+    horizontal_deg: float = parameter(
+        "deg", low=0.0, high=3.0, typical=0.2, noticeable=0.04, meaning="width (FWHM) along azimuth"
+    )
+    rays: int = parameter("", low=2, high=15, typical=5, whole=True, noticeable=-3, meaning="rays per axis")
+    least_m: float = parameter(
+        "m", low=0.0, high=10.0, typical=0.1, noticeable=0.02, meaning="spread of ranges that is worth rays"
+    )
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
         """What the rays of the footprints meet."""

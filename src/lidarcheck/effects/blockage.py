@@ -36,17 +36,39 @@ class Blockage(LightEffect):
 
     name = "blockage"
 
-    transmission: float = parameter("", low=0.0, high=1.0, typical=0.3, meaning="factor on the signal inside the patch")
-    first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=220, whole=True, meaning="lowest such layer")
-    last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=299, whole=True, meaning="highest such layer")
-    first_point: int = parameter("point", low=0, high=POINTS - 1, typical=440, whole=True, meaning="first such point")
-    last_point: int = parameter("point", low=0, high=POINTS - 1, typical=519, whole=True, meaning="last such point")
-    soft_edge_deg: float = parameter(
-        "deg", low=0.0, high=90.0, typical=0.5, meaning="width of the edge around the patch where the dirt fades out"
+    transmission: float = parameter(
+        "", low=0.0, high=1.0, typical=0.3, noticeable=0.03, meaning="factor on the signal inside the patch"
     )
-    roundness: float = parameter("", low=0.0, high=1.0, typical=0.0, meaning="0: rectangle, 1: fully rounded ends")
+    first_layer: int = parameter(
+        "layer", low=0, high=LAYERS - 1, typical=220, whole=True, noticeable=10, meaning="lowest such layer"
+    )
+    last_layer: int = parameter(
+        "layer", low=0, high=LAYERS - 1, typical=299, whole=True, noticeable=10, meaning="highest such layer"
+    )
+    first_point: int = parameter(
+        "point", low=0, high=POINTS - 1, typical=440, whole=True, noticeable=4, meaning="first such point"
+    )
+    last_point: int = parameter(
+        "point", low=0, high=POINTS - 1, typical=519, whole=True, noticeable=4, meaning="last such point"
+    )
+    soft_edge_deg: float = parameter(
+        "deg",
+        low=0.0,
+        high=90.0,
+        typical=0.5,
+        noticeable=0.1,
+        meaning="width of the edge around the patch where the dirt fades out",
+    )
+    roundness: float = parameter(
+        "", low=0.0, high=1.0, typical=0.0, noticeable=0.2, meaning="0: rectangle, 1: fully rounded ends"
+    )
     background_power: float = parameter(
-        "", low=0.0, high=1.0, typical=0.5, meaning="power of the transmission that the background is scaled by"
+        "",
+        low=0.0,
+        high=1.0,
+        typical=0.5,
+        noticeable=0.2,
+        meaning="power of the transmission that the background is scaled by",
     )
 
     def __post_init__(self) -> None:

@@ -35,22 +35,47 @@ class BloomingHorizontal(LightEffect):
     role = "horizontal blooming"
     tree = (72,)
 
-    strength: float = parameter("", low=0.0, high=100.0, typical=1.0, meaning="factor on the whole profile or table")
+    strength: float = parameter(
+        "", low=0.0, high=100.0, typical=1.0, noticeable=0.25, meaning="factor on the whole profile or table"
+    )
     bright_signal: float = parameter(
-        "avalanches per SPAD and shot", low=0.0, high=1e9, typical=30.0, meaning="S from which on a pulse blooms"
+        "avalanches per SPAD and shot",
+        low=0.0,
+        high=1e9,
+        typical=30.0,
+        noticeable=3.0,
+        meaning="S from which on a pulse blooms",
     )
-    core_left: float = parameter("", low=0.0, high=1.0, typical=1e-4, meaning="height of the core to the left")
-    core_right: float = parameter("", low=0.0, high=1.0, typical=1e-4, meaning="height of the core to the right")
-    core_columns: float = parameter("columns", low=0.1, high=1000.0, typical=2.5, meaning="decay length of the core")
-    skirt_left: float = parameter("", low=0.0, high=1.0, typical=1.5e-6, meaning="height of the skirt to the left")
-    skirt_left_columns: float = parameter("columns", low=0.1, high=3000.0, typical=30.0, meaning="width of that skirt")
-    skirt_right: float = parameter("", low=0.0, high=1.0, typical=1.5e-6, meaning="height of the skirt to the right")
-    skirt_right_columns: float = parameter("columns", low=0.1, high=3000.0, typical=30.0, meaning="width of that skirt")
-    skirt_power: float = parameter("", low=0.1, high=20.0, typical=2.0, meaning="2: bell, 1: exponential, high: box")
+    core_left: float = parameter(
+        "", low=0.0, high=1.0, typical=1e-4, noticeable=2.5e-5, meaning="height of the core to the left"
+    )
+    core_right: float = parameter(
+        "", low=0.0, high=1.0, typical=1e-4, noticeable=2.5e-5, meaning="height of the core to the right"
+    )
+    core_columns: float = parameter(
+        "columns", low=0.1, high=1000.0, typical=2.5, noticeable=0.5, meaning="decay length of the core"
+    )
+    skirt_left: float = parameter(
+        "", low=0.0, high=1.0, typical=1.5e-6, noticeable=4e-7, meaning="height of the skirt to the left"
+    )
+    skirt_left_columns: float = parameter(
+        "columns", low=0.1, high=3000.0, typical=30.0, noticeable=6.0, meaning="width of that skirt"
+    )
+    skirt_right: float = parameter(
+        "", low=0.0, high=1.0, typical=1.5e-6, noticeable=4e-7, meaning="height of the skirt to the right"
+    )
+    skirt_right_columns: float = parameter(
+        "columns", low=0.1, high=3000.0, typical=30.0, noticeable=6.0, meaning="width of that skirt"
+    )
+    skirt_power: float = parameter(
+        "", low=0.1, high=20.0, typical=2.0, noticeable=0.25, meaning="2: bell, 1: exponential, high: box"
+    )
     reach_columns: float = parameter(
-        "columns", low=0.0, high=2400.0, typical=100.0, meaning="no bloom beyond; not for a lut"
+        "columns", low=0.0, high=2400.0, typical=100.0, noticeable=20.0, meaning="no bloom beyond; not for a lut"
     )
-    lut: Curve | None = file_parameter("lut.horizontal", meaning="INI file with PostPro.LUT_bloomingH_X and _Y")  # noqa: RUF009
+    lut: Curve | None = file_parameter(
+        "lut.horizontal", noticeable=0.25, meaning="INI file with PostPro.LUT_bloomingH_X and _Y"
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of the bloom."""

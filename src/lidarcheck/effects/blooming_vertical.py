@@ -34,22 +34,47 @@ class BloomingVertical(LightEffect):
     role = "vertical blooming"
     tree = (72,)
 
-    strength: float = parameter("", low=0.0, high=100.0, typical=1.0, meaning="factor on the whole profile or table")
+    strength: float = parameter(
+        "", low=0.0, high=100.0, typical=1.0, noticeable=0.25, meaning="factor on the whole profile or table"
+    )
     bright_signal: float = parameter(
-        "avalanches per SPAD and shot", low=0.0, high=1e9, typical=30.0, meaning="S from which on a pulse blooms"
+        "avalanches per SPAD and shot",
+        low=0.0,
+        high=1e9,
+        typical=30.0,
+        noticeable=3.0,
+        meaning="S from which on a pulse blooms",
     )
-    core_up: float = parameter("", low=0.0, high=1.0, typical=3e-4, meaning="height of the core above the target")
-    core_down: float = parameter("", low=0.0, high=1.0, typical=2.2e-3, meaning="height of the core below the target")
-    core_rows: float = parameter("SPAD rows", low=0.1, high=1000.0, typical=7.0, meaning="decay length of the core")
-    skirt_up: float = parameter("", low=0.0, high=1.0, typical=4.8e-4, meaning="height of the skirt above the target")
-    skirt_up_rows: float = parameter("SPAD rows", low=0.1, high=2000.0, typical=95.0, meaning="width of that skirt")
-    skirt_down: float = parameter("", low=0.0, high=1.0, typical=1.0e-4, meaning="height of the skirt below the target")
-    skirt_down_rows: float = parameter("SPAD rows", low=0.1, high=2000.0, typical=60.0, meaning="width of that skirt")
-    skirt_power: float = parameter("", low=0.1, high=20.0, typical=2.0, meaning="2: bell, 1: exponential, high: box")
+    core_up: float = parameter(
+        "", low=0.0, high=1.0, typical=3e-4, noticeable=7.5e-5, meaning="height of the core above the target"
+    )
+    core_down: float = parameter(
+        "", low=0.0, high=1.0, typical=2.2e-3, noticeable=5.5e-4, meaning="height of the core below the target"
+    )
+    core_rows: float = parameter(
+        "SPAD rows", low=0.1, high=1000.0, typical=7.0, noticeable=1.4, meaning="decay length of the core"
+    )
+    skirt_up: float = parameter(
+        "", low=0.0, high=1.0, typical=4.8e-4, noticeable=1.2e-4, meaning="height of the skirt above the target"
+    )
+    skirt_up_rows: float = parameter(
+        "SPAD rows", low=0.1, high=2000.0, typical=95.0, noticeable=19.0, meaning="width of that skirt"
+    )
+    skirt_down: float = parameter(
+        "", low=0.0, high=1.0, typical=1.0e-4, noticeable=2.5e-5, meaning="height of the skirt below the target"
+    )
+    skirt_down_rows: float = parameter(
+        "SPAD rows", low=0.1, high=2000.0, typical=60.0, noticeable=12.0, meaning="width of that skirt"
+    )
+    skirt_power: float = parameter(
+        "", low=0.1, high=20.0, typical=2.0, noticeable=0.25, meaning="2: bell, 1: exponential, high: box"
+    )
     reach_rows: float = parameter(
-        "SPAD rows", low=0.0, high=1560.0, typical=200.0, meaning="no bloom beyond; not for a lut"
+        "SPAD rows", low=0.0, high=1560.0, typical=200.0, noticeable=40.0, meaning="no bloom beyond; not for a lut"
     )
-    lut: Curve | None = file_parameter("lut.vertical", meaning="INI file with PostPro.LUT_blooming_X and _Y")  # noqa: RUF009
+    lut: Curve | None = file_parameter(
+        "lut.vertical", noticeable=0.25, meaning="INI file with PostPro.LUT_blooming_X and _Y"
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of the bloom."""

@@ -29,12 +29,27 @@ class Boresight(AimEffect):
     name = "boresight"
     role = "pose"
 
-    yaw_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.2, meaning="turn of the view to the left")
-    pitch_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.1, meaning="turn of the view upward")
-    roll_deg: float = parameter("deg", low=-10.0, high=10.0, typical=0.0, meaning="lift of the view's left side")
-    rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
+    yaw_deg: float = parameter(
+        "deg", low=-10.0, high=10.0, typical=0.2, noticeable=0.05, meaning="turn of the view to the left"
+    )
+    pitch_deg: float = parameter(
+        "deg", low=-10.0, high=10.0, typical=0.1, noticeable=0.05, meaning="turn of the view upward"
+    )
+    roll_deg: float = parameter(
+        "deg", low=-10.0, high=10.0, typical=0.0, noticeable=0.05, meaning="lift of the view's left side"
+    )
+    rigid: int = parameter(
+        "", low=0, high=1, typical=1, whole=True, noticeable=-1, meaning="1: as a body; 0: offsets of the angles"
+    )
     own_surface: int = parameter(
-        "", low=0, high=1, typical=0, whole=True, option=True, meaning="1: each beam stays on the surface that it meets"
+        "",
+        low=0,
+        high=1,
+        typical=0,
+        whole=True,
+        option=True,
+        noticeable=1,
+        meaning="1: each beam stays on the surface that it meets",
     )
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:

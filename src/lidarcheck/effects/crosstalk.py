@@ -28,10 +28,20 @@ class Crosstalk(DetectorEffect):
     tree = (84,)
 
     sides: float = parameter(
-        "", low=0.0, high=0.6, typical=0.035, meaning="mean avalanches set off among the four side neighbours"
+        "",
+        low=0.0,
+        high=0.6,
+        typical=0.035,
+        noticeable=0.009,
+        meaning="mean avalanches set off among the four side neighbours",
     )
     corners: float = parameter(
-        "", low=0.0, high=0.3, typical=0.017, meaning="mean avalanches set off among the four corner neighbours"
+        "",
+        low=0.0,
+        high=0.3,
+        typical=0.017,
+        noticeable=0.004,
+        meaning="mean avalanches set off among the four corner neighbours",
     )
 
     def detector(self, sensor: Sensor) -> Sensor:

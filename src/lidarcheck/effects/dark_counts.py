@@ -22,7 +22,12 @@ class DarkCounts(LightEffect):
     tree = (101,)
 
     rate_per_ns: float = parameter(
-        "1/ns", low=0.0, high=0.1, typical=0.0002, meaning="avalanches per armed SPAD and ns, added to the background"
+        "1/ns",
+        low=0.0,
+        high=0.1,
+        typical=0.0002,
+        noticeable=5e-5,
+        meaning="avalanches per armed SPAD and ns, added to the background",
     )
 
     def light(self, light: Light, around: Surroundings) -> Light:

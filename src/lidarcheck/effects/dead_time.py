@@ -29,12 +29,25 @@ class DeadTime(DetectorEffect):
 
     name = "dead_time"
 
-    shift_ns: float = parameter("ns", low=-1000.0, high=1000.0, typical=-2.0, meaning="added to the dead time")
+    shift_ns: float = parameter(
+        "ns", low=-1000.0, high=1000.0, typical=-2.0, noticeable=1.0, meaning="added to the dead time"
+    )
     spread_ns: float = parameter(
-        "ns", low=0.0, high=100.0, typical=1.0, meaning="standard deviation of the dead time between avalanches"
+        "ns",
+        low=0.0,
+        high=100.0,
+        typical=1.0,
+        noticeable=0.5,
+        meaning="standard deviation of the dead time between avalanches",
     )
     recovery_ns: float = parameter(
-        "ns", low=0.0, high=100.0, typical=0.0, meaning="mean of an exponential time until it is ready", option=True
+        "ns",
+        low=0.0,
+        high=100.0,
+        typical=0.0,
+        noticeable=1.0,
+        meaning="mean of an exponential time until it is ready",
+        option=True,
     )
 
     def detector(self, sensor: Sensor) -> Sensor:

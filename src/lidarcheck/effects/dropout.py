@@ -21,11 +21,15 @@ class Dropout(ReadoutEffect):
 
     name = "dropout"
 
-    share: float = parameter("", low=0.0, high=1.0, typical=0.02, meaning="probability that a beam loses its echoes")
-    block_points: int = parameter(
-        "", low=1, high=1000, typical=1, whole=True, meaning="point columns of a block", option=True
+    share: float = parameter(
+        "", low=0.0, high=1.0, typical=0.02, noticeable=0.005, meaning="probability that a beam loses its echoes"
     )
-    block_layers: int = parameter("", low=1, high=1000, typical=1, whole=True, meaning="layers of a block", option=True)
+    block_points: int = parameter(
+        "", low=1, high=1000, typical=1, whole=True, noticeable=1, meaning="point columns of a block", option=True
+    )
+    block_layers: int = parameter(
+        "", low=1, high=1000, typical=1, whole=True, noticeable=1, meaning="layers of a block", option=True
+    )
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Leave out the beams that are lost."""

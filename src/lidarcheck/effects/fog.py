@@ -55,37 +55,59 @@ class Fog(LightEffect):
     name = "fog"
     tree = (87, 89)
 
-    mor_m: float = parameter("m", low=5.0, high=CLEAR_M, typical=100.0, meaning="meteorological optical range")
+    mor_m: float = parameter(
+        "m", low=5.0, high=CLEAR_M, typical=100.0, noticeable=10.0, meaning="meteorological optical range"
+    )
     backscatter: float = parameter(
-        "1/sr", low=0.0, high=10.0, typical=0.046, meaning="backscatter coefficient times MOR"
+        "1/sr", low=0.0, high=10.0, typical=0.046, noticeable=0.0115, meaning="backscatter coefficient times MOR"
     )
     overlap_start_m: float = parameter(
-        "m", low=0.0, high=50.0, typical=0.9, meaning="range where the receiver begins to see the laser's beam"
+        "m",
+        low=0.0,
+        high=50.0,
+        typical=0.9,
+        noticeable=-0.18,
+        meaning="range where the receiver begins to see the laser's beam",
     )
     overlap_full_m: float = parameter(
-        "m", low=0.1, high=100.0, typical=1.0, meaning="range from which on the receiver sees all of the laser's beam"
+        "m",
+        low=0.1,
+        high=100.0,
+        typical=1.0,
+        noticeable=0.2,
+        meaning="range from which on the receiver sees all of the laser's beam",
     )
 
-    overlap_power: float = parameter("", low=0.0, high=10.0, typical=0.0, meaning="how the overlap rises; 0: linearly")
+    overlap_power: float = parameter(
+        "", low=0.0, high=10.0, typical=0.0, noticeable=0.25, meaning="how the overlap rises; 0: linearly"
+    )
     patchiness: float = parameter(
         "",
         low=0.0,
         high=2.0,
         typical=0.0,
+        noticeable=0.2,
         meaning="standard deviation of the density's logarithm; 0: even",
         option=True,
     )
     patch_m: float = parameter(
-        "m", low=1.0, high=1000.0, typical=15.0, meaning="size of the patches along the range", option=True
+        "m",
+        low=1.0,
+        high=1000.0,
+        typical=15.0,
+        noticeable=3.0,
+        meaning="size of the patches along the range",
+        option=True,
     )
     patch_deg: float = parameter(
-        "deg", low=0.5, high=1000.0, typical=15.0, meaning="size of the patches in azimuth", option=True
+        "deg", low=0.5, high=1000.0, typical=15.0, noticeable=3.0, meaning="size of the patches in azimuth", option=True
     )
     thinning_per_m: float = parameter(
         "1/m",
         low=-1.0,
         high=2.0,
         typical=0.0,
+        noticeable=0.1,
         meaning="what the density's logarithm loses per metre of height; 0: even",
         option=True,
     )

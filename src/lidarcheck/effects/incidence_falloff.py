@@ -38,15 +38,16 @@ class IncidenceFalloff(LightEffect):
 
     name = "incidence_falloff"
 
-    exponent: float = parameter("", low=0.0, high=10.0, typical=2.0, meaning="power of the cosine")
+    exponent: float = parameter("", low=0.0, high=10.0, typical=2.0, noticeable=0.25, meaning="power of the cosine")
     factors: tuple[float, ...] = list_parameter(
-        "", low=0.0, high=10.0, meaning="factors besides, at an incidence of 0, 10, ... 90 degrees"
+        "", low=0.0, high=10.0, noticeable=0.1, meaning="factors besides, at an incidence of 0, 10, ... 90 degrees"
     )
     level_from_deg: float = parameter(
         "deg",
         low=0.0,
         high=90.0,
         typical=90.0,
+        noticeable=-10.0,
         meaning="incidence from which on the power changes no more",
         option=True,
     )

@@ -34,18 +34,35 @@ class Interference(LightEffect):
 
     name = "interference"
 
-    share: float = parameter("", low=0.0, high=2.0, typical=0.02, meaning="foreign pulses per beam, on average")
+    share: float = parameter(
+        "", low=0.0, high=2.0, typical=0.02, noticeable=0.005, meaning="foreign pulses per beam, on average"
+    )
     signal: float = parameter(
-        "S", low=0.0, high=1e4, typical=0.5, meaning="median of a pulse's avalanches per SPAD and shot"
+        "S",
+        low=0.0,
+        high=1e4,
+        typical=0.5,
+        noticeable=0.125,
+        meaning="median of a pulse's avalanches per SPAD and shot",
     )
     spread_decades: float = parameter(
-        "decades", low=0.0, high=2.0, typical=0.3, meaning="standard deviation of log10 of the signal"
+        "decades", low=0.0, high=2.0, typical=0.3, noticeable=0.1, meaning="standard deviation of log10 of the signal"
     )
-    nearest_m: float = parameter("m", low=0.0, high=1000.0, typical=0.0, meaning="from this range on")
-    farthest_m: float = parameter("m", low=0.0, high=1000.0, typical=300.0, meaning="up to this range")
-    columns: float = parameter("", low=0.01, high=1.0, typical=1.0, meaning="share of the point columns that are hit")
+    nearest_m: float = parameter("m", low=0.0, high=1000.0, typical=0.0, noticeable=10.0, meaning="from this range on")
+    farthest_m: float = parameter(
+        "m", low=0.0, high=1000.0, typical=300.0, noticeable=-30.0, meaning="up to this range"
+    )
+    columns: float = parameter(
+        "", low=0.01, high=1.0, typical=1.0, noticeable=-0.2, meaning="share of the point columns that are hit"
+    )
     column_span_m: float = parameter(
-        "m", low=0.1, high=1000.0, typical=1000.0, meaning="range over which the pulses of a column lie", option=True
+        "m",
+        low=0.1,
+        high=1000.0,
+        typical=1000.0,
+        noticeable=-200.0,
+        meaning="range over which the pulses of a column lie",
+        option=True,
     )
 
     def __post_init__(self) -> None:

@@ -27,13 +27,21 @@ class LayerGain(LightEffect):
 
     name = "layer_gain"
 
-    gain: float = parameter("", low=0.0, high=10.0, typical=0.8, meaning="factor on the light of those layers")
-    first_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=250, whole=True, meaning="first such layer")
-    last_layer: int = parameter("layer", low=0, high=LAYERS - 1, typical=269, whole=True, meaning="last such layer")
-    gains: tuple[float, ...] = list_parameter(
-        "", low=0.0, high=10.0, meaning="a factor for each such layer, from the first on"
+    gain: float = parameter(
+        "", low=0.0, high=10.0, typical=0.8, noticeable=0.08, meaning="factor on the light of those layers"
     )
-    every: int = parameter("layers", low=1, high=LAYERS, typical=1, whole=True, meaning="1: each layer between, 2: ...")
+    first_layer: int = parameter(
+        "layer", low=0, high=LAYERS - 1, typical=250, whole=True, noticeable=1, meaning="first such layer"
+    )
+    last_layer: int = parameter(
+        "layer", low=0, high=LAYERS - 1, typical=269, whole=True, noticeable=1, meaning="last such layer"
+    )
+    gains: tuple[float, ...] = list_parameter(
+        "", low=0.0, high=10.0, noticeable=0.1, meaning="a factor for each such layer, from the first on"
+    )
+    every: int = parameter(
+        "layers", low=1, high=LAYERS, typical=1, whole=True, noticeable=1, meaning="1: each layer between, 2: ..."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

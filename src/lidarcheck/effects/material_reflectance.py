@@ -25,9 +25,17 @@ class MaterialReflectance(LightEffect):
     name = "material_reflectance"
     role = "reflectance"
 
-    factor: float = parameter("", low=0.0, high=100.0, typical=1.3, meaning="factor on the material's reflectance")
+    factor: float = parameter(
+        "", low=0.0, high=100.0, typical=1.3, noticeable=0.13, meaning="factor on the material's reflectance"
+    )
     material_id: int = parameter(
-        "", low=0, high=2**31 - 1, typical=1, whole=True, meaning="number of the material in the model's table"
+        "",
+        low=0,
+        high=2**31 - 1,
+        typical=1,
+        whole=True,
+        noticeable=1,
+        meaning="number of the material in the model's table",
     )
 
     def light(self, light: Light, around: Surroundings) -> Light:

@@ -53,14 +53,30 @@ class MirrorMultipath(LightEffect):
     name = "mirror_multipath"
     tree = (108,)
 
-    reflectivity: float = parameter("", low=0.0, high=1.0, typical=0.2, meaning="reflected part at normal incidence")
-    material_id: int = parameter(
-        "", low=-1, high=2**31 - 1, typical=-1, whole=True, meaning="the mirror's material; -1: the ground"
+    reflectivity: float = parameter(
+        "", low=0.0, high=1.0, typical=0.2, noticeable=0.02, meaning="reflected part at normal incidence"
     )
-    grazing: float = parameter("", low=0.0, high=1.0, typical=0.0, meaning="rise to 1 at grazing incidence, its part")
-    exponent: float = parameter("", low=0.0, high=4.0, typical=2.0, meaning="power of the reflectivity")
-    roughness_deg: float = parameter("deg", low=0.0, high=10.0, typical=0.0, meaning="rms tilt of the normal")
-    max_range_m: float = parameter("m", low=0.0, high=1000.0, typical=300.0, meaning="longest way R1 + R2")
+    material_id: int = parameter(
+        "",
+        low=-1,
+        high=2**31 - 1,
+        typical=-1,
+        whole=True,
+        noticeable=1,
+        meaning="the mirror's material; -1: the ground",
+    )
+    grazing: float = parameter(
+        "", low=0.0, high=1.0, typical=0.0, noticeable=0.2, meaning="rise to 1 at grazing incidence, its part"
+    )
+    exponent: float = parameter(
+        "", low=0.0, high=4.0, typical=2.0, noticeable=0.25, meaning="power of the reflectivity"
+    )
+    roughness_deg: float = parameter(
+        "deg", low=0.0, high=10.0, typical=0.0, noticeable=0.1, meaning="rms tilt of the normal"
+    )
+    max_range_m: float = parameter(
+        "m", low=0.0, high=1000.0, typical=300.0, noticeable=-30.0, meaning="longest way R1 + R2"
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of what is reflected."""

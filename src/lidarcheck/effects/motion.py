@@ -34,17 +34,31 @@ class Motion(AimEffect):
     name = "motion"
     tree = (102,)
 
-    forward_m_s: float = parameter("m/s", low=-100.0, high=100.0, typical=10.0, meaning="velocity along X")
-    left_m_s: float = parameter("m/s", low=-100.0, high=100.0, typical=0.0, meaning="velocity along Y")
-    up_m_s: float = parameter("m/s", low=-100.0, high=100.0, typical=0.0, meaning="velocity along Z")
-    yaw_deg_s: float = parameter("deg/s", low=-360.0, high=360.0, typical=0.0, meaning="turn of the sensor to the left")
-    object_id: int = parameter("", low=-1, high=2**31 - 1, typical=-1, whole=True, meaning="what moves; -1: the sensor")
-    objects: float = parameter("", low=0.0, high=2.0, typical=1.0, meaning="factor on the objects' own velocities")
+    forward_m_s: float = parameter(
+        "m/s", low=-100.0, high=100.0, typical=10.0, noticeable=1.0, meaning="velocity along X"
+    )
+    left_m_s: float = parameter("m/s", low=-100.0, high=100.0, typical=0.0, noticeable=1.0, meaning="velocity along Y")
+    up_m_s: float = parameter("m/s", low=-100.0, high=100.0, typical=0.0, noticeable=1.0, meaning="velocity along Z")
+    yaw_deg_s: float = parameter(
+        "deg/s", low=-360.0, high=360.0, typical=0.0, noticeable=5.0, meaning="turn of the sensor to the left"
+    )
+    object_id: int = parameter(
+        "", low=-1, high=2**31 - 1, typical=-1, whole=True, noticeable=1, meaning="what moves; -1: the sensor"
+    )
+    objects: float = parameter(
+        "", low=0.0, high=2.0, typical=1.0, noticeable=-0.25, meaning="factor on the objects' own velocities"
+    )
     movers: tuple[int, ...] = list_parameter(
-        "", low=0, high=2**31 - 1, ascending=True, counted=True, meaning="objects that move each on its own"
+        "",
+        low=0,
+        high=2**31 - 1,
+        ascending=True,
+        counted=True,
+        noticeable=1,
+        meaning="objects that move each on its own",
     )
     movers_forward_m_s: tuple[float, ...] = list_parameter(
-        "m/s", low=-100.0, high=100.0, meaning="velocity along X of each of those"
+        "m/s", low=-100.0, high=100.0, noticeable=1.0, meaning="velocity along X of each of those"
     )
 
     def __post_init__(self) -> None:

@@ -1,4 +1,24 @@
-"""How an effect declares its parameters: numbers, lists of numbers, words, and files; and what may stand in them."""
+"""How an effect declares its parameters: numbers, lists of numbers, words, and files; and what may stand in them.
+
+`noticeable` is the change of a parameter that its user would notice, in the parameter's unit; where its sign is minus,
+downward is tried first. It follows from the kind of quantity:
+
+| quantity | noticeable | since |
+|---|---|---|
+| factor on the signal | 10 % | a field panel's reflectance and a laser's power over temperature are each good to 5 % |
+| rate, stray light, rare event | 25 %, 1 dB | dark counts change by as much over 3 °C, and scattered light is plotted in dB |
+| width, length, decay time | 20 % | what fits of a profile or of a decay repeat to |
+| duration of the laser's pulse | 5 % | an oscilloscope's |
+| pointing angle | 0.05 deg | the spacing of two layers |
+| edge of a patch of dirt | 0.5 deg | ten layers, four points |
+| range, walk | 1 cm, at far range 5 cm in 100 m | the resolution of the reported range |
+| instant in the trace | 1 ns, scatter 0.5 ns | one bin, half a bin |
+| power, exponent | 0.25; a tenth where publications agree better | two curves that differ by it cross on a log plot |
+| share of 0 ... 1 | 0.2 | what decides between two mechanisms |
+| direction of sun, phase | 15, 30 deg | an hour of the sun; a twelfth of a period |
+| speed | 1 m/s, 5 deg/s | a step of wheel speed and yaw rate over a frame |
+| number of things, switch, name | 1, the other | there is nothing between |
+"""
 
 from __future__ import annotations
 
@@ -27,7 +47,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of an effect: its unit, the closed interval it may lie in, and a typical value."""
+    """One parameter of an effect: its unit, the closed interval it may lie in, a typical value, a noticeable change."""
 
     name: str
     unit: str
@@ -37,10 +57,22 @@ class Parameter:
     whole: bool
     meaning: str
     option: bool = False
+    noticeable: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"unit": self.unit, "low": self.low, "high": self.high, "typical": self.typical, "meaning": self.meaning}
+        facts = {"unit": self.unit, "low": self.low, "high": self.high, "typical": self.typical}
+        return {**facts, "noticeable": self.noticeable, "meaning": self.meaning}
+
+    def nearby(self, value: float) -> tuple[float, ...]:
+        """The values a noticeable change away from `value` and in range, the one to prefer first.
+
+        `noticeable` is at the typical value: what counts from 0 changes in proportion to `value`, all else by as much.
+        """
+        counts_from_zero = self.low == 0.0 < self.typical and not self.whole
+        step = self.noticeable * (value / self.typical if counts_from_zero and value > 0.0 else 1.0)
+        found = (value + step, value - step)
+        return tuple(int(one) if self.whole else one for one in found if self.low <= one <= self.high)
 
     def check(self, effect: str, value: Any) -> None:
         """Refuse what is no number, out of range, or not whole where it must be."""
@@ -56,15 +88,26 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class FileParameter:
-    """A parameter that names a file; `kind` says what is read from it, as "lut.vertical"."""
+    """A parameter that names a file; `kind` says what is read from it, as "lut.vertical".
+
+    `noticeable`: the part by which all of the curve grows in a noticeable change.
+    """
 
     name: str
     kind: str
     meaning: str
+    noticeable: float = 0.1
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"kind": self.kind, "meaning": self.meaning}
+        return {"kind": self.kind, "noticeable": self.noticeable, "meaning": self.meaning}
+
+    def nearby(self, value: Curve | None) -> tuple[Curve, ...]:
+        """The curve scaled by a noticeable factor; none where there is no file."""
+        if value is None:
+            return ()
+        scaled = tuple((1.0 + self.noticeable) * y for y in value.y)
+        return (dataclasses.replace(value, y=scaled),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +126,23 @@ class ListParameter:
     example: tuple[float, ...]
     meaning: str
     counted: bool = False
+    noticeable: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         facts = {"unit": self.unit, "low": self.low, "high": self.high, "ascending": self.ascending}
-        return {**facts, "example": list(self.example), "meaning": self.meaning}
+        return {**facts, "example": list(self.example), "noticeable": self.noticeable, "meaning": self.meaning}
+
+    def nearby(self, value: Sequence[float]) -> tuple[tuple[float, ...], ...]:
+        """The lists a noticeable change away from `value`: every other number moves, where they ascend all of them.
+
+        None for an empty list, which a model has not given.
+        """
+        apart = 1 if self.ascending else 2
+        found = (
+            tuple(one + sign * self.noticeable * (at % apart == 0) for at, one in enumerate(value)) for sign in (1, -1)
+        )
+        return tuple(one for one in found if one and all(self.low <= entry <= self.high for entry in one))
 
     def checked(self, effect: str, value: object) -> tuple[float, ...]:
         """The numbers of a list, a tuple or an array; `UsageError` for anything else."""
@@ -123,6 +178,10 @@ class ChoiceParameter:
         """For JSON."""
         return {"choices": list(self.choices), "example": self.example, "meaning": self.meaning}
 
+    def nearby(self, value: str | None) -> tuple[str, ...]:
+        """Every other word; the first is what a model means that leaves it out."""
+        return tuple(word for word in self.choices if word != (value or self.choices[0]))
+
     def check(self, effect: str, value: object) -> None:
         """Refuse what is neither a choice nor None."""
         if value is not None and value not in self.choices:
@@ -140,21 +199,32 @@ class Curve:
     file: str
 
 
-def file_parameter(kind: str, *, meaning: str) -> Any:
+def file_parameter(kind: str, *, meaning: str, noticeable: float = 0.1) -> Any:
     """Declare a parameter that names a file, as a dataclass field of type `Curve | None`; None when left out."""
-    return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning})
+    return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning, "noticeable": noticeable})
 
 
 def parameter(
-    unit: str, *, low: float, high: float, typical: float, meaning: str, whole: bool = False, option: bool = False
+    unit: str,
+    *,
+    low: float,
+    high: float,
+    typical: float,
+    meaning: str,
+    noticeable: float | None = None,
+    whole: bool = False,
+    option: bool = False,
 ) -> Any:
     """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out.
 
-    `option`: with that value the effect is what it was before there was the parameter, so that hashes of models that
-    do not use it stay.
+    `noticeable`: the change that a user would notice (see above); None: a tenth of the typical value, or of the range
+    where that is 0. `option`: with the typical value the effect is what it was before there was the parameter, so that
+    hashes of models that do not use it stay.
     """
+    if noticeable is None:
+        noticeable = 1.0 if whole else 0.1 * (abs(typical) or high - low)
     facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning, "option": option}
-    return dataclasses.field(default=int(typical) if whole else typical, metadata=facts)
+    return dataclasses.field(default=int(typical) if whole else typical, metadata={**facts, "noticeable": noticeable})
 
 
 def list_parameter(
@@ -166,11 +236,15 @@ def list_parameter(
     example: Sequence[float] = (),
     ascending: bool = False,
     counted: bool = False,
+    noticeable: float | None = None,
 ) -> Any:
     """Declare a parameter that is a list of numbers, as a field of type `tuple[float, ...]`, or `tuple[int, ...]` where
-    they are `counted`; empty when left out."""
+    they are `counted`; empty when left out. `noticeable`: of each number; None: 1 of what is counted, else 1 % of the
+    range."""
+    if noticeable is None:
+        noticeable = 1.0 if counted else 0.01 * (high - low)
     facts = {"unit": unit, "low": low, "high": high, "ascending": ascending, "meaning": meaning, "counted": counted}
-    return dataclasses.field(default=(), metadata={**facts, "example": tuple(example)})
+    return dataclasses.field(default=(), metadata={**facts, "noticeable": noticeable, "example": tuple(example)})
 
 
 def choice_parameter(choices: Sequence[str], *, meaning: str, example: str | None = None, option: bool = False) -> Any:

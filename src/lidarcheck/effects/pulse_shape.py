@@ -31,13 +31,17 @@ class BroadPulse(LightEffect):
     hash_word = "BroadPulse"
     tree = (109,)
 
-    stretch: float = parameter("", low=0.05, high=20.0, typical=0.7, meaning="factor on the pulse's FWHM")
-    tail_share: float = parameter(
-        "", low=0.0, high=1.0, typical=1.2e-3, meaning="share of the light that trails behind"
+    stretch: float = parameter(
+        "", low=0.05, high=20.0, typical=0.7, noticeable=0.035, meaning="factor on the pulse's FWHM"
     )
-    tail_ns: float = parameter("ns", low=0.01, high=200.0, typical=5.5, meaning="time constant of the tail's decay")
+    tail_share: float = parameter(
+        "", low=0.0, high=1.0, typical=1.2e-3, noticeable=0.0003, meaning="share of the light that trails behind"
+    )
+    tail_ns: float = parameter(
+        "ns", low=0.01, high=200.0, typical=5.5, noticeable=1.1, meaning="time constant of the tail's decay"
+    )
     tail_delay_ns: float = parameter(
-        "ns", low=0.0, high=200.0, typical=0.0, meaning="how much later the tail begins", option=True
+        "ns", low=0.0, high=200.0, typical=0.0, noticeable=1.0, meaning="how much later the tail begins", option=True
     )
 
     def light(self, light: Light, around: Surroundings) -> Light:

@@ -53,19 +53,34 @@ class Rain(LightEffect):
     name = "rain"
     tree = (87, 89)
 
-    rate_mm_h: float = parameter("mm/h", low=0.0, high=300.0, typical=25.0, meaning="rate of rain")
-    extinction_coefficient: float = parameter("1/m", low=0.0, high=0.1, typical=3.65e-4, meaning="extinction at 1 mm/h")
-    extinction_exponent: float = parameter("", low=0.0, high=2.0, typical=0.63, meaning="power of the rate in it")
-    drop_echo: float = parameter("", low=0.0, high=1e4, typical=60.0, meaning="factor on the brightness of drops")
-    drop_density: float = parameter("", low=0.0, high=1e3, typical=0.01, meaning="factor on the number of drops")
-    beam_diameter_m: float = parameter("m", low=1e-4, high=1.0, typical=0.01, meaning="beam's diameter at the sensor")
-    divergence_mrad: float = parameter("mrad", low=0.0, high=100.0, typical=1.4, meaning="full angle of the beam")
-    nearest_m: float = parameter("m", low=0.1, high=100.0, typical=1.0, meaning="range from which on drops are seen")
+    rate_mm_h: float = parameter("mm/h", low=0.0, high=300.0, typical=25.0, noticeable=5.0, meaning="rate of rain")
+    extinction_coefficient: float = parameter(
+        "1/m", low=0.0, high=0.1, typical=3.65e-4, noticeable=9e-5, meaning="extinction at 1 mm/h"
+    )
+    extinction_exponent: float = parameter(
+        "", low=0.0, high=2.0, typical=0.63, noticeable=0.06, meaning="power of the rate in it"
+    )
+    drop_echo: float = parameter(
+        "", low=0.0, high=1e4, typical=60.0, noticeable=15.0, meaning="factor on the brightness of drops"
+    )
+    drop_density: float = parameter(
+        "", low=0.0, high=1e3, typical=0.01, noticeable=0.0025, meaning="factor on the number of drops"
+    )
+    beam_diameter_m: float = parameter(
+        "m", low=1e-4, high=1.0, typical=0.01, noticeable=0.002, meaning="beam's diameter at the sensor"
+    )
+    divergence_mrad: float = parameter(
+        "mrad", low=0.0, high=100.0, typical=1.4, noticeable=0.28, meaning="full angle of the beam"
+    )
+    nearest_m: float = parameter(
+        "m", low=0.1, high=100.0, typical=1.0, noticeable=0.2, meaning="range from which on drops are seen"
+    )
     drop_shape: float = parameter(
         "",
         low=0.0,
         high=10.0,
         typical=0.0,
+        noticeable=1.0,
         meaning="power of the diameter in the number of drops; 0: exponential",
         option=True,
     )

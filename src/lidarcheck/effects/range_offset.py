@@ -24,7 +24,9 @@ class RangeOffset(ReadoutEffect):
     name = "range_offset"
     stage = StageByWhat()
 
-    offset_m: float = parameter("m", low=-10.0, high=10.0, typical=0.05, meaning="added to every range")
+    offset_m: float = parameter(
+        "m", low=-10.0, high=10.0, typical=0.05, noticeable=0.01, meaning="added to every range"
+    )
     moves: str | None = what_moves()
 
     def light(self, light: Light, around: Surroundings) -> Light:

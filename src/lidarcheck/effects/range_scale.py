@@ -24,7 +24,9 @@ class RangeScale(ReadoutEffect):
     name = "range_scale"
     stage = StageByWhat()
 
-    fraction: float = parameter("", low=-0.1, high=0.1, typical=0.001, meaning="relative error of every range")
+    fraction: float = parameter(
+        "", low=-0.1, high=0.1, typical=0.001, noticeable=0.0005, meaning="relative error of every range"
+    )
     moves: str | None = what_moves()
 
     def light(self, light: Light, around: Surroundings) -> Light:

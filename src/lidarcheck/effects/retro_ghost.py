@@ -38,18 +38,25 @@ class RetroGhost(LightEffect):
     role = "ghost"
     tree = (108,)
 
-    strength: float = parameter("", low=0.0, high=1.0, typical=5.2e-5, meaning="ghost's S over the target's, at 25 m")
+    strength: float = parameter(
+        "", low=0.0, high=1.0, typical=5.2e-5, noticeable=1.3e-5, meaning="ghost's S over the target's, at 25 m"
+    )
     exponent: float = parameter(
-        "", low=-10.0, high=10.0, typical=0.25, meaning="power by which that ratio falls with range"
+        "", low=-10.0, high=10.0, typical=0.25, noticeable=0.25, meaning="power by which that ratio falls with range"
     )
     extra_m: float = parameter(
-        "m", low=-10.0, high=50.0, typical=0.5, meaning="the ghost's range beyond twice the target's"
+        "m", low=-10.0, high=50.0, typical=0.5, noticeable=0.1, meaning="the ghost's range beyond twice the target's"
     )
     min_signal: float = parameter(
-        "avalanches per SPAD and shot", low=0.0, high=1e9, typical=1.0, meaning="S from which on a pulse makes a ghost"
+        "avalanches per SPAD and shot",
+        low=0.0,
+        high=1e9,
+        typical=1.0,
+        noticeable=0.1,
+        meaning="S from which on a pulse makes a ghost",
     )
     retro_only: int = parameter(
-        "", low=0, high=1, typical=1, whole=True, meaning="1: retro-reflectors alone, 0: any surface"
+        "", low=0, high=1, typical=1, whole=True, noticeable=-1, meaning="1: retro-reflectors alone, 0: any surface"
     )
 
     def light(self, light: Light, around: Surroundings) -> Light:

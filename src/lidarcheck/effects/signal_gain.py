@@ -21,7 +21,9 @@ class SignalGain(LightEffect):
     name = "signal_gain"
     role = "gain"
 
-    gain: float = parameter("", low=0.0, high=100.0, typical=0.9, meaning="factor on the signal of every pulse")
+    gain: float = parameter(
+        "", low=0.0, high=100.0, typical=0.9, noticeable=0.09, meaning="factor on the signal of every pulse"
+    )
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Scale every pulse."""

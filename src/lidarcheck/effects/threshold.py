@@ -23,7 +23,7 @@ class Threshold(DetectorEffect):
     name = "threshold"
 
     shift: float = parameter(
-        "detectors ON", low=-100.0, high=1000.0, typical=3.0, meaning="added to the sensor's threshold"
+        "detectors ON", low=-100.0, high=1000.0, typical=3.0, noticeable=0.5, meaning="added to the sensor's threshold"
     )
 
     def detector(self, sensor: Sensor) -> Sensor:

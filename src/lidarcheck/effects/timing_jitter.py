@@ -35,9 +35,11 @@ class TimingJitter(ReadoutEffect):
 
     name = "timing_jitter"
 
-    sigma_ns: float = parameter("ns", low=0.0, high=100.0, typical=0.7, meaning="standard deviation of an echo's time")
+    sigma_ns: float = parameter(
+        "ns", low=0.0, high=100.0, typical=0.7, noticeable=0.1, meaning="standard deviation of an echo's time"
+    )
     uniform_ns: float = parameter(
-        "ns", low=0.0, high=100.0, typical=0.0, meaning="half-width of a further, uniform scatter"
+        "ns", low=0.0, high=100.0, typical=0.0, noticeable=0.5, meaning="half-width of a further, uniform scatter"
     )
 
     amplitude_power: float = parameter(
@@ -45,6 +47,7 @@ class TimingJitter(ReadoutEffect):
         low=0.0,
         high=2.0,
         typical=0.0,
+        noticeable=0.25,
         meaning="power of AREA by which sigma falls, sigma_ns being that at AREA 1000",
     )
 

@@ -32,19 +32,39 @@ class Vibration(AimEffect):
 
     name = "vibration"
 
-    pitch_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.1, meaning="amplitude of the view's pitch")
-    yaw_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.05, meaning="amplitude of the view's yaw")
-    frequency_hz: float = parameter("Hz", low=0.0, high=20000.0, typical=150.0, meaning="frequency of both")
-    phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="phase at the sweep's start")
-    yaw_phase_deg: float = parameter("deg", low=-360.0, high=360.0, typical=0.0, meaning="yaw's lead over pitch")
-    random_deg: float = parameter("deg", low=0.0, high=5.0, typical=0.01, meaning="random part, rms per column")
+    pitch_deg: float = parameter(
+        "deg", low=0.0, high=5.0, typical=0.1, noticeable=0.02, meaning="amplitude of the view's pitch"
+    )
+    yaw_deg: float = parameter(
+        "deg", low=0.0, high=5.0, typical=0.05, noticeable=0.01, meaning="amplitude of the view's yaw"
+    )
+    frequency_hz: float = parameter(
+        "Hz", low=0.0, high=20000.0, typical=150.0, noticeable=15.0, meaning="frequency of both"
+    )
+    phase_deg: float = parameter(
+        "deg", low=-360.0, high=360.0, typical=0.0, noticeable=30.0, meaning="phase at the sweep's start"
+    )
+    yaw_phase_deg: float = parameter(
+        "deg", low=-360.0, high=360.0, typical=0.0, noticeable=30.0, meaning="yaw's lead over pitch"
+    )
+    random_deg: float = parameter(
+        "deg", low=0.0, high=5.0, typical=0.01, noticeable=0.002, meaning="random part, rms per column"
+    )
     memory_columns: float = parameter(
-        "columns", low=0.0, high=960.0, typical=0.0, meaning="over which the random part stays alike", option=True
+        "columns",
+        low=0.0,
+        high=960.0,
+        typical=0.0,
+        noticeable=10.0,
+        meaning="over which the random part stays alike",
+        option=True,
     )
     new_phase: int = parameter(
-        "", low=0, high=1, typical=0, whole=True, meaning="1: every frame has another phase", option=True
+        "", low=0, high=1, typical=0, whole=True, noticeable=1, meaning="1: every frame has another phase", option=True
     )
-    rigid: int = parameter("", low=0, high=1, typical=1, whole=True, meaning="1: as a body; 0: offsets of the angles")
+    rigid: int = parameter(
+        "", low=0, high=1, typical=1, whole=True, noticeable=-1, meaning="1: as a body; 0: offsets of the angles"
+    )
 
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
         """What the shaken beams meet."""

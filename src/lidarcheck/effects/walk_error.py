@@ -38,14 +38,24 @@ class WalkError(ReadoutEffect):
 
     name = "walk_error"
 
-    per_decade_m: float = parameter("m", low=-2.0, high=2.0, typical=0.05, meaning="shift per decade of AREA")
-    bend_m: float = parameter("m", low=-2.0, high=2.0, typical=0.0, meaning="shift per squared decade of AREA")
-    reference_area: float = parameter(
-        "", low=1.0, high=LARGEST_REFERENCE, typical=1000.0, meaning="AREA that is not shifted"
+    per_decade_m: float = parameter(
+        "m", low=-2.0, high=2.0, typical=0.05, noticeable=0.01, meaning="shift per decade of AREA"
     )
-    power: float = parameter("", low=-2.0, high=2.0, typical=0.0, meaning="power of AREA; 0 for the logarithm")
+    bend_m: float = parameter(
+        "m", low=-2.0, high=2.0, typical=0.0, noticeable=0.01, meaning="shift per squared decade of AREA"
+    )
+    reference_area: float = parameter(
+        "", low=1.0, high=LARGEST_REFERENCE, typical=1000.0, noticeable=100.0, meaning="AREA that is not shifted"
+    )
+    power: float = parameter(
+        "", low=-2.0, high=2.0, typical=0.0, noticeable=0.25, meaning="power of AREA; 0 for the logarithm"
+    )
     shifts_m: tuple[float, ...] = list_parameter(
-        "m", low=-10.0, high=10.0, meaning="shifts besides, at AREA 1 and every quarter of a decade from there"
+        "m",
+        low=-10.0,
+        high=10.0,
+        noticeable=0.01,
+        meaning="shifts besides, at AREA 1 and every quarter of a decade from there",
     )
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:

@@ -33,7 +33,7 @@ from lidarcheck.harness.scenario_run import Load, Measure, ScenarioRun, open_run
 from lidarcheck.model.spec import Model
 from lidarcheck.workers import WorkerPool
 
-__all__ = ["check"]
+__all__ = ["check", "judged"]
 
 logger = logging.getLogger(__name__)
 
@@ -66,20 +66,9 @@ def check(
     kpis_in_suite = suite_size(cases)
     share = error_share(kpis_in_suite)
     run = Runner(jobs, progress, pool)
-    active = [case for case in cases if not case.skipped]
     if pool is not None:
-        _refuse_external(active)
-
-    run.seeds([case.paired_job for case in active], _PAIRED)
-    compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
-    for case in compared:
-        case.need_chance()
-    fresh = fresh_seeds(seed, FULL_SEEDS)
-    run.seeds([case.fresh_job for case in compared], fresh[:FIRST_SEEDS])
-    doubtful = [case for case in compared if _in_doubt(case, share)]
-    run.seeds([case.fresh_job for case in doubtful], fresh[FIRST_SEEDS:])
-
-    results = tuple(_scenario_result(case, share) for case in cases)
+        _refuse_external([case for case in cases if not case.skipped])
+    results = judged(cases, run, share, seed)
     if model is None:
         for case, result in zip(cases, results, strict=True):
             _leave_proposal(case, result)
@@ -94,6 +83,22 @@ def check(
         versions=versions(),
         source=source_hash(),
     )
+
+
+def judged(
+    cases: Sequence[ScenarioRun], run: Runner, share: float, seed: int | None = None
+) -> tuple[ScenarioResult, ...]:
+    """Run the seeds that the gate asks for of each case, and judge them; `share`: the error that each KPI is left."""
+    active = [case for case in cases if not case.skipped]
+    run.seeds([case.paired_job for case in active], _PAIRED)
+    compared = [case for case in active if case.golden and (seed is not None or not _nothing_new(case))]
+    for case in compared:
+        case.need_chance()
+    fresh = fresh_seeds(seed, FULL_SEEDS)
+    run.seeds([case.fresh_job for case in compared], fresh[:FIRST_SEEDS])
+    doubtful = [case for case in compared if _in_doubt(case, share)]
+    run.seeds([case.fresh_job for case in doubtful], fresh[FIRST_SEEDS:])
+    return tuple(_scenario_result(case, share) for case in cases)
 
 
 def _refuse_external(cases: Sequence[ScenarioRun]) -> None:

@@ -45,6 +45,12 @@ class ScenarioRun:
     paired: list[SeedRecord] = field(default_factory=list)
     fresh: list[SeedRecord] = field(default_factory=list)
 
+    def with_model(self, model: Model) -> ScenarioRun:
+        """The same scenario and goldens with another model in the place of the scenario's own, nothing run yet."""
+        scenario = dataclasses.replace(self.scenario, model=model)
+        run = partial(_measure, scenario, model)
+        return dataclasses.replace(self, scenario=scenario, model=model, run=run, foreign=True, paired=[], fresh=[])
+
     @property
     def paired_job(self) -> ScenarioJob:
         """What runs the paired seeds."""

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Jobs, JsonFile, MaxRows, Permitted, Quiet, Seed
+from lidarcheck.cli.core.options import Flag, Jobs, JsonFile, MaxRows, Permitted, Quiet, Seed
 from lidarcheck.cli.core.outputs import check_writable, json_text, with_origin, write_result
 from lidarcheck.cli.core.terminal import complain, emit, hush, progress, stage
 from lidarcheck.cli.core.workers import Scheduler, workers
-from lidarcheck.errors import LidarcheckError
+from lidarcheck.errors import LidarcheckError, UsageError
 from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
@@ -31,12 +31,29 @@ def check(
     html: Annotated[Path | None, Parameter(help="Also write a page with plots to this file.")] = None,
     junit: Annotated[Path | None, Parameter(help="Also write a JUnit report for a CI server to this file.")] = None,
     max_rows: MaxRows | None = None,
+    sensitivity: Annotated[
+        bool, Flag, Parameter(help="Change each parameter noticeably, and say which scenario turns red.")
+    ] = False,
+    every: Annotated[
+        bool, Flag, Parameter(name="--all", help="With --sensitivity: go on beyond the first red scenario.")
+    ] = False,
+    only: Annotated[
+        str | None, Parameter(help="With --sensitivity: parameters with this in their name, as fog.mor_m.")
+    ] = None,
     quiet: Quiet = False,
     permitted: Permitted | None = None,
 ) -> int:
     """Run scenarios against their goldens."""
     hush(quiet)
     limit_rows(max_rows)
+    if sensitivity:
+        _refuse(
+            "cannot be combined with --sensitivity", seed=seed, model=model, scheduler=scheduler, html=html, junit=junit
+        )
+        from lidarcheck.cli.harness.sensitivity import sensitivity as matrix
+
+        return matrix(scenario, every=every, only=only or "", jobs=jobs, json=json)
+    _refuse("needs --sensitivity", all=every or None, only=only)
     outputs = {"--json": json, "--html": html, "--junit": junit}
     for option, place in outputs.items():
         if place is not None:
@@ -65,6 +82,13 @@ def check(
     if html is not None:
         _write_page(report, html)
     return report.exit_code
+
+
+def _refuse(why: str, **options: object) -> None:
+    """`UsageError` for the first of those options that is given."""
+    for name, value in options.items():
+        if value is not None:
+            raise UsageError(f"--{name} {why}", fix="leave one of them out" if "combined" in why else "add it")
 
 
 def _files_of(report: CheckReport) -> list[Path]:

@@ -33,10 +33,13 @@ EMPIRICAL = "empirical: describes, does not explain"
 """What is said of every term that is no effect of the catalogue."""
 
 ALL = columns("effect", "stage", "what it does to the data")
-ONE = columns("parameter", "unit", "lowest", "highest", "typical", "meaning", right=("lowest", "highest", "typical"))
-LISTS = columns("list", "unit", "lowest", "highest", "example", "meaning", right=("lowest", "highest"))
+_NUMBERS = ("lowest", "highest", "typical", "noticeable")
+ONE = columns("parameter", "unit", *_NUMBERS, "meaning", right=_NUMBERS)
+LISTS = columns(
+    "list", "unit", "lowest", "highest", "noticeable", "example", "meaning", right=("lowest", "highest", "noticeable")
+)
 WORDS = columns("word", "one of", "example", "meaning")
-FILES = columns("file", "kind", "meaning")
+FILES = columns("file", "kind", "noticeable", "meaning", right=("noticeable",))
 
 
 def facts(effect: type[Effect]) -> dict[str, Any]:
@@ -73,16 +76,22 @@ def explanation(effect: type[Effect], picture: str = "") -> str:
     kind = f"{effect.stage}; {EMPIRICAL}" if effect.empirical else effect.stage
     parts = [f"{effect.name} ({kind})\n", f"{paragraphs(inspect.getdoc(effect) or '')}\n"]
     parts.append(f"{paragraphs(f'Effect tree (PerCollECT/LidarLimbs): {node_names(effect)}')}\n")
-    rows = [(p.name, p.unit, f"{p.low:g}", f"{p.high:g}", f"{p.typical:g}", p.meaning) for p in effect.parameters()]
+    rows = [
+        (p.name, p.unit, *(f"{number:g}" for number in (p.low, p.high, p.typical, p.noticeable)), p.meaning)
+        for p in effect.parameters()
+    ]
     if rows:
         parts.append(table(ONE, rows))
     words = [(p.name, ", ".join(p.choices), p.example or "", p.meaning) for p in effect.choices()]
     if words:
         parts.append(table(WORDS, words))
-    lists = [(p.name, p.unit, f"{p.low:g}", f"{p.high:g}", _numbers(p.example), p.meaning) for p in effect.lists()]
+    lists = [
+        (p.name, p.unit, *(f"{number:g}" for number in (p.low, p.high, p.noticeable)), _numbers(p.example), p.meaning)
+        for p in effect.lists()
+    ]
     if lists:
         parts.append(table(LISTS, lists))
-    files = [(f.name, f.kind, f.meaning) for f in effect.files()]
+    files = [(f.name, f.kind, f"{100.0 * f.noticeable:g} %", f.meaning) for f in effect.files()]
     if files:
         parts.append(table(FILES, files))
     if picture:

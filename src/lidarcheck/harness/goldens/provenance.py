@@ -46,6 +46,7 @@ NO_RESULTS = (
     "harness/propose",
     "harness/reports",
     "harness/review",
+    "harness/watch",
     "inference",
     "session",
     "tui",
