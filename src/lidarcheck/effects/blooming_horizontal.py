@@ -73,9 +73,7 @@ class BloomingHorizontal(LightEffect):
     reach_columns: float = parameter(
         "columns", low=0.0, high=2400.0, typical=100.0, noticeable=20.0, meaning="no bloom beyond; not for a lut"
     )
-    lut: Curve | None = file_parameter(
-        "lut.horizontal", noticeable=0.25, meaning="INI file with PostPro.LUT_bloomingH_X and _Y"
-    )
+    lut: Curve | None = file_parameter("lut.horizontal", meaning="INI file with PostPro.LUT_bloomingH_X and _Y")  # noqa: RUF009
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of the bloom."""

@@ -72,9 +72,7 @@ class BloomingVertical(LightEffect):
     reach_rows: float = parameter(
         "SPAD rows", low=0.0, high=1560.0, typical=200.0, noticeable=40.0, meaning="no bloom beyond; not for a lut"
     )
-    lut: Curve | None = file_parameter(
-        "lut.vertical", noticeable=0.25, meaning="INI file with PostPro.LUT_blooming_X and _Y"
-    )
+    lut: Curve | None = file_parameter("lut.vertical", meaning="INI file with PostPro.LUT_blooming_X and _Y")  # noqa: RUF009
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of the bloom."""

@@ -6,7 +6,7 @@ downward is tried first. It follows from the kind of quantity:
 | quantity | noticeable | since |
 |---|---|---|
 | factor on the signal | 10 % | a field panel's reflectance and a laser's power over temperature are each good to 5 % |
-| rate, stray light, rare event | 25 %, 1 dB | dark counts change by as much over 3 °C, and scattered light is plotted in dB |
+| rate, stray light, rare event | 25 %, 1 dB | dark counts change by as much over 3 °C; scattered light is read in dB |
 | width, length, decay time | 20 % | what fits of a profile or of a decay repeat to |
 | duration of the laser's pulse | 5 % | an oscilloscope's |
 | pointing angle | 0.05 deg | the spacing of two layers |
@@ -96,7 +96,7 @@ class FileParameter:
     name: str
     kind: str
     meaning: str
-    noticeable: float = 0.1
+    noticeable: float = 0.25
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -199,7 +199,7 @@ class Curve:
     file: str
 
 
-def file_parameter(kind: str, *, meaning: str, noticeable: float = 0.1) -> Any:
+def file_parameter(kind: str, *, meaning: str, noticeable: float = 0.25) -> Any:
     """Declare a parameter that names a file, as a dataclass field of type `Curve | None`; None when left out."""
     return dataclasses.field(default=None, metadata={"kind": kind, "meaning": meaning, "noticeable": noticeable})
 

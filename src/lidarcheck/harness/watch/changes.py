@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,7 +63,8 @@ def change_of(model: Model, owner: str, parameter: str) -> Change | None:
 
 
 def _declared(effect: type[Effect]) -> dict[str, Any]:
-    return {p.name: p for p in (*effect.parameters(), *effect.lists(), *effect.choices(), *effect.files())}
+    kinds: tuple[Sequence[Any], ...] = (effect.parameters(), effect.lists(), effect.choices(), effect.files())
+    return {one.name: one for kind in kinds for one in kind}
 
 
 def _sensor_change(model: Model, name: str) -> Change | None:
