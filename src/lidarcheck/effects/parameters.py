@@ -67,10 +67,10 @@ class Parameter:
     def nearby(self, value: float) -> tuple[float, ...]:
         """The values a noticeable change away from `value` and in range, the one to prefer first.
 
-        `noticeable` is at the typical value: what counts from 0 changes in proportion to `value`, all else by as much.
+        `noticeable` is at the typical value: what has no sign changes in proportion to `value`, all else by as much.
         """
-        counts_from_zero = self.low == 0.0 < self.typical and not self.whole
-        step = self.noticeable * (value / self.typical if counts_from_zero and value > 0.0 else 1.0)
+        has_no_sign = self.low >= 0.0 < self.typical and not self.whole
+        step = self.noticeable * (value / self.typical if has_no_sign and value > 0.0 else 1.0)
         found = (value + step, value - step)
         return tuple(int(one) if self.whole else one for one in found if self.low <= one <= self.high)
 

@@ -187,6 +187,11 @@ class _Suite:
         return dataclasses.replace(_first_red(result), seconds=round(time.monotonic() - start, 3))
 
 
+def _cost(case: ScenarioRun) -> int:
+    """How long a seed takes beside others: detectors to follow."""
+    return len(case.scenario.ideal) * case.scenario.frames * case.model.sensor.detectors
+
+
 def _first_red(result: ScenarioResult) -> Outcome:
     """The KPI that fell out farthest beyond what would have been caught; an empty outcome if none did."""
     fallen = [kpi for kpi in result.kpis if kpi.fails]
