@@ -53,7 +53,8 @@ class OutcomeStore:
         for line in self._lines():
             try:
                 entry = json.loads(line)
-                self._known[entry.pop("key")] = Outcome(**entry)
+                key = entry.pop("key")
+                self._known[key] = Outcome(**entry)
             except (ValueError, KeyError, TypeError, AttributeError):
                 continue  # a line that an interrupt cut off is found anew
 
