@@ -38,7 +38,7 @@ class Sample(LightEffect):
     name = "sample"
     tree = (87, 9999)
 
-    amount: float = parameter("1/m|s", low=-1.5, high=1e6, typical=0.25, meaning="how * much")
+    amount: float = parameter("1/m|s", low=-1.5, high=1e6, typical=0.25, noticeable=0.05, meaning="how * much")
 
     def light(self, light, around):
         return light
@@ -48,7 +48,7 @@ def test_an_effect_that_is_added_has_its_section(script):
     text = script.page({"sample": Sample})
     assert "| [`sample`](#sample) | light | 87, 9999 | Light is turned \\<around> 2\\*3\\*4. |" in text
     assert "Effect tree: 87 extinction, 9999." in text
-    assert "| `amount` | 1/m\\|s | -1.5 ... 1e+06 | 0.25 | how \\* much |" in text
+    assert "| `amount` | 1/m\\|s | -1.5 ... 1e+06 | 0.25 | 0.05 | how \\* much |" in text
     assert "\n    y = a|b * <c>\n" in text
     assert "With `a|b*c`:" in text
     assert '```toml\n[[effects]]\nname = "sample"\namount = 0.25\n```' in text
