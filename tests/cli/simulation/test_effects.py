@@ -52,7 +52,7 @@ def test_json_of_all_effects(capsys):
             assert isinstance(p["unit"], str)
             assert p["meaning"]
         for f in effect["files"].values():
-            assert set(f) == {"kind", "meaning"}
+            assert set(f) == {"kind", "noticeable", "meaning"}
 
 
 @pytest.mark.parametrize("name", NAMES[::7])
