@@ -1,0 +1,169 @@
+"""The errors that `ci/mutants` puts into the source, and what it keeps of a run."""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from places import ROOT
+
+PACKAGE = ROOT / "src/lidarcheck"
+
+SOURCE = b'''"""A text: 1 + 1."""
+
+from __future__ import annotations
+
+LIMIT: int = 4
+SCALE = 2.0
+
+
+class Thing:
+    """Another text."""
+
+    gain: float = parameter("1", low=0.0, high=9.0, meaning="how strong")
+
+    def __repr__(self) -> str:
+        return f"{1 + self.gain}"
+
+    def light(self, near_m: float, far_m: float = 5.0, progress: object = None) -> float:
+        """Its law."""
+        if near_m < 0.0:
+            raise ValueError(f"{near_m + 1.0} is below 0")
+        _log.info("at %s", near_m + 3.0)
+        progress(7, 8)
+        value: float = -near_m * SCALE
+        value += interpolated(near_m, far_m)
+        if value > 6.5 and not far_m:
+            value = minimum(value, far_m)
+        return value
+'''
+
+
+@pytest.fixture(scope="module")
+def tools() -> Iterator[tuple[ModuleType, ModuleType]]:
+    """`ci/mutants_sites.py` and `ci/mutants.py`."""
+    sys.path.insert(0, str(ROOT / "ci"))
+    try:
+        import mutants
+        import mutants_sites
+
+        yield mutants_sites, mutants
+    finally:
+        sys.path.remove(str(ROOT / "ci"))
+
+
+def test_every_kind_is_python_that_differs(tools: tuple[ModuleType, ModuleType]) -> None:
+    sites, _ = tools
+    found = sites.sites("thing.py", SOURCE)
+    assert {mutant.kind for mutant in found} == set(sites.KINDS)
+    right = ast.dump(ast.parse(SOURCE))
+    for mutant in found:
+        assert ast.dump(ast.parse(mutant.applied(SOURCE))) != right, mutant
+
+
+def test_what_stands_there_then(tools: tuple[ModuleType, ModuleType]) -> None:
+    sites, _ = tools
+    changes = {(mutant.kind, mutant.was, mutant.now) for mutant in sites.sites("thing.py", SOURCE)}
+    assert changes == {
+        ("constant", "2.0", "(2.2)"),
+        ("constant", "2.0", "(4.0)"),
+        ("arithmetic", "-near_m * SCALE", "(-near_m / SCALE)"),
+        ("arithmetic", "-near_m", "near_m"),
+        ("arithmetic", "value += interpolated(near_m, far_m)", "value -= interpolated(near_m, far_m)"),
+        ("dropped", "value += interpolated(near_m, far_m)", "pass"),
+        ("swapped", "interpolated(near_m, far_m)", "(interpolated(far_m, near_m))"),
+        ("comparison", "value > 6.5 and not far_m", "(value > 6.5 or not far_m)"),
+        ("comparison", "value > 6.5", "(value >= 6.5)"),
+        ("comparison", "value > 6.5", "(value <= 6.5)"),
+        ("comparison", "not far_m", "far_m"),
+        ("constant", "6.5", "(7.15)"),
+        ("constant", "6.5", "(13.0)"),
+        ("dropped", "value = minimum(value, far_m)", "pass"),
+    }
+
+
+def test_the_same_seed_draws_the_same(tools: tuple[ModuleType, ModuleType]) -> None:
+    sites, _ = tools
+    first, again, other = (sites.drawn(PACKAGE, seed, 150) for seed in (3, 3, 4))
+    assert first == again
+    assert len(first) == len(set(first)) == 150
+    assert len(set(first) & set(other)) < 30
+    assert {kind: sum(mutant.kind == kind for mutant in first) for kind in sites.KINDS} == dict.fromkeys(
+        sites.KINDS, 30
+    )
+
+
+def test_drawn_from_the_real_source(tools: tuple[ModuleType, ModuleType]) -> None:
+    sites, _ = tools
+    for mutant in sites.drawn(PACKAGE, 5, 150):
+        source = (PACKAGE / mutant.file).read_bytes()
+        changed = mutant.applied(source)
+        assert not mutant.file.startswith(sites.SKIPPED)
+        assert changed != source
+        ast.parse(changed)
+        assert source.decode().splitlines()[mutant.lines[0] - 1].strip() == mutant.line
+
+
+class Place:
+    """A source that no error changes the echoes of, and how often it was asked."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.source, self.asked = root, root / "src", []
+        file = self.source / "lidarcheck/effects/thing.py"
+        file.parent.mkdir(parents=True)
+        file.write_bytes(SOURCE)
+        for name in ("scan.py", "sensor.py"):
+            (self.source / "lidarcheck" / name).write_bytes(b"")
+
+    def run(self, command: Any, mutant: Any, given: str, limit_s: float) -> tuple[int, str, str]:
+        import json
+
+        names = [task["name"] for task in json.loads(given)]
+        self.asked.append(names)
+        lines = [{"name": name, "found": "red" if name == "strict" else "identical", "kpi": "area"} for name in names]
+        return 0, "\n".join(map(json.dumps, lines)), ""
+
+
+class Runs:
+    def __init__(self, **digests: str) -> None:
+        self.digests = digests
+
+    def of(self, mutant: Any) -> list[tuple[str, str]]:
+        return [(name, "exact") for name in self.digests]
+
+    def tasks(self, pairs: Any, compiling: bool) -> list[dict[str, Any]]:
+        return [{"name": name, "limit_s": 1.0} for name, _ in pairs]
+
+
+def test_a_run_goes_on_where_it_ended(tools: tuple[ModuleType, ModuleType], tmp_path: Path) -> None:
+    sites, mutants = tools
+    place, file = Place(tmp_path), tmp_path / "kept.json"
+    mutant = sites.sites("effects/thing.py", SOURCE)[0]
+
+    def verdict(**digests: str) -> str:
+        return str(mutants.judged(mutant, place, Runs(**digests), mutants.Kept(file))["verdict"])
+
+    assert verdict(plain="1") == "identical"
+    assert verdict(plain="1") == "identical"
+    assert place.asked == [["plain"]], "what is known is not asked again"
+    assert verdict(plain="1", strict="1") == "killed"
+    assert place.asked[1:] == [["strict"]], "a new scenario alone is asked"
+    assert verdict(plain="2", strict="1") == "killed"
+    assert len(place.asked) == 2, "what has turned red still does"
+    assert verdict(plain="2", strict="2") == "killed"
+    assert place.asked[2:] == [["plain", "strict"]], "another golden is asked"
+
+
+def test_an_equivalent_is_known_although_lines_move(tools: tuple[ModuleType, ModuleType], tmp_path: Path) -> None:
+    sites, mutants = tools
+    moved = sites.sites("thing.py", b"\n\n" + SOURCE)
+    names = [mutants.name_of(mutant) for mutant in sites.sites("thing.py", SOURCE)]
+    assert [mutants.name_of(mutant) for mutant in moved] == names
+    listed = mutants.equivalents(ROOT / "ci/mutants.toml")
+    for name, line, was, now in listed:
+        known = {mutants.name_of(mutant) for mutant in sites.sites(name, (PACKAGE / name).read_bytes())}
+        assert (name, line, was, now) in known, f"ci/mutants.toml: {name}: there is no such error: {was} -> {now}"
