@@ -259,9 +259,10 @@ class Runs:
         self.known = {pair: run for pair, run in known.items() if run and run["holds"]}
 
     def _digest(self, scenario: Path) -> str:
-        """Of a scenario, its golden, and the folders beside it: models and what else scenarios name."""
-        golden = self.place.place / "goldens" / scenario.name
-        files = [scenario, golden, *sorted(scenario.parent.glob("*/**/*"))]
+        """Of a scenario, its golden, the models beside it and the files that it names."""
+        golden, text = self.place.place / "goldens" / scenario.name, scenario.read_text(encoding="utf-8")
+        beside = sorted(scenario.parent.glob("*/**/*"))
+        files = [scenario, golden, *(path for path in beside if path.suffix == ".toml" or path.name in text)]
         return hashlib.sha256(b"\0".join(path.read_bytes() for path in files if path.is_file())).hexdigest()[:16]
 
     def _task(self, name: str, fidelity: str, limit_s: float, digests: Sequence[str]) -> dict[str, Any]:
@@ -324,6 +325,7 @@ def judged(mutant: Mutant, place: Scratch, runs: Runs, kept: Kept) -> dict[str, 
         "judges": {name: now[name] for name in judges},
         "seconds": round(time.monotonic() - begin, 1),
         "mutant": str(mutant),
+        "then": mutant.then,
     }
     kept.save(key, new)
     return new
@@ -375,15 +377,15 @@ def tested(mutant: Mutant, place: Scratch, kept: Kept) -> dict[str, Any]:
     return {}
 
 
-def equivalents(path: Path) -> set[tuple[str, str, str, str]]:
+def equivalents(path: Path) -> set[tuple[str, str, str]]:
     """The errors that change no result, which that file lists with the reason."""
     listed = tomllib.loads(path.read_text(encoding="utf-8")).get("equivalent", [])
-    return {(entry["file"], entry["line"], entry["was"], entry["now"]) for entry in listed}
+    return {(entry["file"], entry["line"], entry["then"]) for entry in listed}
 
 
-def name_of(mutant: Mutant) -> tuple[str, str, str, str]:
+def name_of(mutant: Mutant) -> tuple[str, str, str]:
     """What says which error it is, although lines move."""
-    return mutant.file, mutant.line, mutant.was, mutant.now
+    return mutant.file, mutant.line, mutant.then
 
 
 if __name__ == "__main__":

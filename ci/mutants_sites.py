@@ -6,7 +6,7 @@ import ast
 import copy
 import itertools
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ SKIPPED = (
     "model/fidelity.py",  # checks of what a user asks
     "model/files",
     "model/incremental.py",  # what inference keeps of a frame
+    "model/fast/store.py",  # where the library of echoes lies
     "model/jit.py",  # where compiled kernels lie
     "model/reference.py",  # minutes a scenario; the exact chain is held to it by tests, and it by them to the chain
     "model/sharing.py",  # which thread does what
@@ -73,15 +74,17 @@ _CALCULATED: dict[type[ast.operator], type[ast.operator]] = {
 
 @dataclass(frozen=True)
 class Mutant:
-    """An error: in `file`, below `src/lidarcheck`, `now` in the place of `was`, which begins in `line` of the source.
+    """An error in `file`, below `src/lidarcheck`: `was` becomes `now` where `line` of the source becomes `then`.
 
-    `lines`: first and last line of the statement, of a compound one its head; `inside`: whether that is in a function,
-    so that it runs when this is called; `begin`, `end`: the bytes that are replaced.
+    `row`: the first row of that line; `lines`: first and last row of the statement, of a compound one its head;
+    `inside`: whether that is in a function, so that it runs when this is called; `begin`, `end`: the bytes replaced.
     """
 
     file: str
     kind: str
+    row: int
     line: str
+    then: str
     was: str
     now: str
     lines: tuple[int, int]
@@ -90,7 +93,7 @@ class Mutant:
     end: int
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.lines[0]}: {self.kind}: {self.was} -> {self.now}"
+        return f"{self.file}:{self.row}: {self.kind}: {self.was} -> {self.now} in {self.line}"
 
     def applied(self, source: bytes) -> bytes:
         """The source with the error."""
@@ -98,21 +101,27 @@ class Mutant:
 
 
 def drawn(package: Path, seed: int, count: int, only: str = "") -> list[Mutant]:
-    """`count` mutants of the model and the effects, as many of each kind as there are, the same for the same seed.
+    """`count` mutants of the model and the effects, as many of each kind, the same for the same seed.
 
-    `only`: of files in whose path it occurs.
+    Files are alike, however long: the law of an effect has few lines. `only`: in files in whose path it occurs.
     """
     files = [path for part in ("effects", "model") for path in sorted((package / part).rglob("*.py"))]
     names = {path.relative_to(package).as_posix(): path for path in files}
     found = [site for name, path in names.items() if not _skipped(name) for site in _sites(name, path.read_bytes())]
     draw = random.Random(seed)
-    piles = [[site for site in found if site.kind == kind and only in site.file.name] for kind in KINDS]
-    for pile in piles:
-        draw.shuffle(pile)
+    piles = {kind: _by_file(site for site in found if site.kind == kind and only in site.file.name) for kind in KINDS}
     taken: list[_Site] = []
-    while len(taken) < count and any(piles):
-        taken += [pile.pop() for pile in piles if pile]
+    while len(taken) < count and any(piles.values()):
+        for pile in piles.values():
+            if pile:
+                of_file = pile[draw.randrange(len(pile))]
+                taken.append(of_file.pop(draw.randrange(len(of_file))))
+                pile[:] = [of_file for of_file in pile if of_file]
     return [site.mutant() for site in taken[:count]]
+
+
+def _by_file(found: Iterable[_Site]) -> list[list[_Site]]:
+    return [list(group) for _, group in itertools.groupby(found, key=lambda site: site.file.name)]
 
 
 def sites(file: str, source: bytes) -> list[Mutant]:
@@ -150,19 +159,30 @@ class _Site:
 
     def mutant(self) -> Mutant:
         place = self.place
-        begin, end = self.file.at(place.node)
+        node: Any = place.node
+        begin, end = self.file.at(node)
         now = ast.unparse(self.changed)
+        now = now if isinstance(node, ast.stmt) or isinstance(self.changed, ast.Name) else f"({now})"
+        first, behind = self.file.starts[node.lineno - 1], self.file.starts[node.end_lineno]
+        source = self.file.source
         return Mutant(
             file=self.file.name,
             kind=self.kind,
-            line=self.file.rows[place.lines[0] - 1].strip(),
-            was=" ".join(self.file.source[begin:end].decode().split()),
-            now=now if isinstance(place.node, ast.stmt) or isinstance(self.changed, ast.Name) else f"({now})",
+            row=node.lineno,
+            line=_joined(source[first:behind]),
+            then=_joined(source[first:begin] + now.encode() + source[end:behind]),
+            was=_joined(source[begin:end]),
+            now=now,
             lines=place.lines,
             inside=place.inside,
             begin=begin,
             end=end,
         )
+
+
+def _joined(source: bytes) -> str:
+    """In one line."""
+    return " ".join(source.decode().split())
 
 
 def _sites(name: str, source: bytes) -> list[_Site]:
