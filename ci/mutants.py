@@ -44,7 +44,6 @@ SURVIVED = ("identical", "changed")
 COMPILING_S = 900.0
 LEAST_S = 60.0
 TESTING_S = 1800.0
-ASK_CACHE = "from lidarcheck.model import jit; print(jit.base_directory() / 'kernels' / jit.source_hash()[:16])"
 
 
 def main() -> int:
@@ -111,6 +110,7 @@ class Scratch:
         self.kernels = self.place / f"kernels-{self.hash}"
         for other in set(self.place.glob("kernels*")) - {self.kernels}:
             shutil.rmtree(other)
+        self.spans: dict[str, list[tuple[str, int, int]]] = {}
         self.spans = self._spans()
         self.imports = imports_of(self.source / "lidarcheck")
 
@@ -121,16 +121,19 @@ class Scratch:
         """Of each kernel, the file and lines of it and of all that it calls."""
         files = [path for path in (self.source / "lidarcheck/model").rglob("*.py") if compiled(path.read_bytes())]
         names = [".".join(path.relative_to(self.source).with_suffix("").parts) for path in files]
-        given = json.dumps([{"name": name} for name in names if ".cuda." not in name])
-        _, output, _ = self.run([str(WORKER), "kernels"], None, given, COMPILING_S)
-        return {line["name"]: line["spans"] for line in map(json.loads, output.splitlines())}
+        tasks = [{"name": name} for name in names if ".cuda." not in name]
+        _, lines, _ = self.work("kernels", None, tasks, COMPILING_S)
+        return {line["name"]: line["spans"] for line in lines}
 
-    def cache(self) -> Path:
-        """Where the kernels of the source as it stands lie."""
-        run = subprocess.run(
-            [sys.executable, "-c", ASK_CACHE], env=self.environment(), capture_output=True, text=True, check=True
-        )
-        return Path(run.stdout.strip())
+    def work(
+        self, what: str, mutant: Mutant | None, tasks: Sequence[dict[str, Any]], limit_s: float
+    ) -> tuple[int, list[dict[str, Any]], str]:
+        """(exit code, lines, errors) of the worker with the mutant in the source."""
+        # Kernels that the error does not reach are not compiled again.
+        stale = [kernel for kernel in self.spans if mutant and self._reaches(mutant, kernel)]
+        given = json.dumps({"kernels": str(self.kernels), "stale": stale, "tasks": tasks})
+        code, output, errors = self.run([str(WORKER), what], mutant, given, limit_s)
+        return code, [json.loads(line) for line in output.splitlines()], errors
 
     def run(self, command: Sequence[str], mutant: Mutant | None, given: str, limit_s: float) -> tuple[int, str, str]:
         """(exit code, output, errors) of a Python command with the mutant in the source; -9 where it hangs."""
@@ -139,7 +142,6 @@ class Scratch:
         try:
             if mutant is not None:
                 file.write_bytes(mutant.applied(text))
-            self._bring_kernels(mutant)
             run = subprocess.run(
                 [sys.executable, *command],
                 cwd=self.root,
@@ -151,26 +153,12 @@ class Scratch:
                 check=False,
             )
             return run.returncode, run.stdout, run.stderr
-        except subprocess.TimeoutExpired as error:
-            return -9, error.stdout.decode() if isinstance(error.stdout, bytes) else "", "it hangs"
+        except subprocess.TimeoutExpired:
+            return -9, "", "it hangs"
         finally:
             file.write_bytes(text)
             os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
-            if command[-1] == "trace":  # of the right source: kernels for all errors that do not reach them
-                shutil.rmtree(self.kernels, ignore_errors=True)
-                self.cache().rename(self.kernels)
             shutil.rmtree(self.place / "cache", ignore_errors=True)
-
-    def _bring_kernels(self, mutant: Mutant | None) -> None:
-        """Kernels that the error does not reach are not compiled again; numba writes beside them, never into them."""
-        if not self.kernels.is_dir():
-            return
-
-        def reached(directory: str, files: list[str]) -> list[str]:
-            folder = Path(directory).name.rpartition("_")[0]
-            return [file for file in files if mutant and self._reaches(mutant, f"{folder}/{file.partition('.py')[0]}")]
-
-        shutil.copytree(self.kernels, self.cache(), ignore=reached, copy_function=os.link, dirs_exist_ok=True)
 
     def _reaches(self, mutant: Mutant, kernel: str) -> bool:
         """Whether a kernel has the error, or calls what has it."""
@@ -242,14 +230,14 @@ class Runs:
         kept = Kept(place.root / ".lidarcheck" / "mutants-lines.json")
         pairs = [(name, fidelity) for fidelity in ("exact", "fast") for name in self.digests]
         keys = {pair: f"{self.source} {self.digests[pair[0]]} {pair[1]}" for pair in pairs}
-        new = [pair for pair in pairs if keys[pair] not in kept.known or not place.kernels.is_dir()]
+        new = [pair for pair in pairs if keys[pair] not in kept.known]
         if new:
             print(f"{len(new)} scenarios run in the right source, to know what they run", flush=True)
             tasks = [self._task(name, fidelity, LEAST_S + COMPILING_S, []) for name, fidelity in new]
-            code, output, errors = place.run([str(WORKER), "trace"], None, json.dumps(tasks), 1e5)
+            code, lines, errors = place.work("trace", None, tasks, 1e5)
             if code:
                 sys.exit(f"error: the scenarios cannot be run: {errors[-2000:]}")
-            found = {(line["name"], line["fidelity"]): line for line in map(json.loads, output.splitlines())}
+            found = {(line["name"], line["fidelity"]): line for line in lines}
             for pair in new:
                 kept.save(keys[pair], found.get(pair, {}))
         known = {pair: kept.known[keys[pair]] for pair in pairs}
@@ -336,10 +324,7 @@ def verdict_of(mutant: Mutant, place: Scratch, runs: Runs, pairs: Sequence[tuple
         return {"verdict": "identical", "by": "no scenario runs it"}
     compiling = compiled((place.source / "lidarcheck" / mutant.file).read_bytes())
     tasks = runs.tasks(pairs, compiling or pairs[0][1] == "fast")
-    code, output, errors = place.run(
-        [str(WORKER), "judge"], mutant, json.dumps(tasks), sum(task["limit_s"] for task in tasks)
-    )
-    lines = [json.loads(line) for line in output.splitlines()]
+    code, lines, errors = place.work("judge", mutant, tasks, sum(task["limit_s"] for task in tasks))
     if lines and lines[-1]["found"] == "red":
         name = lines[-1]["name"]
         return {"verdict": "killed", "by": f"{name} {dict(pairs)[name]}: {lines[-1]['kpi']}"}
