@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 from places import ROOT
@@ -109,6 +110,40 @@ def test_drawn_from_the_real_source(tools: tuple[ModuleType, ModuleType]) -> Non
         assert mutant.lines[0] <= mutant.row <= mutant.lines[1]
 
 
+def test_a_kernel_is_stale_where_the_error_is_in_what_it_calls(tools: tuple[ModuleType, ModuleType]) -> None:
+    import mutants_scenarios
+
+    from lidarcheck.model.exact import single
+
+    (group,) = (
+        line["spans"]
+        for line in mutants_scenarios.kernels([{"name": "lidarcheck.model.exact.group"}])
+        if ".simulate_group-" in line["name"]
+    )
+
+    def holds(function: Any) -> bool:
+        row = function.py_func.__code__.co_firstlineno + 1
+        return any(file == "model/exact/single.py" and first <= row <= last for file, first, last in group)
+
+    assert holds(single.place_dead), "what is pasted into a kernel by way of another"
+    assert not holds(single.simulate_alone)
+
+
+def test_which_lines_run(tools: tuple[ModuleType, ModuleType]) -> None:
+    import mutants_scenarios
+
+    from lidarcheck.effects.shared import draws
+
+    with mutants_scenarios.Lines() as lines:
+        draws.normals(np.array([0.5]))
+    (file,) = lines.found()
+    rows = (PACKAGE / file).read_text(encoding="utf-8").splitlines()
+    ran = "\n".join(rows[number - 1] for number in sorted(lines.found()[file]))
+    assert file == "effects/shared/draws.py"
+    assert "ndtri(np.maximum" in ran
+    assert "pdtr" not in ran, "of a function that is not called"
+
+
 class Place:
     """A source that no error changes the echoes of, and how often it was asked."""
 
@@ -120,13 +155,11 @@ class Place:
         for name in ("scan.py", "sensor.py"):
             (self.source / "lidarcheck" / name).write_bytes(b"")
 
-    def run(self, command: Any, mutant: Any, given: str, limit_s: float) -> tuple[int, str, str]:
-        import json
-
-        names = [task["name"] for task in json.loads(given)]
+    def work(self, what: str, mutant: Any, tasks: Any, limit_s: float) -> tuple[int, list[dict[str, Any]], str]:
+        names = [task["name"] for task in tasks]
         self.asked.append(names)
-        lines = [{"name": name, "found": "red" if name == "strict" else "identical", "kpi": "area"} for name in names]
-        return 0, "\n".join(map(json.dumps, lines)), ""
+        found = {"strict": "red"}
+        return 0, [{"name": name, "found": found.get(name, "identical"), "kpi": "area"} for name in names], ""
 
 
 class Runs:
