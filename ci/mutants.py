@@ -25,10 +25,6 @@ from __future__ import annotations
 import argparse
 import collections
 import hashlib
-import json
-import os
-import shutil
-import subprocess
 import sys
 import time
 import tomllib
@@ -37,12 +33,10 @@ from pathlib import Path
 from typing import Any
 
 from mutants_sites import Mutant, drawn
+from mutants_source import Kept, Runs, Scratch, compiled, source_hash
 
 ROOT = Path(__file__).resolve().parents[1]
-WORKER = Path(__file__).with_name("mutants_worker.py")
 SURVIVED = ("identical", "changed")
-COMPILING_S = 900.0
-LEAST_S = 60.0
 TESTING_S = 1800.0
 
 
@@ -92,204 +86,6 @@ def in_words(counts: collections.Counter[str]) -> str:
         both = by_scenarios + counts["by tests"]
         text += f"; {both} by scenarios and tests ({100.0 * both / max(total, 1):.1f} %)"
     return text + f"; {counts['identical']} identical, {counts['changed']} changed; {counts['equivalent']} equivalent"
-
-
-class Scratch:
-    """A copy of source, scenarios and goldens: a file of it is mutated and mended again; and compiled kernels of it."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.place = root / ".lidarcheck" / "mutants"
-        self.source = self.place / "src"
-        for part in ("src", "scenarios", "goldens"):
-            shutil.rmtree(self.place / part, ignore_errors=True)
-            # With its times: compiled kernels are looked for by them.
-            shutil.copytree(root / part, self.place / part, ignore=shutil.ignore_patterns("__pycache__"))
-        (root / ".lidarcheck" / ".gitignore").write_text("*\n", encoding="utf-8")
-        self.hash = source_hash(self.source / "lidarcheck")
-        self.kernels = self.place / f"kernels-{self.hash}"
-        for other in set(self.place.glob("kernels*")) - {self.kernels}:
-            shutil.rmtree(other)
-        self.spans: dict[str, list[tuple[str, int, int]]] = {}
-        self.spans = self._spans()
-        self.imports = imports_of(self.source / "lidarcheck")
-
-    def environment(self) -> dict[str, str]:
-        return {**os.environ, "PYTHONPATH": str(self.source), "LIDARCHECK_CACHE": str(self.place / "cache")}
-
-    def _spans(self) -> dict[str, list[tuple[str, int, int]]]:
-        """Of each kernel, the file and lines of it and of all that it calls."""
-        files = [path for path in (self.source / "lidarcheck/model").rglob("*.py") if compiled(path.read_bytes())]
-        names = [".".join(path.relative_to(self.source).with_suffix("").parts) for path in files]
-        tasks = [{"name": name} for name in names if ".cuda." not in name]
-        _, lines, _ = self.work("kernels", None, tasks, COMPILING_S)
-        return {line["name"]: line["spans"] for line in lines}
-
-    def work(
-        self, what: str, mutant: Mutant | None, tasks: Sequence[dict[str, Any]], limit_s: float
-    ) -> tuple[int, list[dict[str, Any]], str]:
-        """(exit code, lines, errors) of the worker with the mutant in the source."""
-        # Kernels that the error does not reach are not compiled again.
-        stale = [kernel for kernel in self.spans if mutant and self._reaches(mutant, kernel)]
-        given = json.dumps({"kernels": str(self.kernels), "stale": stale, "tasks": tasks})
-        code, output, errors = self.run([str(WORKER), what], mutant, given, limit_s)
-        return code, [json.loads(line) for line in output.splitlines()], errors
-
-    def run(self, command: Sequence[str], mutant: Mutant | None, given: str, limit_s: float) -> tuple[int, str, str]:
-        """(exit code, output, errors) of a Python command with the mutant in the source; -9 where it hangs."""
-        file = self.source / "lidarcheck" / (mutant.file if mutant else "__init__.py")
-        text, times = file.read_bytes(), file.stat()
-        try:
-            if mutant is not None:
-                file.write_bytes(mutant.applied(text))
-            run = subprocess.run(
-                [sys.executable, *command],
-                cwd=self.root,
-                env=self.environment(),
-                input=given,
-                capture_output=True,
-                text=True,
-                timeout=limit_s,
-                check=False,
-            )
-            return run.returncode, run.stdout, run.stderr
-        except subprocess.TimeoutExpired:
-            return -9, "", "it hangs"
-        finally:
-            file.write_bytes(text)
-            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
-            shutil.rmtree(self.place / "cache", ignore_errors=True)
-
-    def _reaches(self, mutant: Mutant, kernel: str) -> bool:
-        """Whether a kernel has the error, or calls what has it."""
-        spans = self.spans.get(kernel, ())
-        if mutant.inside:
-            return any(f == mutant.file and a <= mutant.lines[1] and mutant.lines[0] <= b for f, a, b in spans)
-        return not self.importers(mutant.file).isdisjoint(file for file, _, _ in spans)
-
-    def importers(self, file: str) -> set[str]:
-        """The file, those that import it, and those that import these."""
-        found, waiting = {file}, [file]
-        while waiting:
-            one = waiting.pop()
-            new = [name for name, others in self.imports.items() if one in others and name not in found]
-            found.update(new)
-            waiting += new
-        return found
-
-
-def compiled(source: bytes) -> bool:
-    return b"@kernel" in source or b"@inlined" in source
-
-
-def imports_of(package: Path) -> dict[str, set[str]]:
-    """Of each file of the model and the effects those that it imports, as paths below the package."""
-    files = {
-        path.relative_to(package).as_posix(): path
-        for part in ("effects", "model")
-        for path in (package / part).rglob("*.py")
-    }
-    found: dict[str, set[str]] = {}
-    for name, path in files.items():
-        words = set()
-        for line in path.read_text(encoding="utf-8").splitlines():
-            first, _, rest = line.strip().partition(" ")
-            if first in ("from", "import") and rest.startswith("lidarcheck."):
-                module, _, things = rest.partition(" import ")
-                words |= {
-                    module,
-                    *(f"{module}.{thing.split()[0]}" for thing in things.strip("(").split(",") if thing.split()),
-                }
-        paths = {f"{word.removeprefix('lidarcheck.').replace('.', '/')}.py" for word in words}
-        found[name] = paths & files.keys()
-    return found
-
-
-class Kept:
-    """What is known, on the disk after each mutant."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-    def save(self, key: str, found: dict[str, Any]) -> None:
-        self.known[key] = found
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        new = self.path.with_suffix(".new")
-        new.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
-        new.replace(self.path)
-
-
-class Runs:
-    """What each scenario runs of the right source: lines, seconds, echoes; known again while nothing has changed."""
-
-    def __init__(self, place: Scratch) -> None:
-        self.place = place
-        self.source = place.hash
-        self.digests = {path.stem: self._digest(path) for path in sorted((place.place / "scenarios").glob("*.toml"))}
-        kept = Kept(place.root / ".lidarcheck" / "mutants-lines.json")
-        pairs = [(name, fidelity) for fidelity in ("exact", "fast") for name in self.digests]
-        keys = {pair: f"{self.source} {self.digests[pair[0]]} {pair[1]}" for pair in pairs}
-        new = [pair for pair in pairs if keys[pair] not in kept.known]
-        if new:
-            print(f"{len(new)} scenarios run in the right source, to know what they run", flush=True)
-            tasks = [self._task(name, fidelity, LEAST_S + COMPILING_S, []) for name, fidelity in new]
-            code, lines, errors = place.work("trace", None, tasks, 1e5)
-            if code:
-                sys.exit(f"error: the scenarios cannot be run: {errors[-2000:]}")
-            found = {(line["name"], line["fidelity"]): line for line in lines}
-            for pair in new:
-                kept.save(keys[pair], found.get(pair, {}))
-        known = {pair: kept.known[keys[pair]] for pair in pairs}
-        bad = [name for (name, fidelity), run in known.items() if run and not run["holds"] and fidelity == "exact"]
-        if bad:
-            sys.exit(f"error: {', '.join(bad)}: not what the golden says; run lidarcheck check first")
-        self.known = {pair: run for pair, run in known.items() if run and run["holds"]}
-
-    def _digest(self, scenario: Path) -> str:
-        """Of a scenario, its golden, the models beside it and the files that it names."""
-        golden, text = self.place.place / "goldens" / scenario.name, scenario.read_text(encoding="utf-8")
-        beside = sorted(scenario.parent.glob("*/**/*"))
-        files = [scenario, golden, *(path for path in beside if path.suffix == ".toml" or path.name in text)]
-        return hashlib.sha256(b"\0".join(path.read_bytes() for path in files if path.is_file())).hexdigest()[:16]
-
-    def _task(self, name: str, fidelity: str, limit_s: float, digests: Sequence[str]) -> dict[str, Any]:
-        file = str(self.place.place / "scenarios" / f"{name}.toml")
-        return {"name": name, "file": file, "fidelity": fidelity, "limit_s": limit_s, "digests": digests}
-
-    def of(self, mutant: Mutant) -> list[tuple[str, str]]:
-        """The scenarios, and paths, that run the mutant's line, cheapest first; the fast path where no other does."""
-        files = {mutant.file} if mutant.inside else {mutant.file, *self._importers(mutant.file)}
-        lines = range(mutant.lines[0], mutant.lines[1] + 1)
-
-        def runs(run: dict[str, Any]) -> bool:
-            if mutant.inside:
-                return not set(lines).isdisjoint(run["lines"].get(mutant.file, ()))
-            return any(file in run["lines"] for file in files)
-
-        touching = [pair for pair, run in self.known.items() if runs(run)]
-        exact = [pair for pair in touching if pair[1] == "exact"]
-        return sorted(exact or touching, key=lambda pair: float(self.known[pair]["seconds"]))
-
-    def _importers(self, file: str) -> set[str]:
-        return {name for name, others in self.place.imports.items() if file in others}
-
-    def tasks(self, pairs: Sequence[tuple[str, str]], compiling: bool) -> list[dict[str, Any]]:
-        """For the worker."""
-        limits = [LEAST_S + 60.0 * self.known[pair]["seconds"] + (COMPILING_S if compiling else 0.0) for pair in pairs]
-        return [
-            self._task(*pair, limit_s, self.known[pair]["digests"]) for pair, limit_s in zip(pairs, limits, strict=True)
-        ]
-
-
-def source_hash(package: Path, mutant: Mutant | None = None) -> str:
-    """Of the source that gives echoes, with the mutant in it."""
-    digest = hashlib.sha256()
-    paths = [path for part in ("elementary", "effects", "model") for path in (package / part).rglob("*.py")]
-    for path in sorted([*paths, package / "scan.py", package / "sensor.py", *(package / "sensors").glob("*.toml")]):
-        name, text = path.relative_to(package).as_posix(), path.read_bytes()
-        digest.update(name.encode() + b"\0" + (mutant.applied(text) if mutant and mutant.file == name else text))
-    return digest.hexdigest()[:32]
 
 
 def judged(mutant: Mutant, place: Scratch, runs: Runs, kept: Kept) -> dict[str, Any]:
@@ -348,18 +144,27 @@ def tested(mutant: Mutant, place: Scratch, kept: Kept) -> dict[str, Any]:
     """Whether the tests of the mutant's room notice what scenarios do not: `by tests`."""
     room, _, rest = mutant.file.partition("/")
     inner = f"tests/{room}/{rest.partition('/')[0]}"
-    tests = [name for name in (inner, f"tests/{room}") if (place.root / name).is_dir()]
-    key = f"tests {source_hash(place.source / 'lidarcheck', mutant)}"
-    for name in tests:
-        if f"{key} {name}" not in kept.known:
-            command = ["-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", name]
-            code, output, _ = place.run(command, mutant, "", TESTING_S)
-            failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
-            red = code not in (0, 5)
-            kept.save(f"{key} {name}", {"red": red, "by": failed[0][:160] if failed else name, "mutant": str(mutant)})
-        if kept.known[f"{key} {name}"]["red"]:
-            return {"verdict": "by tests", "by": kept.known[f"{key} {name}"]["by"]}
+    for name in (name for name in (inner, f"tests/{room}") if (place.root / name).is_dir()):
+        if failing := red_test(name, None, place, kept):
+            sys.exit(f"error: {failing} fails in the right source; run the tests of {name} first")
+        if failing := red_test(name, mutant, place, kept):
+            return {"verdict": "by tests", "by": failing}
     return {}
+
+
+def red_test(name: str, mutant: Mutant | None, place: Scratch, kept: Kept) -> str:
+    """The first test in a folder that fails, from memory where source and tests are known; empty if none does."""
+    files = sorted((place.root / "tests").rglob("*.py"))
+    tests = hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()[:16]
+    key = f"{source_hash(place.source / 'lidarcheck', mutant)} {name} {tests}"
+    if key not in kept.known:
+        command = ["-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", name]
+        code, output, _ = place.run(command, mutant, "", TESTING_S)
+        failed = [line for line in output.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        kept.save(
+            key, {"red": (failed[0][:160] if failed else f"{name}: {code}") if code else "", "mutant": str(mutant)}
+        )
+    return str(kept.known[key]["red"])
 
 
 def equivalents(path: Path) -> set[tuple[str, str, str]]:
