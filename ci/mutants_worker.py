@@ -26,19 +26,22 @@ def main() -> None:
 
     from lidarcheck.model import jit
 
-    kernels, cache, stale = Path(given["kernels"]), jit.cache_directory(), set(given["stale"])
-    _bring(kernels, cache, stale)
+    kernels, cache, fresh = Path(given["kernels"]), jit.cache_directory(), set(given["fresh"])
+    _bring(kernels, cache, fresh)
     for line in getattr(mutants_scenarios, what)(given["tasks"]):
         print(json.dumps(line), flush=True)
-    _bring(cache, kernels, stale)
+    _bring(cache, kernels, fresh)
 
 
-def _bring(source: Path, target: Path, stale: set[str]) -> None:
-    """Link compiled kernels, but those that are stale; numba writes beside them, never into them."""
+def _bring(source: Path, target: Path, fresh: set[str]) -> None:
+    """Link the compiled kernels that are `fresh`; numba writes beside them, never into them.
+
+    A kernel is called by the row on which it begins: one that the error has moved is no other's.
+    """
     for file in source.rglob("*.nb?"):
         folder = file.parent.name.rpartition("_")[0]
         place = target / file.relative_to(source)
-        if f"{folder}/{file.name.partition('.py')[0]}" not in stale:
+        if f"{folder}/{file.name.partition('.py')[0]}" in fresh:
             place.parent.mkdir(parents=True, exist_ok=True)
             place.unlink(missing_ok=True)
             os.link(file, place)
