@@ -25,6 +25,7 @@ from __future__ import annotations
 import argparse
 import collections
 import hashlib
+import signal
 import sys
 import time
 import tomllib
@@ -33,7 +34,7 @@ from pathlib import Path
 from typing import Any
 
 from mutants_sites import Mutant, drawn
-from mutants_source import Kept, Runs, Scratch, compiled, source_hash
+from mutants_source import WAITING, Kept, Runs, Scratch, compiled, source_hash
 
 ROOT = Path(__file__).resolve().parents[1]
 SURVIVED = ("identical", "changed")
@@ -120,16 +121,13 @@ def verdict_of(mutant: Mutant, place: Scratch, runs: Runs, pairs: Sequence[tuple
         return {"verdict": "identical", "by": "no scenario runs it"}
     compiling = compiled((place.source / "lidarcheck" / mutant.file).read_bytes())
     tasks = runs.tasks(pairs, compiling or pairs[0][1] == "fast")
-    code, lines, errors = place.work("judge", mutant, tasks, sum(task["limit_s"] for task in tasks))
+    code, lines, errors = place.work("judge", mutant, tasks, WAITING * sum(task["limit_s"] for task in tasks))
     if lines and lines[-1]["found"] == "red":
         name = lines[-1]["name"]
         return {"verdict": "killed", "by": f"{name} {dict(pairs)[name]}: {lines[-1]['kpi']}"}
     if code:
-        last = errors.strip().splitlines()
-        return {
-            "verdict": "broken",
-            "by": next((line for line in last if "Timeout" in line), last[-1] if last else str(code))[:160],
-        }
+        last = errors.strip().splitlines() or [str(code)]
+        return {"verdict": "broken", "by": "it hangs" if code == -signal.SIGPROF else last[-1][:160]}
     changed = [line for line in lines if line["found"] == "changed"]
     if not changed:
         return {"verdict": "identical", "by": f"{len(pairs)} scenarios run it"}

@@ -5,10 +5,10 @@ Imported by `mutants_worker.py`, once it has the compiled kernels in their place
 
 from __future__ import annotations
 
-import faulthandler
 import functools
 import importlib
 import math
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -81,7 +81,7 @@ def judge(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """A line a scenario, until one is red: `identical`, `red` with the KPI, or `changed`."""
     doubtful = []
     for task in tasks:
-        faulthandler.dump_traceback_later(task["limit_s"], exit=True)
+        signal.setitimer(signal.ITIMER_PROF, task["limit_s"])
         asked = Asked(task["file"], task["fidelity"])
         if asked.digests == task["digests"]:
             yield {"name": task["name"], "found": "identical"}
@@ -100,7 +100,7 @@ def judge(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 def trace(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """A line a scenario: its seconds, its echoes' digests, whether the check holds, and the lines that it runs."""
     for task in tasks:
-        faulthandler.dump_traceback_later(task["limit_s"], exit=True)
+        signal.setitimer(signal.ITIMER_PROF, task["limit_s"])
         begin = time.process_time()
         with Lines() as lines:
             asked = Asked(task["file"], task["fidelity"])

@@ -17,6 +17,10 @@ from mutants_sites import Mutant
 WORKER = Path(__file__).with_name("mutants_worker.py")
 COMPILING_S = 900.0
 LEAST_S = 60.0
+WAITING = 20.0
+AT_ONCE = 12
+"""What a scenario may take, in seconds of the processor, beside what it takes in the right source; how much longer than
+its processor time a run may take beside others; and how many scenarios are traced before they are kept."""
 
 
 class Scratch:
@@ -47,7 +51,9 @@ class Scratch:
         files = [path for path in (self.source / "lidarcheck/model").rglob("*.py") if compiled(path.read_bytes())]
         names = [".".join(path.relative_to(self.source).with_suffix("").parts) for path in files]
         tasks = [{"name": name} for name in names if ".cuda." not in name]
-        _, lines, _ = self.work("kernels", None, tasks, COMPILING_S)
+        code, lines, errors = self.work("kernels", None, tasks, WAITING * COMPILING_S)
+        if code:
+            sys.exit(f"error: the right source does not run: {errors[-2000:]}")
         return {line["name"]: line["spans"] for line in lines}
 
     def work(
@@ -158,12 +164,13 @@ class Runs:
         new = [pair for pair in pairs if keys[pair] not in kept.known]
         if new:
             print(f"{len(new)} scenarios run in the right source, to know what they run", flush=True)
-            tasks = [self._task(name, fidelity, LEAST_S + COMPILING_S, []) for name, fidelity in new]
-            code, lines, errors = place.work("trace", None, tasks, 1e5)
+        for some in (new[start : start + AT_ONCE] for start in range(0, len(new), AT_ONCE)):
+            tasks = [self._task(name, fidelity, LEAST_S + COMPILING_S, []) for name, fidelity in some]
+            code, lines, errors = place.work("trace", None, tasks, WAITING * AT_ONCE * COMPILING_S)
             if code:
                 sys.exit(f"error: the scenarios cannot be run: {errors[-2000:]}")
             found = {(line["name"], line["fidelity"]): line for line in lines}
-            for pair in new:
+            for pair in some:
                 kept.save(keys[pair], found.get(pair, {}))
         known = {pair: kept.known[keys[pair]] for pair in pairs}
         bad = [name for (name, fidelity), run in known.items() if run and not run["holds"] and fidelity == "exact"]

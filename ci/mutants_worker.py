@@ -1,7 +1,7 @@
 """What runs in the source with the error: `mutants_worker.py judge|trace|kernels`, its tasks on the standard input.
 
 Brings the compiled kernels that the error does not reach, does the tasks, printing a line of JSON each, and keeps what
-was compiled besides. A scenario that hangs, and memory beyond all need, end the process.
+was compiled besides. Processor time and memory beyond all need end the process.
 """
 
 from __future__ import annotations
