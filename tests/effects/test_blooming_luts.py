@@ -48,6 +48,7 @@ def test_a_model_names_its_table_by_a_relative_path(tmp_path: Path, monkeypatch:
 
 
 def test_a_saved_model_finds_its_table_from_another_directory(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()  # one project
     read = load_model(saved(tmp_path, INI))
     (tmp_path / "deep/er").mkdir(parents=True)
     save_model(read, tmp_path / "deep/er/copy.toml")

@@ -3,6 +3,7 @@
 import pytest
 
 from lidarcheck.formats.lut import load_lut
+from lidarcheck.permissions import Permissions, granted
 from lidarcheck.session.session import CURRENT, OLD, SAVED, Session
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.profiles import Profiles
@@ -18,7 +19,9 @@ ALL = {"overview": "f2", **PAGES, "blooming": "f5", "explain": "f8", "goldens": 
 
 @pytest.fixture
 def project(tmp_path):
-    return make_stateful(tmp_path / "project")
+    # The case is a project of its own, and names the table beside it.
+    with granted(Permissions(roots=(tmp_path / "project",))):
+        yield make_stateful(tmp_path / "project")
 
 
 @pytest.fixture

@@ -146,6 +146,7 @@ def test_a_model_without_effects_gets_its_first_one(ending: str, mark: str, last
 
 
 def test_a_lut_is_found_from_the_new_place(source: Path) -> None:
+    (source.parent.parent / ".git").mkdir()  # one project
     lut = source.parent / "tables" / "lut.ini"
     lut.parent.mkdir()
     lut.write_text("PostPro.LUT_blooming_X = -10, 0, 10\nPostPro.LUT_blooming_Y = 0.001, 0.1, 0.001\n")

@@ -25,7 +25,9 @@ from scenario_texts import kpis, panel_scene, surface
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 WITHOUT_EFFECTS = sorted(
-    file.stem for file in SCENARIOS.glob("*.toml") if not file.stem.startswith(("effect_", "scene_"))
+    file.stem
+    for file in SCENARIOS.glob("*.toml")
+    if not file.stem.startswith(("effect_", "scene_", "watch_", "empirical_"))
 )
 WITH_SURFACES = [name for name in WITHOUT_EFFECTS if "background" not in name]
 OF_STRENGTH = [name for name in WITH_SURFACES if not name.startswith(("retro", "directions", "numbers"))]

@@ -35,7 +35,9 @@ def report(
     ] = None,
     between: Annotated[
         tuple[str, str] | None,
-        Parameter(help="Two releases to put side by side instead: folders of goldens, or revisions of git."),
+        Parameter(
+            negative=(), help="Two releases to put side by side instead: folders of goldens, or revisions of git."
+        ),
     ] = None,
     json: JsonFile | None = None,
     quiet: Quiet = False,

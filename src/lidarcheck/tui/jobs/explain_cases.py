@@ -21,7 +21,7 @@ from lidarcheck.model.files.model_file import load_model
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 from lidarcheck.session.project import Project
-from lidarcheck.trust.places import check_place, own_place
+from lidarcheck.trust.places import own_place
 
 __all__ = [
     "Adoption",
@@ -163,14 +163,21 @@ def take_over(state: CaseState, change: Adoption) -> None:
     write_text(change.target, change.text)
 
 
-def take_back(state: CaseState) -> Path:
-    """Undo the last `take_over` of a case; `UsageError` where there is none, or where the file was changed since."""
+def take_back(state: CaseState, root: Path) -> Path:
+    """Undo the last `take_over` of a case of the project `root`.
+
+    `UsageError` where there is none, where the file was changed since, or lies outside of the project: the record is a
+    file that anybody may have committed.
+    """
     try:
         record = json.loads((state.out / _TAKEN).read_text(encoding="utf-8"))
         target, before, after = Path(record["target"]), record["before"], record["after"]
     except (OSError, ValueError, KeyError, TypeError):
         raise UsageError("nothing was accepted here", fix="there is nothing to take back") from None
-    check_place(target, state.path)  # the record is a file that anybody may have committed
+    if not target.resolve().is_relative_to(root.resolve()):
+        raise UsageError(
+            f"{target} is not in {root}, where something was accepted", fix="there is nothing to take back"
+        )
     if not target.is_file() or content_hash(target.read_bytes()) != after:
         fix = "compare it with version control; what was there before is kept"
         raise UsageError(f"{target} has changed since it was accepted", fix=f"{fix} in {state.out / _TAKEN}")

@@ -100,7 +100,7 @@ class Adopting(View):
 
     def _back(self, state: CaseState) -> None:
         try:
-            target = take_back(state)
+            target = take_back(state, self.host.project.root)
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be taken back: {error}")
             return
