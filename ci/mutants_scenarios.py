@@ -162,10 +162,10 @@ def kernels(tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         for thing in vars(module).values():
             function = getattr(thing, "py_func", None)
             if function is not None and function.__module__ == module.__name__:
-                code, file = function.__code__, Path(function.__code__.co_filename)
+                code = function.__code__
                 codes = {code, *kernels_of({code: function.__globals__})}
                 ours = [part for part in codes if part.co_filename.startswith(str(PACKAGE))]
-                name = f"{file.parent.name}/{file.stem}.{function.__qualname__}-{code.co_firstlineno}"
+                name = f"{module.__name__.split('.')[-1]}.{function.__qualname__}-{code.co_firstlineno}"
                 yield {"name": name, "spans": sorted((_below(part), *_span(part)) for part in ours)}
 
 
@@ -183,7 +183,8 @@ def kernels_of(codes: dict[CodeType, dict[str, Any]]) -> set[CodeType]:
     waiting = list(codes.items())
     while waiting:
         code, names = waiting.pop()
-        inner = [(part, names) for part in code.co_consts if isinstance(part, CodeType)]
+        # What a function defines inside it runs itself, if at all; what a kernel defines is compiled with it.
+        inner = [(part, names) for part in code.co_consts if isinstance(part, CodeType) and code not in codes]
         modules = [names[name] for name in code.co_names if isinstance(names.get(name), ModuleType)]
         things = [space.get(name) for name in code.co_names for space in (names, *(vars(m) for m in modules))]
         functions = [getattr(thing, "py_func", None) or getattr(thing, "_defn", None) for thing in things]

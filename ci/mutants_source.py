@@ -54,7 +54,10 @@ class Scratch:
         code, lines, errors = self.work("kernels", None, tasks, WAITING * COMPILING_S)
         if code:
             sys.exit(f"error: the right source does not run: {errors[-2000:]}")
-        return {line["name"]: line["spans"] for line in lines}
+        spans: dict[str, list[tuple[str, int, int]]] = {}
+        for line in lines:
+            spans[line["name"]] = spans.get(line["name"], []) + line["spans"]
+        return spans
 
     def work(
         self, what: str, mutant: Mutant | None, tasks: Sequence[dict[str, Any]], limit_s: float

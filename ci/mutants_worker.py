@@ -12,7 +12,9 @@ import resource
 import sys
 from pathlib import Path
 
-from numba.core import caching
+import mutants_scenarios
+
+from lidarcheck.model import jit
 
 MOST_BYTES = 8 << 30
 
@@ -20,11 +22,6 @@ MOST_BYTES = 8 << 30
 def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     given, what = json.load(sys.stdin), sys.argv[1]
-    # Which kernels the error reaches is known to who started this; a file's time and size say less.
-    caching._SourceFileBackedLocatorMixin.get_source_stamp = lambda self: None
-    import mutants_scenarios
-
-    from lidarcheck.model import jit
 
     kernels, cache, fresh = Path(given["kernels"]), jit.cache_directory(), set(given["fresh"])
     _bring(kernels, cache, fresh)
@@ -39,9 +36,8 @@ def _bring(source: Path, target: Path, fresh: set[str]) -> None:
     A kernel is called by the row on which it begins: one that the error has moved is no other's.
     """
     for file in source.rglob("*.nb?"):
-        folder = file.parent.name.rpartition("_")[0]
         place = target / file.relative_to(source)
-        if f"{folder}/{file.name.partition('.py')[0]}" in fresh:
+        if file.name.partition(".py")[0] in fresh:
             place.parent.mkdir(parents=True, exist_ok=True)
             place.unlink(missing_ok=True)
             os.link(file, place)

@@ -135,6 +135,7 @@ def test_which_lines_run(tools: tuple[ModuleType, ModuleType]) -> None:
     from lidarcheck.effects.shared import draws
 
     with mutants_scenarios.Lines() as lines:
+        exec(compile((PACKAGE / "effects/shared/draws.py").read_bytes(), draws.__file__, "exec"), {"__name__": "again"})
         draws.normals(np.array([0.5]))
     (file,) = lines.found()
     rows = (PACKAGE / file).read_text(encoding="utf-8").splitlines()
