@@ -18,9 +18,11 @@ WORKER = Path(__file__).with_name("mutants_worker.py")
 COMPILING_S = 900.0
 LEAST_S = 60.0
 WAITING = 20.0
+LONGEST_S = 86_400.0
 AT_ONCE = 12
 """What a scenario may take, in seconds of the processor, beside what it takes in the right source; how much longer than
-its processor time a run may take beside others; and how many scenarios are traced before they are kept."""
+its processor time a run may take beside others, and the longest that is waited for one; and how many scenarios are
+traced before they are kept."""
 
 
 class Scratch:
@@ -83,7 +85,7 @@ class Scratch:
                 input=given,
                 capture_output=True,
                 text=True,
-                timeout=limit_s,
+                timeout=min(limit_s, LONGEST_S),
                 check=False,
             )
             return run.returncode, run.stdout, run.stderr
