@@ -133,7 +133,7 @@ def test_jitter_is_found_beside_a_gain_by_what_that_leaves_of_the_ranges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of the gap in range, 1.47, the gain leaves 0.81."""
-    monkeypatch.setattr(looking, "_closes", lambda *_: False)
+    monkeypatch.setattr(looking, "_closes", lambda *_, **__: False)
     bench = bench_of(make("signal_gain", {"gain": 0.7}), JITTER)
     strong = fitted(bench, "signal_gain")
     search = Search(strong, strong, [trial(strong, 1000.0, 10.0)])
