@@ -150,7 +150,7 @@ def test_a_fault_is_said_where_the_user_looks(project):
         await pilot.press("down", "down", "r")
         await says(app, pilot, "bad.txt: holds no echoes; measure again")
         await sees(app, pilot, "bad cannot be computed: bad.txt: holds no echoes; measure again")
-        assert "cannot    bad.txt: holds no echoes" in shown(view, "jobs")
+        await until(pilot, lambda: "cannot    bad.txt: holds no echoes" in shown(view, "jobs"))
         await pilot.press("down", "r")
         await says(app, pilot, "internal error, ZeroDivisionError: by nothing")
         await sees(app, pilot, "worse cannot be computed")
@@ -176,7 +176,7 @@ def test_a_computation_is_stopped_and_answers_keys_meanwhile(project):
         await says(app, pilot, "one is being computed; x stops it")
         await pilot.press("R")
         await until(pilot, lambda: app.reads == 2)
-        assert "computing" in shown(view, "jobs").splitlines()[0]
+        await until(pilot, lambda: "computing" in shown(view, "jobs").splitlines()[0])
         await pilot.press("x")
         await sees(app, pilot, "one: stopping after the step that runs now")
         await pilot.press("r")
