@@ -40,13 +40,13 @@ def freeze(table: Any, dtypes: Mapping[str, Any], length: int) -> None:
         object.__setattr__(table, name, column)
 
 
-def freeze_extra(table: Any, length: int) -> None:
-    """The same for the columns in `extra`, whatever their types."""
+def freeze_extra(table: Any, length: int, field: str = "extra") -> None:
+    """The same for the columns in a mapping, whatever their types."""
     frozen = {}
-    for name, value in table.extra.items():
+    for name, value in getattr(table, field).items():
         column = np.asarray(value).view()
         if column.shape != (length,):
             raise UsageError(f"column {name} has shape {column.shape}, the table has {length} rows")
         column.flags.writeable = False
         frozen[name] = column
-    object.__setattr__(table, "extra", frozen)
+    object.__setattr__(table, field, frozen)

@@ -18,9 +18,10 @@ from lidarcheck.arrays import FloatArray, IntArray, freeze, freeze_extra
 from lidarcheck.beams import NOT_READ, Fired, Geometry
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions, layer_of, point_of
+from lidarcheck.sensor import Beams, reference_beams
 
 __all__ = [
+    "COUNTED",
     "ECHO_COLUMNS",
     "Haze",
     "IdealScan",
@@ -32,7 +33,10 @@ __all__ = [
 ]
 
 ECHO_COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
-"""The fields of a `Scan` that hold a value an echo; `extra` holds further ones."""
+"""The fields of a `Scan` that hold a value an echo; `features` and `extra` hold further ones."""
+
+COUNTED = {"PEAK": "peak", "AREA": "area", "WIDTH": "width_ns"}
+"""The features of a SPAD array, by the names that sensors give them, and their fields of a `Scan`."""
 
 _Rows = TypeVar("_Rows", "IdealScan", "Scan")
 
@@ -45,7 +49,7 @@ class IdealScan:
     `time_s`: from the frame's start. `share`: the part of the beam's light that a row stands for, 0 or more, where rows
     do not share equally, as with what stands behind glass. `rays`: the row's own ray, where it is not the beam's axis
     at the frame's start; kept while effects aim, never in a file. `extra`: unknown columns, kept. `file`: where it was
-    read from, for messages. All columns have shape (n,).
+    read from, for messages. `beams`: the sensor's, whose numbers `layer` and `point` are. All columns have shape (n,).
     """
 
     layer: IntArray
@@ -60,6 +64,7 @@ class IdealScan:
     extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     defaulted: tuple[str, ...] = ()
     file: str = ""
+    beams: Beams = field(default_factory=reference_beams, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.layer)
@@ -132,8 +137,8 @@ class Light:
     `pulse_signal` is S, the primary avalanches per SPAD and shot that one always-armed SPAD would see on average;
     `pulse_row` is the row of the ideal scan that the light comes from, -1 where that is no surface (None: all -1).
     Light of another beam's surface keeps that surface's row. `background_per_ns` is the beam's background rate.
-    `shape`: the laser pulse, the sensor's own where None. `extinction_per_m`: of the air that the light has passed so
-    far, for light that the same air sends back later.
+    `beams`: the sensor's, whose numbers `layer` and `point` are. `shape`: the laser pulse, the sensor's own where
+    None. `extinction_per_m`: of the air that the light has passed so far, for light that the same air sends back later.
     Shapes: (n_beams,), (n_beams + 1,) for `first_pulse`, (n_pulses,).
     """
 
@@ -147,6 +152,7 @@ class Light:
     shape: PulseShape | None = None
     haze: Haze | None = None
     extinction_per_m: float = 0.0
+    beams: Beams = field(default_factory=reference_beams, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.layer)
@@ -216,10 +222,11 @@ class Light:
 class Scan:
     """Echoes, a row each. Columns of shape (n,).
 
-    `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are the echo's
-    features; `extra` holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the
-    standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the
-    beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
+    `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are what a SPAD
+    array counts of an echo, `features` what other sensors report, by its names there; `feature` gives either.
+    `beams`: the sensor's, whose numbers `layer` and `point` are. `extra` holds the columns that lidarcheck does not
+    know, kept as they were read; `defaulted` names the standard columns (`WIDTH`, `Layer`, ...) that the source did not
+    have, whose values here are defaults. `fired`: the beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
     seen nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking
     echoes leaves it as it is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
     """
@@ -237,6 +244,8 @@ class Scan:
     defaulted: tuple[str, ...] = ()
     fired: Fired | None = None
     geometry: Geometry = NOT_READ
+    features: Mapping[str, FloatArray] = field(default_factory=dict)
+    beams: Beams = field(default_factory=reference_beams, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.x_m)
@@ -244,14 +253,30 @@ class Scan:
         ints = dict.fromkeys(("layer", "point", "echo_number"), np.int32)
         freeze(self, {**floats, **ints}, n)
         freeze_extra(self, n)
+        freeze_extra(self, n, "features")
 
     def __len__(self) -> int:
         return len(self.x_m)
 
     @property
     def range_m(self) -> FloatArray:
-        """Distance of each echo from the sensor, shape (n,)."""
-        return np.sqrt(self.x_m**2 + self.y_m**2 + self.z_m**2)
+        """The range that each echo reports, shape (n,): its way from the beam's origin plus the range offset."""
+        if self.beams.central or not len(self):
+            return np.sqrt(self.x_m**2 + self.y_m**2 + self.z_m**2)
+        known = self.beams.has(self.layer, self.point)
+        found = np.sqrt(self.x_m**2 + self.y_m**2 + self.z_m**2)
+        xyz = np.column_stack([self.x_m, self.y_m, self.z_m])[known]
+        found[known] = self.beams.ranges_m(self.layer[known], self.point[known], xyz)
+        return found
+
+    def feature(self, name: str) -> FloatArray:
+        """A feature by the name that the sensor gives it, shape (n,); `KeyError` where the scan has none of it."""
+        return self.features[name] if name in self.features else np.asarray(getattr(self, COUNTED[name]))
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """The features that the source has."""
+        return (*(name for name in COUNTED if name not in self.defaulted), *self.features)
 
     def take(self, rows: npt.NDArray[Any]) -> Scan:
         """The rows picked by a mask or by indices."""
@@ -268,9 +293,12 @@ class Scan:
         width_ns: FloatArray | None = None,
         area: FloatArray | None = None,
         peak: FloatArray | None = None,
+        features: Mapping[str, FloatArray] | None = None,
+        beams: Beams | None = None,
     ) -> Scan:
-        """Echoes at `range_m` along their beams' directions."""
-        xyz = beam_directions(layer, point) * np.asarray(range_m, dtype=np.float64)[:, None]
+        """Echoes of reported ranges `range_m` along their beams; `beams`: the built-in sensors' where None."""
+        beams = reference_beams() if beams is None else beams
+        xyz = beams.positions_m(layer, point, range_m)
         n = len(range_m)
         given = {"EchoNumber": echo_number, "WIDTH": width_ns, "AREA": area, "PEAK": peak}
         zeros = np.zeros(n)
@@ -284,6 +312,8 @@ class Scan:
             width_ns=zeros if width_ns is None else width_ns,
             area=zeros if area is None else area,
             peak=zeros if peak is None else peak,
+            features=features or {},
+            beams=beams,
             defaulted=tuple(name for name, column in given.items() if column is None),
         )
 
@@ -293,9 +323,9 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
     parts: dict[str, Any] = {}
     for f in fields(table):
         value = getattr(table, f.name)
-        if f.name == "extra":
+        if f.name in ("extra", "features"):
             parts[f.name] = {name: column[rows] for name, column in value.items()}
-        elif value is None or isinstance(value, str | tuple | Fired):
+        elif value is None or isinstance(value, str | tuple | Fired | Beams):
             parts[f.name] = value
         elif isinstance(value, Rays):
             parts[f.name] = value.take(rows)
@@ -304,13 +334,11 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
     return type(table)(**parts)
 
 
-def beams_of(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[IntArray, IntArray]:
+def beams_of(
+    x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, beams: Beams | None = None
+) -> tuple[IntArray, IntArray]:
     """Nearest (layer, point) of positions; -1 where the position lies outside the sensor's field of view."""
-    azimuth = np.rad2deg(elementary.arctan2(y_m, x_m))
-    elevation = np.rad2deg(elementary.arctan2(z_m, elementary.hypot(x_m, y_m)))
-    layer, point = layer_of(elevation), point_of(azimuth)
-    outside = (layer < 0) | (layer >= LAYERS) | (point < 0) | (point >= POINTS)
-    return np.where(outside, -1, layer).astype(np.int32), np.where(outside, -1, point).astype(np.int32)
+    return (reference_beams() if beams is None else beams).nearest(np.column_stack([x_m, y_m, z_m]))
 
 
 def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:

@@ -16,8 +16,9 @@ from pydantic import Field
 from lidarcheck.beams import Geometry
 from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
+from lidarcheck.config.schema import Config, LineIndex, PathText, validate
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
-from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
+from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.frames import SeveralFrames, one_frame
 from lidarcheck.formats.geometry import pooled, words
 from lidarcheck.formats.geometry.keys import PlacementKeys

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["Afterpulsing"]
 
@@ -50,6 +50,7 @@ class Afterpulsing(DetectorEffect):
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Let avalanches have afterpulses."""
+        sensor = SpadArray.narrow(sensor)
         if self.probability == 0.0:
             return sensor
         if sensor.nonideal.afterpulse > 0.0:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["Crosstalk"]
 
@@ -46,6 +46,7 @@ class Crosstalk(DetectorEffect):
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Let neighbours set each other off."""
+        sensor = SpadArray.narrow(sensor)
         if self.sides == 0.0 and self.corners == 0.0:
             return sensor
         if max(sensor.nonideal.crosstalk_sides, sensor.nonideal.crosstalk_corners) > 0.0:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from lidarcheck import elementary
 from lidarcheck.effects.base import DetectorEffect, parameter
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor import SENSOR_BOUNDS, Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["DeadTime"]
 
@@ -52,13 +52,14 @@ class DeadTime(DetectorEffect):
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Change the dead time and let it vary."""
+        sensor = SpadArray.narrow(sensor)
         shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
         if shift == 0 and self.spread_ns == self.recovery_ns == 0.0:
             return sensor
         # Two spreads add up as independent ones do.
         spread_ns = elementary.hypot(sensor.nonideal.dead_spread_ns, self.spread_ns)
         recovery_ns = sensor.nonideal.dead_recovery_ns + self.recovery_ns
-        dead, most = sensor.dead_bins + shift, int(SENSOR_BOUNDS["dead_bins"].high)
+        dead, most = sensor.dead_bins + shift, int(SpadArray.bounds["dead_bins"].high)
         if not sensor.on_bins <= dead <= most:
             low, high = (bins * sensor.bin_ns for bins in (sensor.on_bins - sensor.dead_bins, most - sensor.dead_bins))
             raise UsageError(

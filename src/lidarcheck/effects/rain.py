@@ -175,7 +175,7 @@ class Rain(LightEffect):
 
     def _floor(self, sensor: Sensor) -> float:
         """The S from which on a drop counts."""
-        floor = _FAINT * (sensor.threshold + 1) / sensor.detectors
+        floor = sensor.signal_of(_FAINT * sensor.threshold_counts)
         if self._expected(sensor, floor)[1][-1] <= _MOST:
             return floor
         low, high = (

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import DetectorEffect, parameter
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["Threshold"]
 
@@ -28,6 +28,7 @@ class Threshold(DetectorEffect):
 
     def detector(self, sensor: Sensor) -> Sensor:
         """Shift the sensor's threshold."""
+        sensor = SpadArray.narrow(sensor)
         if self.shift == 0.0:
             return sensor
         wanted = max(sensor.threshold + sensor.nonideal.threshold_dither + self.shift, 0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 
-from lidarcheck.formats.toml_lines import KeyPath
+from lidarcheck.config.toml_lines import KeyPath
 
 __all__ = ["locate_json"]
 

@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.config.words import nearest, shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.config_words import nearest, shown
 from lidarcheck.formats.lut_scale import scaled_of_y, y_of_scaled
 from lidarcheck.formats.source import read_source
 

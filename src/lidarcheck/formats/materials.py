@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from lidarcheck.formats.config import Config, LineIndex
+from lidarcheck.config.schema import Config, LineIndex
 from lidarcheck.sensor import RETRO_GAIN_MAX, Material
 
 __all__ = ["MATERIAL_ID_MAX", "MaterialId", "MaterialTable", "materials_of"]

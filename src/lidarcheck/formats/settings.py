@@ -19,10 +19,10 @@ from typing import Any, Literal, NoReturn, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
+from lidarcheck.config.schema import Config, LineIndex, validate
+from lidarcheck.config.words import dotted, kind_of, shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
-from lidarcheck.formats.config import Config, LineIndex, validate
-from lidarcheck.formats.config_words import dotted, kind_of, shown
 from lidarcheck.formats.json_lines import locate_json
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lidarcheck.config.words import nearest
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.config_words import nearest
 from lidarcheck.trust.places import check_place, own_place
 
 __all__ = ["Layout", "ScenarioSelection", "layout_of", "make_directory", "select", "toml_files"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import VARIANTS, Sensor
+from lidarcheck.sensor import VARIANTS, Sensor, SpadArray
 
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
@@ -32,6 +32,8 @@ PILE_PEAKS, FEWEST_PILED, PILE_RATIO = 5, 20, 3
 
 def above_saturation(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "model") -> InputError | None:
     """More detectors ON than there are: no effect does that, another sensor does. `asked`: what named the sensor."""
+    if not isinstance(sensor, SpadArray):
+        return None
     top = sensor.peak_saturation
     above = int(np.count_nonzero(scan.peak > ABOVE_SATURATION * top))
     if above < FEWEST_ABOVE:
@@ -45,7 +47,7 @@ def above_saturation(scan: Scan, sensor: Sensor, file: str | Path, asked: str = 
 
 def _who(scan: Scan, top: float) -> str:
     """A variant that does saturate that high."""
-    fits = [name for name in VARIANTS if Sensor.of(name).peak_saturation >= scan.peak.max() > top]
+    fits = [name for name in VARIANTS if SpadArray.of(name).peak_saturation >= scan.peak.max() > top]
     return f", {fits[0]}?" if fits else ""
 
 
@@ -54,10 +56,12 @@ def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
 
     Strong echoes then end exactly at that variant's saturation and pile up there.
     """
+    if not isinstance(sensor, SpadArray):
+        return ""
     peak = np.concatenate([scan.peak for scan in scans]) if scans else np.zeros(0)
     top = sensor.peak_saturation
     for name in VARIANTS:
-        other = Sensor.of(name).peak_saturation
+        other = SpadArray.of(name).peak_saturation
         if name == sensor.variant or other >= top or not len(peak) or peak.max() != other:
             continue
         piled = int(np.count_nonzero(peak > other - PILE_PEAKS))
@@ -75,7 +79,7 @@ def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
 
 def variant_of(scan: Scan) -> str:
     """The variant that a scan's saturation gives away; empty where it does not."""
-    low, high = sorted((Sensor.of(name) for name in VARIANTS), key=lambda sensor: sensor.peak_saturation)
+    low, high = sorted((SpadArray.of(name) for name in VARIANTS), key=lambda sensor: sensor.peak_saturation)
     if above_saturation(scan, low, "") is not None:
         return high.variant
     return low.variant if other_variant([scan], high) else ""

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from lidarcheck.errors import ExternalModelError
+from lidarcheck.effects.shared.ranges import reported
+from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.model.spec import Model
-from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, rounded_ranges, run_and_light, run_of
+from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, run_and_light, run_of
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["echoes_of", "simulate"]
 
@@ -62,7 +63,7 @@ def simulate(
         scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, device=device, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
-    return rounded_ranges(scan, run.sensor) if readout else scan
+    return reported(scan, run.sensor) if readout else scan
 
 
 def _plain_frame(
@@ -72,10 +73,10 @@ def _plain_frame(
     from lidarcheck.model.fast.beams import Task
     from lidarcheck.model.fast.run import fast_frame
 
-    if of_stage("aim", model.effects) or of_stage("light", model.effects):
+    if of_stage("aim", model.effects) or of_stage("light", model.effects) or not isinstance(model.sensor, SpadArray):
         return None, None
     run = run_of(ideal, model, how["seed"], how["frame"], scene, None).after_stage("detector", model.effects)
-    return run, fast_frame(ideal, model, run.sensor, Task(rounded=rounded, **how))
+    return run, fast_frame(ideal, model, SpadArray.narrow(run.sensor), Task(rounded=rounded, **how))
 
 
 def echoes_of(
@@ -93,19 +94,41 @@ def echoes_of(
     """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
     check_fidelity(fidelity)
     check_device(device, fidelity)
+    check_complete(sensor)
+    how: dict[str, Any] = {"seed": seed, "frame": frame, "threads": threads, "progress": progress, "rounded": rounded}
+    return _DETECTORS[sensor.detector](light, sensor, fidelity, device, how)
+
+
+def check_complete(sensor: Sensor) -> None:
+    """Refuse to simulate a sensor whose file lacks required numbers."""
+    if sensor.missing:
+        what = f"{sensor.name} cannot be simulated: its file lacks {', '.join(sensor.missing)}"
+        raise UsageError(what, fix="add them to the sensor file, or to [sensor] of the model")
+
+
+def _spad_echoes(light: Light, sensor: Sensor, fidelity: Fidelity, device: Device, how: dict[str, Any]) -> Scan:
+    """The echoes of SPADs, counted into PEAK, WIDTH and AREA."""
+    spads = SpadArray.narrow(sensor)
     if fidelity == "reference":
         from lidarcheck.model.reference import reference_echoes
 
-        return reference_echoes(light, sensor, seed=seed, frame=frame, progress=progress, rounded=rounded)
+        return reference_echoes(light, spads, **{key: value for key, value in how.items() if key != "threads"})
     if fidelity == "fast":
         from lidarcheck.model.fast.beams import Task
         from lidarcheck.model.fast.run import fast_echoes
 
-        scan = fast_echoes(light, sensor, Task(seed, frame, threads, rounded, progress))
+        scan = fast_echoes(light, spads, Task(**how))
         if scan is not None:
             return scan
     from lidarcheck.model.detection import chain_echoes
     from lidarcheck.model.exact.listing import scan_of
 
-    echoes = chain_echoes(light, sensor, seed=seed, frame=frame, threads=threads, progress=progress, device=device)
-    return scan_of(echoes, light, sensor, rounded, functools.partial(share, threads=threads))
+    rounded = how.pop("rounded")
+    echoes = chain_echoes(light, spads, device=device, **how)
+    return scan_of(echoes, light, spads, rounded, functools.partial(share, threads=how["threads"]))
+
+
+_DETECTORS: dict[str, Callable[[Light, Sensor, Fidelity, Device, dict[str, Any]], Scan]] = {
+    SpadArray.detector: _spad_echoes,
+}
+"""What finds the echoes of each kind of detector."""

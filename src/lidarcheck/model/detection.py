@@ -17,7 +17,7 @@ from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.fidelity import Device
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.scan import Light
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["chain_echoes"]
 
@@ -27,7 +27,7 @@ _CHUNK = 8192
 
 def chain_echoes(
     light: Light,
-    sensor: Sensor,
+    sensor: SpadArray,
     *,
     seed: int = 0,
     frame: int = 0,
@@ -74,7 +74,7 @@ def chain_echoes(
 
 
 def _chunks(
-    sensor: Sensor, light: Light, order: npt.NDArray[np.int64], seed: int, frame: int
+    sensor: SpadArray, light: Light, order: npt.NDArray[np.int64], seed: int, frame: int
 ) -> list[tuple[int, npt.NDArray[np.int64]]]:
     """What threads take at a time: a threshold and beams of `order` that have it."""
     parts = [(sensor.threshold, order)]
@@ -85,7 +85,7 @@ def _chunks(
     return [(threshold, rows[at : at + _CHUNK]) for threshold, rows in parts for at in range(0, len(rows), _CHUNK)]
 
 
-def _refuse_disturbed(sensor: Sensor) -> None:
+def _refuse_disturbed(sensor: SpadArray) -> None:
     if sensor.nonideal.any:
         what = "crosstalk, afterpulsing and a dead time that varies are followed detector by detector, not on a GPU"
         raise UsageError(what, fix="use the device cpu")
@@ -93,7 +93,7 @@ def _refuse_disturbed(sensor: Sensor) -> None:
         raise UsageError("a threshold between two whole numbers is not simulated on a GPU", fix="use the device cpu")
 
 
-def _follower(sensor: Sensor, numbers: Numbers) -> Callable[..., None]:
+def _follower(sensor: SpadArray, numbers: Numbers) -> Callable[..., None]:
     """`simulate_chunk` for SPADs that disturb each other and are followed one by one."""
     from lidarcheck.model.detectors import simulate as detectors
     from lidarcheck.model.detectors.array import detectors_of

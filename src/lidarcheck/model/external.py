@@ -13,8 +13,8 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from lidarcheck.config.words import nearest, printable
 from lidarcheck.errors import ExternalModelError, LidarcheckError, UsageError
-from lidarcheck.formats.config_words import nearest, printable
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.trust.programs import require_trust

@@ -120,6 +120,7 @@ def light_of(ideal: IdealScan, model: Model, share: Share = serially) -> Light:
         pulse_range_m=ideal.distance_m[order],
         pulse_signal=signal[order] * part,
         pulse_row=order.astype(np.int32),
+        beams=ideal.beams,
     )
 
 
@@ -134,4 +135,5 @@ def _one_row_a_beam(ideal: IdealScan, signal: FloatArray, model: Model) -> Light
         pulse_range_m=ideal.distance_m,
         pulse_signal=signal if ideal.share is None else signal * ideal.share,
         pulse_row=np.arange(n, dtype=np.int32),
+        beams=ideal.beams,
     )

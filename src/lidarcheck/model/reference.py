@@ -17,18 +17,18 @@ from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.shared.ranges import quantised
+from lidarcheck.effects.shared.ranges import reported
 from lidarcheck.errors import UsageError
 from lidarcheck.model.streams import beam_keys, purpose_key
 from lidarcheck.scan import Haze, Light, PulseShape, Scan
-from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["detector_trace", "echoes_of_trace", "reference_echoes", "simulate_detectors"]
 
 _SETTLING_DEAD_TIMES = 40
 
 
-def _rates(light: Light, beam: int, sensor: Sensor) -> FloatArray:
+def _rates(light: Light, beam: int, sensor: SpadArray) -> FloatArray:
     """Avalanches per armed SPAD in each bin, shape (bins,)."""
     edges = np.arange(sensor.bins + 1) * sensor.bin_ns
     rates = np.full(sensor.bins, light.background_per_ns[beam] * sensor.bin_ns)
@@ -79,7 +79,7 @@ def _air_pulses(haze: Haze, beam: int, shape: PulseShape) -> Iterator[tuple[Floa
 
 
 def detector_trace(
-    rates: npt.NDArray[np.float64], background: float, sensor: Sensor, rng: np.random.Generator
+    rates: npt.NDArray[np.float64], background: float, sensor: SpadArray, rng: np.random.Generator
 ) -> npt.NDArray[np.int64]:
     """A_k of one beam, shape (bins,): detectors ON in each bin, each detector followed through all bins.
 
@@ -96,7 +96,7 @@ def detector_trace(
     return on[settling : settling + sensor.bins]
 
 
-def echoes_of_trace(trace: npt.NDArray[np.int64], sensor: Sensor) -> list[tuple[float, float, int, int]]:
+def echoes_of_trace(trace: npt.NDArray[np.int64], sensor: SpadArray) -> list[tuple[float, float, int, int]]:
     """Echoes of one trace, by range: (range [m], width [ns], area, peak)."""
     echoes: list[tuple[float, float, int, int]] = []
     above = np.flatnonzero(trace > sensor.threshold)
@@ -114,14 +114,14 @@ def echoes_of_trace(trace: npt.NDArray[np.int64], sensor: Sensor) -> list[tuple[
     return sorted(largest)
 
 
-def simulate_detectors(light: Light, sensor: Sensor, rng: np.random.Generator) -> Scan:
+def simulate_detectors(light: Light, sensor: SpadArray, rng: np.random.Generator) -> Scan:
     """Echoes of each beam, from `detector_trace`: about a millisecond per thousand bins and beam."""
     return _scan(light, [_echoes_of_beam(light, beam, sensor, rng) for beam in range(len(light))])
 
 
 def reference_echoes(
     light: Light,
-    sensor: Sensor,
+    sensor: SpadArray,
     *,
     seed: int = 0,
     frame: int = 0,
@@ -147,14 +147,14 @@ def reference_echoes(
     return _scan(light, echoes, sensor if rounded else unrounded)
 
 
-def _echoes_of_beam(light: Light, beam: int, sensor: Sensor, rng: np.random.Generator) -> list[Any]:
+def _echoes_of_beam(light: Light, beam: int, sensor: SpadArray, rng: np.random.Generator) -> list[Any]:
     background = float(light.background_per_ns[beam]) * sensor.bin_ns
     if sensor.nonideal.threshold_dither > 0.0:
         sensor = replace(sensor, threshold=sensor.threshold + int(rng.random() < sensor.nonideal.threshold_dither))
     return echoes_of_trace(detector_trace(_rates(light, beam, sensor), background, sensor, rng), sensor)
 
 
-def _scan(light: Light, echoes: list[list[Any]], sensor: Sensor | None = None) -> Scan:
+def _scan(light: Light, echoes: list[list[Any]], sensor: SpadArray | None = None) -> Scan:
     """The table of the echoes of each beam; `sensor`: ranges as it reports them, none behind it."""
     rows = [
         (light.layer[beam], light.point[beam], number, *echo)
@@ -162,12 +162,14 @@ def _scan(light: Light, echoes: list[list[Any]], sensor: Sensor | None = None) -
         for number, echo in enumerate(found, start=1)
     ]
     layer, point, number_, range_m, width, area, peak = np.array(rows, dtype=np.float64).reshape(-1, 7).T
-    return Scan.from_beams(
+    scan = Scan.from_beams(
         layer.astype(np.int32),
         point.astype(np.int32),
-        range_m if sensor is None else quantised(range_m, sensor),
+        np.maximum(range_m, 0.0) + light.beams.range_offset_m(layer.astype(np.int32)),
         echo_number=number_.astype(np.int32),
         width_ns=width,
         area=area,
         peak=peak,
+        beams=light.beams,
     )
+    return scan if sensor is None else reported(scan, sensor)

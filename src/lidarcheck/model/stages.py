@@ -11,14 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.effects.base import AimEffect, Effect
-from lidarcheck.effects.shared.ranges import quantised
 from lidarcheck.errors import UsageError
 from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
-from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.scan import IdealScan, Light
+from lidarcheck.sensor import Material, Sensor
 
 __all__ = [
     "Run",
@@ -27,7 +26,6 @@ __all__ = [
     "check_seed",
     "light_after_effects",
     "of_stage",
-    "rounded_ranges",
     "run_and_light",
     "run_of",
 ]
@@ -218,9 +216,3 @@ def check_seed(seed: int, frame: int = 0) -> None:
         if isinstance(value, bool) or not hasattr(value, "__index__") or not 0 <= value < 2**64:
             fix = "use a whole number from 0 to 18446744073709551615"
             raise UsageError(f"{name} {value} is out of range", fix=fix)
-
-
-def rounded_ranges(scan: Scan, sensor: Sensor) -> Scan:
-    """The same echoes at ranges as the sensor reports them."""
-    xyz = beam_directions(scan.layer, scan.point) * quantised(scan.range_m, sensor)[:, None]
-    return replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])

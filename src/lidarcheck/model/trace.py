@@ -7,12 +7,12 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["bin_rates", "draw_traces", "expected_trace", "on_probability"]
 
 
-def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
+def bin_rates(light: Light, sensor: SpadArray) -> FloatArray:
     """Avalanches per armed SPAD in each bin, shape (n_beams, bins): background plus the shares of pulses and haze."""
     from lidarcheck.model.exact.pulse_form import form_of
 
@@ -28,7 +28,7 @@ def bin_rates(light: Light, sensor: Sensor) -> FloatArray:
     return rates
 
 
-def _add_haze(light: Light, sensor: Sensor, rates: FloatArray) -> None:
+def _add_haze(light: Light, sensor: SpadArray, rates: FloatArray) -> None:
     from lidarcheck.model.exact.haze_rates import add_haze
     from lidarcheck.model.exact.numbers import numbers_of
     from lidarcheck.model.exact.pulses import pulses_of
@@ -39,7 +39,7 @@ def _add_haze(light: Light, sensor: Sensor, rates: FloatArray) -> None:
             add_haze(haze, i, 0, sensor.bins, rates[i])
 
 
-def on_probability(rates: npt.ArrayLike, background: npt.ArrayLike, sensor: Sensor) -> FloatArray:
+def on_probability(rates: npt.ArrayLike, background: npt.ArrayLike, sensor: SpadArray) -> FloatArray:
     """q_k: the probability that a detector is ON in bin k, shape (n_beams, bins).
 
     `rates` (n_beams, bins): avalanches per armed SPAD in each bin; `background` (n_beams,): the same before bin 0.
@@ -58,13 +58,13 @@ def on_probability(rates: npt.ArrayLike, background: npt.ArrayLike, sensor: Sens
     return np.asarray(total[:, dead + 1 :] - total[:, dead + 1 - on : -on])
 
 
-def expected_trace(light: Light, sensor: Sensor) -> FloatArray:
+def expected_trace(light: Light, sensor: SpadArray) -> FloatArray:
     """Expected number of detectors ON in each bin, shape (n_beams, bins): the mean of A_k, noise-free."""
     q = on_probability(bin_rates(light, sensor), light.background_per_ns * sensor.bin_ns, sensor)
     return sensor.detectors * q
 
 
-def draw_traces(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:
+def draw_traces(light: Light, sensor: SpadArray, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:
     """A_k, the detectors ON in each bin, shape (n_beams, bins): the exact chain, run through every bin.
 
     For looking at waveforms and for tests: a few ten microseconds a beam. Echoes come from `simulate`, which visits

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lidarcheck.config.toml_text import toml_of
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.source import read_text
-from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.reading import reading
 from lidarcheck.session.digests import Digests
 from lidarcheck.session.own_files import content_hash

@@ -192,8 +192,8 @@ def _settings(path: Path, name: str) -> Entry:
 
 
 def _toml(path: Path, name: str) -> Entry | None:
+    from lidarcheck.config.toml_text import toml_of
     from lidarcheck.formats.source import decode_text, read_source
-    from lidarcheck.formats.toml_text import toml_of
 
     data = toml_of(decode_text(read_source(path), path), path)
     kind = "case" if path.name == _CASE else _kind_of_toml(data)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import shown
 from lidarcheck.permissions import given
 from lidarcheck.trust.user_file import user_file, user_file_path
 

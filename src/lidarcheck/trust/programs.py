@@ -6,8 +6,8 @@ import os
 import shlex
 from pathlib import Path
 
+from lidarcheck.config.words import printable
 from lidarcheck.errors import ExternalModelError, UsageError
-from lidarcheck.formats.config_words import printable
 from lidarcheck.permissions import given
 from lidarcheck.trust.program_text import Program, hash_of
 from lidarcheck.trust.user_file import HASH, UserFile, user_file, user_file_path

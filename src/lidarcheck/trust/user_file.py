@@ -11,7 +11,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from lidarcheck.formats.config import Config, PathText, load_toml
+from lidarcheck.config.schema import Config, PathText
+from lidarcheck.formats.config import load_toml
 
 __all__ = ["HASH", "UserFile", "user_file", "user_file_path"]
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lidarcheck.config.schema import validate
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats import load_ideal
-from lidarcheck.formats.config import parse_toml, validate
+from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.convert import convert
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scenes import Optics

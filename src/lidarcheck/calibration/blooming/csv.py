@@ -25,7 +25,7 @@ from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source
 from lidarcheck.formats.table import quoted
 from lidarcheck.kpi.variant import ABOVE_SATURATION
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["is_profile", "profile_axis", "read_profile"]
 
@@ -63,7 +63,7 @@ def _axis_of(header: Sequence[str]) -> Axis | None:
 
 
 def read_profile(
-    path: str | os.PathLike[str], sensor: Sensor, *, signal_at_1m: float, distance_m: float | None = None
+    path: str | os.PathLike[str], sensor: SpadArray, *, signal_at_1m: float, distance_m: float | None = None
 ) -> Cells:
     """The cells of a profile. Its target is the longest run of offsets at which the sensor saturates.
 
@@ -157,7 +157,7 @@ def _number(row: Sequence[str], at: int | None, line: int, file: Path, *, needed
 
 def _cells(
     file: Path, axis: Axis, distance_m: float, offset: FloatArray, range_m: FloatArray, value: FloatArray,
-    sensor: Sensor, signal_at_1m: float,
+    sensor: SpadArray, signal_at_1m: float,
 ) -> Cells:  # fmt: skip
     low, high = _target(file, offset, value, sensor)
     center = 0.0 if low < 0.0 < high else 0.5 * (low + high)
@@ -177,7 +177,7 @@ def _cells(
     )  # fmt: skip
 
 
-def _target(file: Path, offset: FloatArray, value: FloatArray, sensor: Sensor) -> tuple[float, float]:
+def _target(file: Path, offset: FloatArray, value: FloatArray, sensor: SpadArray) -> tuple[float, float]:
     """Ends of the longest run of saturated offsets, half a step wider; rows that cannot say belong to their run."""
     bright = saturated(value[:, 0], value[:, 1], sensor)
     silent = np.isnan(value[:, 1]) & (np.isnan(value[:, 0]) | (bright & bool(np.any(np.isfinite(value[:, 1])))))

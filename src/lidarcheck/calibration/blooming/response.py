@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import Light, PulseShape, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["FEATURES", "GATE_M", "Response", "Responses", "bin_length_m", "response_of", "strongest_echoes"]
 
@@ -144,7 +144,7 @@ def _logit(p: FloatArray) -> FloatArray:
 
 
 def response_of(
-    sensor: Sensor, shape: PulseShape | None = None, *, within: tuple[float, ...] = (), seed: int = 0
+    sensor: SpadArray, shape: PulseShape | None = None, *, within: tuple[float, ...] = (), seed: int = 0
 ) -> Response:
     """The response of a sensor to a pulse of that shape, its own where None; the same seed gives the same numbers.
 
@@ -172,7 +172,7 @@ def response_of(
     return Response(levels, mean, variance, detected)
 
 
-def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
+def _ladder(levels: FloatArray, sensor: SpadArray, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
     """A beam for each level (its layer) and position within a bin (its point)."""
     n = len(levels) * _BEAMS
     bin_m = bin_length_m(sensor)
@@ -190,12 +190,12 @@ def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None, within
     )
 
 
-def bin_length_m(sensor: Sensor) -> float:
+def bin_length_m(sensor: SpadArray) -> float:
     """The range that a bin of the trace spans."""
     return 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns
 
 
-def _range_m(sensor: Sensor) -> float:
+def _range_m(sensor: SpadArray) -> float:
     return min(_FAR_M, 0.5 * sensor.max_range_m)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from lidarcheck.config.words import nearest
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.config_words import nearest
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting, Settings
 

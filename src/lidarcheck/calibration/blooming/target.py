@@ -17,7 +17,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting, Settings
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = [
     "STEP",
@@ -83,7 +83,7 @@ def lines_and_places(table: Scan | IdealScan | Light, axis: Axis) -> tuple[IntAr
     return (table.point, table.layer) if axis == "vertical" else (table.layer, table.point)
 
 
-def saturated(peak: FloatArray, area: FloatArray, sensor: Sensor) -> BoolArray:
+def saturated(peak: FloatArray, area: FloatArray, sensor: SpadArray) -> BoolArray:
     """Whether all detectors fired, by AREA; by PEAK, which may saturate earlier, where AREA is not known (NaN)."""
     by_area = area >= _SATURATED * sensor.detectors * sensor.on_bins
     by_peak = np.isnan(area) & (peak >= _SATURATED * sensor.peak_saturation)
@@ -92,7 +92,7 @@ def saturated(peak: FloatArray, area: FloatArray, sensor: Sensor) -> BoolArray:
 
 def target_in_scan(
     scan: Scan,
-    sensor: Sensor,
+    sensor: SpadArray,
     axis: Axis,
     *,
     signal_at_1m: float,
@@ -129,7 +129,7 @@ def target_in_scan(
     return BrightTarget(at, center, line[keep], place[keep], signal, setting)
 
 
-def _brightest(area: FloatArray, line: IntArray, place: IntArray, inside: BoolArray, sensor: Sensor) -> BoolArray:
+def _brightest(area: FloatArray, line: IntArray, place: IntArray, inside: BoolArray, sensor: SpadArray) -> BoolArray:
     """Whether beams lie within the target, not in bloom so strong that all detectors fire there too.
 
     Where detectors fire again while the target's light lasts its AREA is well above one firing of each; then beams
@@ -230,7 +230,7 @@ def _clusters_m(range_m: FloatArray) -> Sequence[float]:
 
 
 def bright_beams(
-    light: Light, sensor: Sensor, axis: Axis, bright_signal: float, distance_m: float | None, name: str
+    light: Light, sensor: SpadArray, axis: Axis, bright_signal: float, distance_m: float | None, name: str
 ) -> BrightTarget:
     """The target by the light of an ideal scan: pulses of S >= `bright_signal`, as the effect takes them.
 
@@ -259,7 +259,7 @@ def bright_beams(
     return BrightTarget(at, center, lines[beam], places[beam], signal, within=within)
 
 
-def _within(range_m: FloatArray, sensor: Sensor) -> tuple[float, ...]:
+def _within(range_m: FloatArray, sensor: SpadArray) -> tuple[float, ...]:
     """Where in a bin light from these ranges comes, each place as often as it does there."""
     part = np.sort(range_m / bin_length_m(sensor) % 1.0)
     return tuple(part[((np.arange(_PLACES) + 0.5) * len(part) / _PLACES).astype(np.int64)].tolist())

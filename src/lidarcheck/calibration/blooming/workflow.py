@@ -24,7 +24,7 @@ from lidarcheck.formats.settings import Settings, default_settings
 from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Light, PulseShape
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = [
     "BloomingCalibration",
@@ -69,7 +69,7 @@ class ModelSide:
     """
 
     model: Model
-    sensor: Sensor
+    sensor: SpadArray
     shape: PulseShape | None
     axis: Axis
     bright_signal: float
@@ -140,10 +140,11 @@ def _blooming(axis: Axis) -> type[Effect]:
     return with_role(f"{axis} blooming")
 
 
-def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, Sensor]:
+def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, SpadArray]:
     from lidarcheck.model.stages import light_after_effects
 
-    return light_after_effects(ideal, model)
+    light, sensor = light_after_effects(ideal, model)
+    return light, SpadArray.narrow(sensor)
 
 
 def _target_signal(model: Model, wanted: int | None) -> tuple[int | None, float | None]:

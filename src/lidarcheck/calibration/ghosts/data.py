@@ -19,7 +19,7 @@ from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import aimed, light_after_effects
 from lidarcheck.scan import IdealScan, PulseShape
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["WINDOW_M", "SignBeams", "check_expected", "sign_beams", "with_ghost"]
 
@@ -46,7 +46,7 @@ class SignBeams:
     area: FloatArray
     peak: FloatArray
     beyond_m: FloatArray
-    sensor: Sensor
+    sensor: SpadArray
     shape: PulseShape | None
     background_per_ns: float
     sign_early_m: float
@@ -62,7 +62,7 @@ class _Lit:
     key: IndexArray
     range_m: FloatArray
     unit_signal: FloatArray
-    sensor: Sensor
+    sensor: SpadArray
     shape: PulseShape | None
     background_per_ns: float
 
@@ -141,7 +141,7 @@ def _lit(ideal: IdealScan, model: Model) -> _Lit:
     range_m = np.bincount(of, light.pulse_signal[ghosts] * distance[ghosts], len(beams)) / signal
     background = float(np.median(light.background_per_ns[beams])) if len(beams) else sensor.background_per_ns
     keys = beam_keys(light.layer, light.point)[beams]
-    return _Lit(keys, range_m, signal / _UNIT, sensor, light.shape, background)
+    return _Lit(keys, range_m, signal / _UNIT, SpadArray.narrow(sensor), light.shape, background)
 
 
 def _beyond(found: GhostScan, lit: _Lit) -> FloatArray:

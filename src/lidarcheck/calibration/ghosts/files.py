@@ -16,6 +16,7 @@ from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import load_model, simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
 
@@ -62,7 +63,7 @@ def find_in(
 ) -> GhostScan:
     """What a scan, placed as declared, shows. `InputError` where it is not what the ideal scan and the model say."""
     scan = scan_of(path, placement)
-    sensor = None if model is None else model.sensor
+    sensor = None if model is None else SpadArray.narrow(model.sensor)
     if sensor is not None:
         check_variant(scan, sensor, str(path))
     view = None if ideal is None else _view(ideal)

@@ -17,7 +17,7 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import VARIANTS, Sensor
+from lidarcheck.sensor import VARIANTS, SpadArray
 
 __all__ = ["Brightness", "Returns", "SearchEchoes", "brightness", "grid_steps", "returns_of", "sensor_of"]
 
@@ -89,15 +89,15 @@ class SearchEchoes:
         return SearchEchoes(self.layer[rows], self.point[rows], self.range_m[rows], self.amplitude[rows], self.of[rows])
 
 
-def sensor_of(scan: Scan) -> Sensor | None:
+def sensor_of(scan: Scan) -> SpadArray | None:
     """The variant whose saturation the PEAKs fit; None where the scan has no PEAK or no AREA."""
     if {"PEAK", "AREA"} & set(scan.defaulted) or not len(scan):
         return None
-    fits = [name for name in VARIANTS if scan.peak.max() <= Sensor.of(name).peak_saturation]
-    return Sensor.of(fits[0] if fits else VARIANTS[-1])
+    fits = [name for name in VARIANTS if scan.peak.max() <= SpadArray.of(name).peak_saturation]
+    return SpadArray.of(fits[0] if fits else VARIANTS[-1])
 
 
-def brightness(scan: Scan, sensor: Sensor | None, above: float | None = None, *, once: bool = False) -> Brightness:
+def brightness(scan: Scan, sensor: SpadArray | None, above: float | None = None, *, once: bool = False) -> Brightness:
     """What counts as bright: `above` where it is given, else by the sensor's detectors, else the brightest 1 %.
 
     `once`: also what all detectors fired for only once. `InputError` for a scan without any amplitude.

@@ -30,7 +30,7 @@ from lidarcheck.calibration.ghosts.targets import ByLayer, Patch, clusters_of, p
 from lidarcheck.calibration.ghosts.wording import LARGEST_M, no_sign, notes_on, those_expected
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import Sensor, azimuth_deg, elevation_deg
+from lidarcheck.sensor import SpadArray, azimuth_deg, elevation_deg
 
 __all__ = ["GHOST", "OTHER", "SIGN", "GhostScan", "Sign", "find_ghosts"]
 
@@ -58,7 +58,7 @@ class GhostScan:
     name: str
     scan: Scan
     brightness: Brightness
-    sensor: Sensor | None
+    sensor: SpadArray | None
     signs: tuple[Sign, ...]
     label: npt.NDArray[np.int32]
     sign_number: npt.NDArray[np.int32]
@@ -90,7 +90,7 @@ def find_ghosts(
     scan: Scan,
     *,
     name: str = "scan",
-    sensor: Sensor | None = None,
+    sensor: SpadArray | None = None,
     above: float | None = None,
     expected_m: Sequence[float] = (),
     view: tuple[int, int, int, int] | None = None,
@@ -126,7 +126,7 @@ def _signs(
     scan: Scan,
     range_m: FloatArray,
     bright: Brightness,
-    sensor: Sensor | None,
+    sensor: SpadArray | None,
     view: tuple[int, int, int, int] | None,
 ) -> _Looked:
     """Compact bright clusters that no ordinary surface explains, those with most ghosts first; words on the others."""
@@ -180,7 +180,7 @@ def _extent_m(returns: Returns, rows: IndexArray) -> float:
     return float(np.hypot(*np.deg2rad(angles)) * np.median(returns.range_m[rows]))
 
 
-def _ordinary_m(returns: Returns, large: list[IndexArray], bright: Brightness, sensor: Sensor | None) -> float:
+def _ordinary_m(returns: Returns, large: list[IndexArray], bright: Brightness, sensor: SpadArray | None) -> float:
     """Up to what range a bright cluster may be an ordinary surface; beyond, it is a sign even without a ghost."""
     if bright.relative:
         return 0.0

@@ -13,7 +13,7 @@ import numpy as np
 from lidarcheck.effects.base import Effect, find, make
 from lidarcheck.errors import UsageError
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import RETRO_GAIN_MAX, SENSOR_BOUNDS, Material
+from lidarcheck.sensor import RETRO_GAIN_MAX, Material
 
 __all__ = [
     "FitParameter",
@@ -163,7 +163,7 @@ def with_values(model: Model, values: Mapping[str, float]) -> Model:
     for name, value in values.items():
         kind, *where = _parts(model, name)
         if kind == "sensor":
-            sensor[where[0]] = int(value) if SENSOR_BOUNDS[where[0]].whole else value
+            sensor[where[0]] = int(value) if model.sensor.numbers()[where[0]].whole else value
         elif kind == "materials":
             entry = {where[1]: value}
             materials[int(where[0])] = dataclasses.replace(materials[int(where[0])], **entry)  # type: ignore[arg-type]
@@ -289,7 +289,7 @@ def _facts(model: Model, name: str) -> tuple[float, float, bool, str, float]:
     """Lowest, highest, whether whole, unit and a typical size."""
     kind, *where = _parts(model, name)
     if kind == "sensor":
-        bounds = SENSOR_BOUNDS[where[0]]
+        bounds = model.sensor.numbers()[where[0]]
         return float(bounds.low), float(bounds.high), bounds.whole, bounds.unit, 0.0
     if kind == "materials":
         entry: Material = model.materials[int(where[0])]

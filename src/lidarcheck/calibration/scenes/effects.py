@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from lidarcheck.config.words import nearest
 from lidarcheck.effects import Effect, find, make
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.config_words import nearest
 from lidarcheck.model.spec import Model
 
 __all__ = ["chosen_effects"]

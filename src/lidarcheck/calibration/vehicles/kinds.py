@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.config.words import nearest
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.config_words import nearest
 from lidarcheck.scenes.vehicles import CAR_M, TRUCK_M, VAN_M
 
 __all__ = ["VEHICLES", "Extent", "VehicleKind", "distance_in_name", "extent_of", "suggested_offset", "vehicle_named"]

@@ -17,6 +17,7 @@ from lidarcheck.cli.bench.fast import fast_figures, pcd_figures
 from lidarcheck.cli.bench.frames import effects_figures, raycast_figures
 from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times
 from lidarcheck.errors import UsageError
+from lidarcheck.sensor import SpadArray
 from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["cases"]
@@ -105,10 +106,10 @@ def _plain_numpy(variant: str, mpts: float, quick: bool) -> tuple[Alternative, .
         few = frame.take(np.linspace(0, len(frame) - 1, beams).astype(np.int64))
         draw = np.random.Generator(np.random.Philox(1))
         start = time.perf_counter()
-        chain(rates(few, model), model.sensor, draw)
+        chain(rates(few, model), SpadArray.narrow(model.sensor), draw)
         speed = beams / MEGA / (time.perf_counter() - start)
         others.append(Alternative(name, speed, mpts / speed))
-    waveform = sim_sipm_seconds(model.sensor, 50 if quick else 500)
+    waveform = sim_sipm_seconds(SpadArray.narrow(model.sensor), 50 if quick else 500)
     if waveform is not None:
         others.append(Alternative("SimSiPM, a waveform a beam", 1.0 / MEGA / waveform, mpts * MEGA * waveform))
     return tuple(others)

@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times
 from lidarcheck.cli.bench.scene import hills, lab_model, signs_frame
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["effects_figures", "raycast_figures"]
 
@@ -46,7 +46,11 @@ def _one_by_one() -> list[str]:
     from lidarcheck.effects.base import DetectorEffect
 
     typical = {name: effect() for name, effect in catalogue().items() if issubclass(effect, DetectorEffect)}
-    return [name for name, effect in typical.items() if effect.detector(Sensor.of("SMART")).nonideal.any]
+    return [
+        name
+        for name, effect in typical.items()
+        if SpadArray.narrow(effect.detector(SpadArray.of("SMART"))).nonideal.any
+    ]
 
 
 def raycast_figures(repeats: int, quick: bool) -> list[Figure]:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["count_chain", "every_detector", "rates", "sim_sipm_seconds"]
 
@@ -22,7 +22,7 @@ def rates(ideal: IdealScan, model: Model) -> FloatArray:
     """Avalanches per bin of an armed SPAD, shape (bins, beams)."""
     from scipy.special import ndtr
 
-    sensor = model.sensor
+    sensor = SpadArray.narrow(model.sensor)
     reflectance = np.array([model.materials[int(i)].reflectance for i in ideal.material_id])
     signal = sensor.signal_at_1m * reflectance * np.cos(np.deg2rad(ideal.incidence_deg)) / ideal.distance_m**2
     arrival = 2.0 * ideal.distance_m / LIGHT_SPEED_M_PER_NS
@@ -31,7 +31,7 @@ def rates(ideal: IdealScan, model: Model) -> FloatArray:
     return sensor.background_per_ns * sensor.bin_ns + signal * share
 
 
-def every_detector(rate: FloatArray, sensor: Sensor, draw: np.random.Generator) -> npt.NDArray[np.int64]:
+def every_detector(rate: FloatArray, sensor: SpadArray, draw: np.random.Generator) -> npt.NDArray[np.int64]:
     """The trace, shape (bins, beams), from a coin for every armed detector in every bin."""
     bins, beams = rate.shape
     probability = -np.expm1(-rate)
@@ -45,7 +45,7 @@ def every_detector(rate: FloatArray, sensor: Sensor, draw: np.random.Generator) 
     return trace
 
 
-def count_chain(rate: FloatArray, sensor: Sensor, draw: np.random.Generator) -> npt.NDArray[np.int64]:
+def count_chain(rate: FloatArray, sensor: SpadArray, draw: np.random.Generator) -> npt.NDArray[np.int64]:
     """The trace, shape (bins, beams), from one binomial number a bin: the detectors are exchangeable."""
     bins, beams = rate.shape
     probability = -np.expm1(-rate)
@@ -64,7 +64,7 @@ def count_chain(rate: FloatArray, sensor: Sensor, draw: np.random.Generator) -> 
     return trace
 
 
-def sim_sipm_seconds(sensor: Sensor, waveforms: int) -> float | None:
+def sim_sipm_seconds(sensor: SpadArray, waveforms: int) -> float | None:
     """Seconds that SimSiPM (`pip install sipm`) takes for a beam's waveform; None where it is not installed.
 
     Its sensor has no shots to be summed and no threshold on counts: a waveform of the trace's length in the same bins,

@@ -43,7 +43,7 @@ PLOTS = ("histogram", "qq", "kde", "cdf", "violin", "top", "side", "front", ALL)
 def _plot(_type: Any, tokens: Sequence[Any]) -> str:
     kind = str(tokens[0].value)
     if kind not in PLOTS:
-        from lidarcheck.formats.config_words import nearest
+        from lidarcheck.config.words import nearest
 
         near = nearest(kind, PLOTS)
         fix = f"did you mean {near}?" if near else f"use one of {', '.join(PLOTS)}"

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from lidarcheck.config.words import nearest, shown
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.config_words import nearest, shown
 
 if TYPE_CHECKING:
     from lidarcheck.kpi.chance.verdict import Verdict

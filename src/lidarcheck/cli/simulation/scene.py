@@ -15,7 +15,7 @@ from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    from lidarcheck.formats.config import LineIndex
+    from lidarcheck.config.schema import LineIndex
     from lidarcheck.scan import IdealScan
     from lidarcheck.scenes.files.file import SceneFile
 
@@ -117,7 +117,7 @@ def find_scene(name: str) -> SceneFile:
 
 def _as_sampled(file: SceneFile, scenario: dict[str, Any], lines: LineIndex) -> SceneFile:
     """The scene with what the scenario says of its sampling, key by key, as `check` casts it."""
-    from lidarcheck.formats.config import Config, validate
+    from lidarcheck.config.schema import Config, validate
     from lidarcheck.scenes.files.file import SamplingTable
 
     class Asked(Config):

@@ -12,6 +12,7 @@ from lidarcheck.effects.empirical.covariates import EchoColumns
 from lidarcheck.effects.empirical.echoes import draws_of, whole
 from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
 from lidarcheck.scan import Scan
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["EmpiricalAmplitude"]
 
@@ -50,7 +51,7 @@ class EmpiricalAmplitude(Additive, ReadoutEffect):
         """Change each echo's features."""
         if self.is_zero() or len(scan) == 0:
             return scan
-        column, sensor = EchoColumns(scan, around), around.sensor
+        column, sensor = EchoColumns(scan, around), SpadArray.narrow(around.sensor)
         uniform = draws_of(scan, around, 3)
         both = self.total(column, len(scan))
         peak_ln, area_ln = (both + self.total(column, len(scan), (suffix,)) for suffix in ("_peak", "_area"))

@@ -14,7 +14,7 @@ from lidarcheck.effects.empirical.echoes import renumbered
 from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import beam_directions
+from lidarcheck.sensor import SpadArray, beam_directions
 
 __all__ = ["EmpiricalExtra"]
 
@@ -113,7 +113,7 @@ class EmpiricalExtra(Additive, ReadoutEffect):
 
     def _features(self, uniform: FloatArray, around: Surroundings) -> dict[str, Any]:
         """PEAK, AREA and WIDTH of new echoes as the sensor reports them, shape (n,) each."""
-        sensor = around.sensor
+        sensor = SpadArray.narrow(around.sensor)
         peak = np.clip(np.rint(_at_level(self.peak_quantiles, uniform)), 1.0, sensor.peak_saturation)
         area = np.maximum(np.rint(_at_level(self.area_quantiles, uniform)), peak)
         bins = np.maximum(np.rint(_at_level(self.width_quantiles, uniform) / sensor.bin_ns), 1.0)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.effects.search.base import FreeParameter, SearchSpec, Variant
+from lidarcheck.sensor import SpadArray
 
 _FREE = (FreeParameter("shift_ns", 1.0), FreeParameter("spread_ns", 0.5))
 _RECOVERY = (FreeParameter("shift_ns", 1.0), FreeParameter("recovery_ns", 0.3, log=True))
@@ -36,7 +37,7 @@ SPEC = SearchSpec(
     rescale=_at_least_a_bin,
     groups=frozenset({"detector"}),
     least_errors={"shift_ns": 0.6},
-    whole_steps={"shift_ns": lambda sensor: sensor.bin_ns},
+    whole_steps={"shift_ns": lambda sensor: SpadArray.narrow(sensor).bin_ns},
     watched_by=("multi_echo_share", "area_mean", "echo_range_mean", "width_mean"),
     shown_by=("area", "amplitude"),
 )

@@ -111,7 +111,7 @@ def bloom(light: Light, around: Surroundings, along: Direction, y: Profile, brig
     beams = np.full((along.lines, along.places), -1, dtype=np.int64)
     line, place, inside = _grid(light.layer, light.point, along)
     beams[line[inside], place[inside]] = np.flatnonzero(inside)
-    added = _scatter(sources, cluster, part, beams, NEGLIGIBLE / around.sensor.detectors)
+    added = _scatter(sources, cluster, part, beams, around.sensor.signal_of(NEGLIGIBLE))
     return light.with_pulses(*added)
 
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import choice_parameter
 from lidarcheck.scan import Haze, Light, Scan
-from lidarcheck.sensor import Sensor, beam_directions
+from lidarcheck.sensor import Sensor
 
-__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "what_moves"]
+__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "reported", "what_moves"]
 
 
 def what_moves() -> Any:
@@ -35,6 +35,17 @@ def quantised(range_m: npt.NDArray[np.float64], sensor: Sensor) -> npt.NDArray[n
     return range_m
 
 
+def reported(scan: Scan, sensor: Sensor) -> Scan:
+    """The same echoes as the sensor reports them: at ranges with its constant error, rounded, within its gate."""
+    range_m = quantised(scan.range_m + sensor.range_offset_m, sensor)
+    xyz = scan.beams.positions_m(scan.layer, scan.point, range_m)
+    found = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
+    if sensor.min_range_m == 0.0:
+        return found
+    inside = np.flatnonzero(range_m >= sensor.min_range_m)
+    return found if len(inside) == len(scan) else _in_order(found.take(inside), range_m[inside])
+
+
 def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
     """The same echoes at other ranges, shape (n,), not rounded yet: several effects may move an echo.
 
@@ -42,7 +53,7 @@ def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
     and numbers too, so that both still go by range; all other rows stay where they are.
     """
     range_m = np.maximum(range_m, 0.0)
-    xyz = beam_directions(scan.layer, scan.point) * range_m[:, None]
+    xyz = scan.beams.positions_m(scan.layer, scan.point, range_m)
     moved = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
     return _in_order(moved, range_m)
 

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from lidarcheck.formats.config import Config
+from lidarcheck.config.schema import Config
 from lidarcheck.formats.geometry.placement import MOST_DEG, MOST_M, Placement
 
 __all__ = ["PlacementKeys", "PoseTable"]

@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.toml_text import toml_of
+from lidarcheck.config.words import shown
 from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.source import decode_text, read_source
-from lidarcheck.formats.toml_text import toml_of
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.goldens.golden import Golden, KpiGolden
 from lidarcheck.harness.goldens.provenance import Provenance

@@ -13,7 +13,12 @@ from typing import Any
 
 from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import Material, NonIdeal, Sensor
+from lidarcheck.sensor import VARIANTS, Beams, Feature, Linear, Material, NonIdeal, PhotonHistogram, Sensor, SpadArray
+from lidarcheck.sensor.beam_table import TableBeams
+from lidarcheck.sensor.channels import ChannelBeams, Channels
+from lidarcheck.sensor.document import own
+from lidarcheck.sensor.grid import Axis, GridBeams
+from lidarcheck.sensor.sweep import Sweep
 
 __all__ = ["hashed_parts"]
 
@@ -37,27 +42,50 @@ def _model(model: Model) -> dict[str, Any]:
     }
 
 
+_BUILT_IN = (
+    "spads", "shots", "threshold", "peak_saturation", "on_bins", "dead_bins", "pulse_fwhm_ns", "background_per_ns",
+    "signal_at_1m", "bin_ns", "max_range_m", "max_echoes", "time_offset_ns", "range_resolution_m",
+)  # fmt: skip
+"""The numbers of the built-in sensors that have always been hashed, whether a model changes them or not."""
+_NO_PARAMETER = ("variant", "name", "source", "tables", "missing", "file", "plain")
+"""Where a sensor comes from, and what its other fields already say."""
+
+
 def _sensor(sensor: Sensor) -> dict[str, Any]:
-    """What detector effects set counts only where one has set it."""
-    parts = {
+    """Of a built-in sensor its old numbers and what else differs from it; of any other one everything."""
+    if sensor.variant not in VARIANTS or sensor.plain is not None:
+        every = [field.name for field in dataclasses.fields(sensor) if field.name not in _NO_PARAMETER]
+        return {"": "Sensor", "detector": sensor.detector, **{name: getattr(sensor, name) for name in every}}
+    built_in = own(sensor)
+    others = [f.name for f in dataclasses.fields(sensor) if f.name not in (*_NO_PARAMETER, *_BUILT_IN)]
+    changed = [name for name in others if getattr(sensor, name) != getattr(built_in, name)]
+    return {
         "": "Sensor",
         "variant": sensor.variant,
-        "spads": sensor.spads,
-        "shots": sensor.shots,
-        "threshold": sensor.threshold,
-        "peak_saturation": sensor.peak_saturation,
-        "on_bins": sensor.on_bins,
-        "dead_bins": sensor.dead_bins,
-        "pulse_fwhm_ns": sensor.pulse_fwhm_ns,
-        "background_per_ns": sensor.background_per_ns,
-        "signal_at_1m": sensor.signal_at_1m,
-        "bin_ns": sensor.bin_ns,
-        "max_range_m": sensor.max_range_m,
-        "max_echoes": sensor.max_echoes,
-        "time_offset_ns": sensor.time_offset_ns,
-        "range_resolution_m": sensor.range_resolution_m,
+        **{name: getattr(sensor, name) for name in (*_BUILT_IN, *changed)},
     }
-    return parts if sensor.nonideal == NonIdeal() else {**parts, "nonideal": sensor.nonideal}
+
+
+def _sweep(sweep: Sweep) -> dict[str, Any]:
+    return {"": "Sweep", **{field.name: getattr(sweep, field.name) for field in dataclasses.fields(sweep)}}
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    return {"": "Axis", "count": axis.count, "first_deg": axis.first_deg, "step_deg": axis.step_deg}
+
+
+def _channels(channels: Channels) -> dict[str, Any]:
+    return {"": "Channels", **{f.name: getattr(channels, f.name) for f in dataclasses.fields(channels)}}
+
+
+def _beams(beams: Beams) -> dict[str, Any]:
+    return {"": "Beams", "key": beams.key}
+
+
+def _feature(feature: Feature) -> dict[str, Any]:
+    """The names of its columns in files are no parameter."""
+    counted = [field.name for field in dataclasses.fields(feature) if field.name != "aliases"]
+    return {"": "Feature", **{name: getattr(feature, name) for name in counted}}
 
 
 def _nonideal(nonideal: NonIdeal) -> dict[str, Any]:
@@ -92,7 +120,16 @@ def _curve(curve: Curve) -> dict[str, Any]:
 
 _PARTS: Mapping[type, Callable[[Any], dict[str, Any]]] = {
     Model: _model,
-    Sensor: _sensor,
+    SpadArray: _sensor,
+    Linear: _sensor,
+    PhotonHistogram: _sensor,
+    GridBeams: _beams,
+    ChannelBeams: _beams,
+    TableBeams: _beams,
+    Sweep: _sweep,
+    Axis: _axis,
+    Channels: _channels,
+    Feature: _feature,
     NonIdeal: _nonideal,
     Material: _material,
     Curve: _curve,

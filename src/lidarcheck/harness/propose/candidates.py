@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from lidarcheck.config.schema import LineIndex
 from lidarcheck.effects import Effect
 from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.scenario.asked import AskedKpi, ask
 from lidarcheck.harness.scenario.file import KpiTable

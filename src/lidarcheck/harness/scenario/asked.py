@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import shown
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes

@@ -6,8 +6,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from lidarcheck.formats.config import Config, PathText
-from lidarcheck.formats.config_words import nearest
+from lidarcheck.config.schema import Config, PathText
+from lidarcheck.config.words import nearest
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.spec import Direction
 from lidarcheck.harness.scenario.shapes import BeamShape, LayerSpan, PointSpan

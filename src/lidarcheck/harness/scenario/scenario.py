@@ -17,11 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import IntArray
+from lidarcheck.config.schema import LineIndex, validate
+from lidarcheck.config.toml_lines import KeyPath
+from lidarcheck.config.words import shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats import load_ideal, load_scan
-from lidarcheck.formats.config import LineIndex, parse_toml, validate
-from lidarcheck.formats.config_words import shown
-from lidarcheck.formats.toml_lines import KeyPath
+from lidarcheck.formats.config import parse_toml
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.asked import AskedKpi, ask, hashed

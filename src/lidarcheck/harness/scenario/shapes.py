@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray
-from lidarcheck.formats.config import Config
+from lidarcheck.config.schema import Config
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import LAYERS, POINTS, beam_directions, elevation_deg
 

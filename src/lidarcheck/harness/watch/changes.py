@@ -12,7 +12,8 @@ from lidarcheck.effects.base import STAGES
 from lidarcheck.effects.parameters import Curve, Parameter
 from lidarcheck.errors import UsageError
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import SENSOR_BOUNDS, Sensor
+from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor.document import own
 
 __all__ = ["SENSOR", "Change", "change_of", "parameters_of"]
 
@@ -31,7 +32,7 @@ class Change:
 def parameters_of(models: Iterable[Model]) -> tuple[tuple[str, str], ...]:
     """(owner, parameter) of the sensor and of every effect of the catalogue that one of the models has on, in order."""
     on = {effect.name for model in models for effect in model.effects}
-    found = [(SENSOR, name) for name in SENSOR_BOUNDS]
+    found = [(SENSOR, name) for name in SpadArray.bounds]
     for name, effect in catalogue().items():
         found += [(name, field.name) for field in dataclasses.fields(effect)] if name in on else []
     return tuple(found)
@@ -68,8 +69,10 @@ def _declared(effect: type[Effect]) -> dict[str, Any]:
 
 
 def _sensor_change(model: Model, name: str) -> Change | None:
-    bounds, value = SENSOR_BOUNDS[name], getattr(model.sensor, name)
-    usual = getattr(Sensor.of(model.sensor.variant), name)
+    if name not in model.sensor.numbers():
+        return None
+    bounds, value = model.sensor.numbers()[name], getattr(model.sensor, name)
+    usual = getattr(own(model.sensor), name)
     declared = Parameter(
         name, bounds.unit, bounds.low, bounds.high, usual, bounds.whole, meaning="", noticeable=bounds.noticeable
     )

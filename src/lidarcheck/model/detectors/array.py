@@ -12,7 +12,7 @@ from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.sensor import NonIdeal, Sensor
+from lidarcheck.sensor import NonIdeal, SpadArray
 
 __all__ = ["Detectors", "array_shape", "detectors_of"]
 
@@ -70,7 +70,7 @@ def array_shape(spads: int) -> tuple[int, int]:
     return (_ROWS, spads // _ROWS) if spads % _ROWS == 0 else (1, spads)
 
 
-def detectors_of(sensor: Sensor, numbers: Numbers) -> Detectors:
+def detectors_of(sensor: SpadArray, numbers: Numbers) -> Detectors:
     """The sensor's SPADs as kernels see them; `UsageError` names a number of `sensor.nonideal` that is out of range."""
     real = sensor.nonideal
     _check(real)
@@ -95,7 +95,7 @@ def detectors_of(sensor: Sensor, numbers: Numbers) -> Detectors:
     )
 
 
-def _warm_up(sensor: Sensor, longest: int) -> int:
+def _warm_up(sensor: SpadArray, longest: int) -> int:
     """Bins before bin 0 after which the state at their beginning is forgotten; `longest`: the longest dead time."""
     real, settled = sensor.nonideal, _WARM_UP_DEAD_TIMES * longest
     if real.afterpulse == 0.0:
@@ -112,7 +112,7 @@ def _check(real: NonIdeal) -> None:
             raise UsageError(f"{name} = {value} is out of range", fix=f"use a number from {low:g} to {high:g}")
 
 
-def _neighbours(sensor: Sensor) -> npt.NDArray[np.int32]:
+def _neighbours(sensor: SpadArray) -> npt.NDArray[np.int32]:
     """The detector at each side and corner of each, shape (detectors, 8), -1 where there is none; shots are apart."""
     rows, columns = array_shape(sensor.spads)
     shot, row, column = np.indices((sensor.shots, rows, columns)).reshape(3, -1)
@@ -125,7 +125,7 @@ def _neighbours(sensor: Sensor) -> npt.NDArray[np.int32]:
     return found
 
 
-def _dead_times(sensor: Sensor) -> tuple[int, FloatArray]:
+def _dead_times(sensor: SpadArray) -> tuple[int, FloatArray]:
     """The least dead time and the distribution function from there on: rounded numbers, `on_bins` at least."""
     real = sensor.nonideal
     spread, recovery = real.dead_spread_ns / sensor.bin_ns, real.dead_recovery_ns / sensor.bin_ns

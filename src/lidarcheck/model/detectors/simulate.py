@@ -21,7 +21,7 @@ from lidarcheck.model.exact.pulses import Pulses, pulses_of
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.streams import Stream, beam_keys, new_stream
 from lidarcheck.scan import Light
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["count_beams", "draw_avalanches", "simulate_beams", "simulate_chunk"]
 
@@ -104,7 +104,7 @@ def simulate_chunk(
     _check_room(scratch)
 
 
-def draw_avalanches(light: Light, sensor: Sensor, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:
+def draw_avalanches(light: Light, sensor: SpadArray, *, seed: int = 0, frame: int = 0) -> npt.NDArray[np.int32]:
     """Avalanches of all detectors in each bin, shape (n_beams, bins): what the echoes of the same seed are made of."""
     numbers = numbers_of(sensor)
     detectors = detectors_of(sensor, numbers)

@@ -19,7 +19,7 @@ from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import whole_below
 from lidarcheck.scan import Haze, Light
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["HazeRates", "add_haze", "haze_end", "haze_rates_of"]
 
@@ -55,7 +55,7 @@ class HazeRates(NamedTuple):
     front: Front
 
 
-def haze_rates_of(light: Light, form: PulseForm, sensor: Sensor, numbers: Numbers) -> HazeRates:
+def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Numbers) -> HazeRates:
     """The light's haze as kernels see it; none where it holds no light."""
     haze, bin_m = light.haze, 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns
     if haze is None or not (np.any(haze.density_per_m > 0.0) and np.any(haze.row_share > 0.0)):

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.model.exact.echoes import EchoArrays
-from lidarcheck.model.exact.report import EchoTable, Report, angles_of, put, report_of, room_for
+from lidarcheck.model.exact.report import EchoTable, Report, angles_of, put, report_of, room_for, scan_of_table
 from lidarcheck.model.jit import kernel
 from lidarcheck.model.sharing import Share
 from lidarcheck.scan import Light, Scan
-from lidarcheck.sensor import LAYERS, LIGHT_SPEED_M_PER_NS, POINTS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
+from lidarcheck.sensor.grid import GridBeams
 
 __all__ = ["scan_of"]
 
@@ -23,23 +24,24 @@ _CHUNK = 16384
 _HALF_LIGHT_SPEED = 0.5 * LIGHT_SPEED_M_PER_NS
 
 
-def scan_of(echoes: EchoArrays, light: Light, sensor: Sensor, rounded: bool, share: Share) -> Scan:
+def scan_of(echoes: EchoArrays, light: Light, sensor: SpadArray, rounded: bool, share: Share) -> Scan:
     """The echoes of all beams: PEAK saturated, numbered from 1, no range below 0; `rounded`: as they are reported."""
     starts = range(0, len(light), _CHUNK)
     ends = np.cumsum([0, *(int(echoes.held[start : start + _CHUNK].sum()) for start in starts)])
     rows, layer, point = room_for(int(ends[-1])), light.layer, light.point
-    if _own(layer, LAYERS) and _own(point, POINTS):
-        up, side, report = layer, point, report_of(sensor, rounded)
+    beams = light.beams
+    if not isinstance(beams, GridBeams) or (_own(layer, beams.layers) and _own(point, beams.points)):
+        up, side, report = layer, point, report_of(sensor, rounded, beams)
     else:
         up = side = np.arange(len(light), dtype=np.int32)
-        report = report_of(sensor, rounded, angles_of(layer, point))
+        report = report_of(sensor, rounded, beams, angles_of(beams, layer, point))
 
     def write(start: int) -> None:
         stop, first = min(start + _CHUNK, len(light)), ends[start // _CHUNK]
         _list_echoes(echoes, layer, point, up, side, start, stop, first, report, rows)
 
     share(write, starts)
-    return Scan(**rows._asdict())
+    return scan_of_table(rows, beams, sensor, rounded)
 
 
 def _own(index: ColumnArray, number: int) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["Numbers", "numbers_of"]
 
@@ -22,7 +22,7 @@ class Numbers(NamedTuple):
     max_echoes: int
 
 
-def numbers_of(sensor: Sensor) -> Numbers:
+def numbers_of(sensor: SpadArray) -> Numbers:
     """The sensor as kernels see it."""
     return Numbers(
         detectors=sensor.detectors,

@@ -14,7 +14,7 @@ from lidarcheck.model.jit import inlined
 from lidarcheck.model.lane_math import whole_below
 from lidarcheck.model.sharing import Share, serially
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["Pulses", "add_pulses", "add_rates", "pulse_window", "pulses_of", "window"]
 
@@ -40,7 +40,7 @@ class Pulses(NamedTuple):
     haze: HazeRates
 
 
-def pulses_of(light: Light, sensor: Sensor, numbers: Numbers, share: Share = serially) -> Pulses:
+def pulses_of(light: Light, sensor: SpadArray, numbers: Numbers, share: Share = serially) -> Pulses:
     """The light's pulses and haze as kernels see them."""
     form = form_of(light.shape, sensor, sensor.bin_ns)
     n = len(light.pulse_signal)

@@ -9,10 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.effects.shared.ranges import reported
 from lidarcheck.model.jit import inlined
-from lidarcheck.sensor import LAYERS, POINTS, Sensor, cos_sin
+from lidarcheck.scan import Scan
+from lidarcheck.sensor import Beams, SpadArray
+from lidarcheck.sensor.grid import GridBeams
 
-__all__ = ["EchoTable", "Report", "angles_of", "put", "report_of", "room_for"]
+__all__ = ["EchoTable", "Report", "angles_of", "put", "report_of", "room_for", "scan_of_table"]
 
 Angles = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -57,21 +60,40 @@ def room_for(echoes: int) -> EchoTable:
     return EchoTable(*columns)
 
 
-def report_of(sensor: Sensor, rounded: bool, angles: Angles | None = None) -> Report:
+def report_of(sensor: SpadArray, rounded: bool, beams: Beams, angles: Angles | None = None) -> Report:
     """How the sensor reports echoes; ranges as they are where not `rounded`. `angles`: of beams not its own."""
-    resolution_m = sensor.range_resolution_m if rounded else 0.0
-    own = _angles() if angles is None else angles
+    resolution_m = sensor.range_resolution_m if rounded and _simple(sensor, beams) else 0.0
+    own = _angles(beams) if angles is None else angles
     return Report(*own, sensor.bin_ns, sensor.time_offset_ns, resolution_m, sensor.peak_saturation)
 
 
-@functools.cache
-def _angles() -> Angles:
-    return angles_of(np.arange(LAYERS), np.arange(POINTS))
+@functools.lru_cache(maxsize=16)
+def _angles(beams: Beams) -> Angles:
+    """Of a grid its beams'; of others what writes an echo's range as its X, for `scan_of_table`."""
+    if isinstance(beams, GridBeams):
+        return angles_of(beams, np.arange(beams.layers), np.arange(beams.points))
+    return np.ones(beams.layers), np.zeros(beams.layers), np.ones(beams.points), np.zeros(beams.points)
 
 
-def angles_of(layer: npt.ArrayLike, point: npt.ArrayLike) -> Angles:
-    """Cosines and sines of layers and of points, as `beam_directions` takes them; same shapes."""
-    return *cos_sin(layer, "layer"), *cos_sin(point, "point")
+def angles_of(beams: GridBeams, layer: npt.ArrayLike, point: npt.ArrayLike) -> Angles:
+    """Cosines and sines of layers and of points of a grid; same shapes."""
+    return *beams.elevation.cos_sin(layer), *beams.azimuth.cos_sin(point)
+
+
+def scan_of_table(rows: EchoTable, beams: Beams, sensor: SpadArray, rounded: bool) -> Scan:
+    """The echoes of a table that was written for these beams; `rounded`: as they are reported."""
+    if isinstance(beams, GridBeams):
+        scan = Scan(*rows, beams=beams)
+        return reported(scan, sensor) if rounded and not _simple(sensor, beams) else scan
+    range_m = rows.x_m + beams.range_offset_m(rows.layer)
+    x_m, y_m, z_m = np.moveaxis(beams.positions_m(rows.layer, rows.point, range_m), -1, 0)
+    scan = Scan(x_m, y_m, z_m, *rows[3:], beams=beams)
+    return reported(scan, sensor) if rounded else scan
+
+
+def _simple(sensor: SpadArray, beams: Beams) -> bool:
+    """Whether an echo's way, rounded, is what the sensor reports."""
+    return isinstance(beams, GridBeams) and sensor.range_offset_m == 0.0 and sensor.min_range_m == 0.0
 
 
 @inlined

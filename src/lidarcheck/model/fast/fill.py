@@ -15,7 +15,7 @@ from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.fast.grid import Grid, Span, node_signals
 from lidarcheck.model.fast.words import pack
 from lidarcheck.scan import Light, PulseShape
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, POINTS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
 __all__ = ["Block", "Source", "fill_block"]
 
@@ -24,6 +24,8 @@ _SEED = 0
 """The library is the same for every user: what differs from run to run is which sample a beam draws."""
 _FIRST_LAYER = 1 << 20
 """Beams that no sensor has: their draws are nobody else's."""
+_POINTS = 960
+"""How samples are numbered as beams: another number would draw other samples."""
 _INSIDE = 1e-9
 """Bins that a pulse stands behind the beginning of its bin, so that rounding cannot put it before."""
 
@@ -31,13 +33,13 @@ _INSIDE = 1e-9
 class Source(NamedTuple):
     """What a library is of: the sensor behind its detector effects, the laser's pulse, the background, the nodes."""
 
-    sensor: Sensor
+    sensor: SpadArray
     shape: PulseShape | None
     background_per_ns: float
     grid: Grid
 
     @classmethod
-    def of(cls, sensor: Sensor, shape: PulseShape | None, background_per_ns: float, grid: Grid) -> Source:
+    def of(cls, sensor: SpadArray, shape: PulseShape | None, background_per_ns: float, grid: Grid) -> Source:
         """Without the numbers of the sensor that its echoes depend on only before or behind the library."""
         plain = replace(sensor, signal_at_1m=0.0, peak_saturation=1, time_offset_ns=0.0, range_resolution_m=0.0)
         return cls(plain, shape, background_per_ns, grid)
@@ -62,7 +64,7 @@ def fill_block(source: Source, block: int, span: Span, threads: int | None) -> B
     centre = np.tile(np.repeat(np.arange(phases) / phases, samples), nodes) + span.before
     bin_m = 0.5 * LIGHT_SPEED_M_PER_NS * source.sensor.bin_ns
     n = len(signal)
-    layer, point = np.divmod(np.arange(n), POINTS)
+    layer, point = np.divmod(np.arange(n), _POINTS)
     light = Light(
         layer=layer + _FIRST_LAYER,
         point=point,

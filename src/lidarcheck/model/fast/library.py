@@ -17,7 +17,7 @@ from lidarcheck.model.fast.alarms import Alarms, alarm_rate, alarms_of
 from lidarcheck.model.fast.draw import Tables
 from lidarcheck.model.fast.fill import Block, Source, fill_block
 from lidarcheck.model.fast.grid import lowest_octave, spans
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SENSOR_BOUNDS, NonIdeal
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, NonIdeal, SpadArray
 
 __all__ = ["Library", "Samples", "affordable", "library_of"]
 
@@ -132,7 +132,7 @@ def affordable(source: Source) -> bool:
         return False
     lengths = [span.length for span in spans(numbers, form_of(source.shape, sensor, sensor.bin_ns))]
     shortest_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.bin_ns * (min(lengths) - 0.5)
-    if max(lengths) > _MOST_BINS or shortest_m < SENSOR_BOUNDS["max_range_m"].low:
+    if max(lengths) > _MOST_BINS or shortest_m < SpadArray.bounds["max_range_m"].low:
         return False
     return alarm_rate(numbers, source.background_per_ns * sensor.bin_ns) * numbers.bins <= _MOST_ALARMS
 

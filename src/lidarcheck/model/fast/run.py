@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray
 from lidarcheck.model.detection import chain_echoes
 from lidarcheck.model.exact.echoes import EchoArrays, new_echoes
-from lidarcheck.model.exact.report import report_of, room_for
+from lidarcheck.model.exact.report import report_of, room_for, scan_of_table
 from lidarcheck.model.fast.beams import CHUNK, DrawnBeams, Task
 from lidarcheck.model.fast.draw import EXACT, draw_beams, in_order, signals
 from lidarcheck.model.fast.fill import Source
@@ -24,7 +24,7 @@ from lidarcheck.model.light import material_tables
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan, light_of_beams
-from lidarcheck.sensor import LAYERS, POINTS, Sensor
+from lidarcheck.sensor import Beams, SpadArray
 
 __all__ = ["fast_echoes", "fast_frame"]
 
@@ -37,7 +37,7 @@ _CODE = np.uint64((1 << CODE_AT + CODE_BITS) - 1)
 _EXACT_WORD = np.uint64(SPECIAL | EXACT << CODE_AT)
 
 
-def fast_frame(ideal: IdealScan, model: Model, sensor: Sensor, task: Task) -> Scan | None:
+def fast_frame(ideal: IdealScan, model: Model, sensor: SpadArray, task: Task) -> Scan | None:
     """The echoes of a frame whose light no effect changes; None where it is no plain frame of the sensor's own beams.
 
     `sensor`: the model's, behind the detector effects. The range equation, the draw and the table are done chunk by
@@ -53,22 +53,33 @@ def fast_frame(ideal: IdealScan, model: Model, sensor: Sensor, task: Task) -> Sc
     def prepare(start: int, stop: int) -> bool:
         columns = (ideal.distance_m, ideal.incidence_deg, ideal.material_id)
         odd = signals(*columns, *tables, beams.signal, start, stop)
-        return odd == 0 and in_order(ideal.layer, ideal.point, LAYERS, POINTS, start, stop)
+        return odd == 0 and in_order(ideal.layer, ideal.point, ideal.beams.layers, ideal.beams.points, start, stop)
 
     if not _draw(beams, library, 0, task, prepare):
         return None
+    background_per_ns = model.sensor.background_per_ns
     return _finish(
-        beams, [library], lambda rows: _light_of_rows(beams, rows, model.sensor.background_per_ns), sensor, task
+        beams,
+        [library],
+        lambda rows: _light_of_rows(beams, rows, background_per_ns, ideal.beams),
+        sensor,
+        task,
+        ideal.beams,
     )
 
 
-def fast_echoes(light: Light, sensor: Sensor, task: Task) -> Scan | None:
+def fast_echoes(light: Light, sensor: SpadArray, task: Task) -> Scan | None:
     """The echoes of any light: beams of one pulse from a library, all others through the exact chain.
 
     None where nothing is gained.
     """
     layer, point = light.layer, light.point
-    if len(light) == 0 or min(layer.min(), point.min()) < 0 or layer.max() >= LAYERS or point.max() >= POINTS:
+    if (
+        len(light) == 0
+        or min(layer.min(), point.min()) < 0
+        or layer.max() >= light.beams.layers
+        or point.max() >= light.beams.points
+    ):
         return None
     groups = _groups(light, sensor)
     if not groups:
@@ -78,11 +89,16 @@ def fast_echoes(light: Light, sensor: Sensor, task: Task) -> Scan | None:
         _draw_rows(beams, rows, library, number, task)
     libraries = [library for _, library in groups]
     return _finish(
-        beams, libraries, lambda rows: light_of_beams(light, np.isin(np.arange(len(light)), rows)), sensor, task
+        beams,
+        libraries,
+        lambda rows: light_of_beams(light, np.isin(np.arange(len(light)), rows)),
+        sensor,
+        task,
+        light.beams,
     )
 
 
-def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float) -> Light:
+def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float, own: Beams) -> Light:
     """The light of some beams."""
     return Light(
         layer=beams.layer[rows],
@@ -91,10 +107,11 @@ def _light_of_rows(beams: DrawnBeams, rows: IntArray, background_per_ns: float) 
         first_pulse=np.arange(len(rows) + 1),
         pulse_range_m=beams.range_m[rows],
         pulse_signal=beams.signal[rows],
+        beams=own,
     )
 
 
-def _groups(light: Light, sensor: Sensor) -> list[tuple[IntArray | None, Library]]:
+def _groups(light: Light, sensor: SpadArray) -> list[tuple[IntArray | None, Library]]:
     """Beams that may draw, by background, each with its library; None for the rows of all beams."""
     if light.haze is not None:
         return []
@@ -183,16 +200,21 @@ def _told(task: Task, beams: int, half: int) -> Callable[[int], object]:
 
 
 def _finish(
-    beams: DrawnBeams, libraries: list[Library], light: Callable[[IntArray], Light], sensor: Sensor, task: Task
+    beams: DrawnBeams,
+    libraries: list[Library],
+    light: Callable[[IntArray], Light],
+    sensor: SpadArray,
+    task: Task,
+    own: Beams,
 ) -> Scan:
-    """The table of echoes of beams that have drawn. `light`: of some beams, for the exact chain."""
+    """The table of echoes of beams that have drawn. `light`: of some, for the exact chain; `own`: the sensor's."""
     special = beams.listed()
     echoes = _special_echoes(beams, special, libraries, light, sensor, task)
     behind = np.concatenate([[0], np.cumsum(beams.odd)])
     held = np.concatenate([[0], np.cumsum(echoes.held)])
     first = np.concatenate([[0], np.cumsum(beams.plain + np.diff(held[behind]))])
     columns = room_for(int(first[-1]))
-    report = report_of(sensor, task.rounded)
+    report = report_of(sensor, task.rounded, own)
     places = (beams.drawn, echoes, beams.layer, beams.point, beams.range_m)
 
     def run(start: int) -> None:
@@ -200,7 +222,7 @@ def _finish(
         write_echoes(*places, *beams.bounds(start), first[chunk], behind[chunk], report, columns)
 
     share(run, range(0, len(beams), CHUNK), task.threads, _told(task, len(beams), 1))
-    return Scan(*columns)
+    return scan_of_table(columns, own, sensor, task.rounded)
 
 
 def _special_echoes(
@@ -208,7 +230,7 @@ def _special_echoes(
     special: IntArray,
     libraries: list[Library],
     light: Callable[[IntArray], Light],
-    sensor: Sensor,
+    sensor: SpadArray,
     task: Task,
 ) -> EchoArrays:
     """The echoes of the special beams, a row each, in their order."""

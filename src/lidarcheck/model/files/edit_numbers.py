@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from lidarcheck.formats.toml_lines import KeyPath, locate
+from lidarcheck.config.toml_lines import KeyPath, locate
 from lidarcheck.model.files.edit_text import shown_value
 from lidarcheck.model.spec import Model
 

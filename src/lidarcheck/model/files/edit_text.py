@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from lidarcheck.config.toml_lines import KeyPath, locate
 from lidarcheck.effects import Effect
-from lidarcheck.formats.toml_lines import KeyPath, locate
 
 __all__ = ["EffectEdit", "edited", "effect_lines", "shown_value", "steps", "values_in_file"]
 

@@ -8,40 +8,30 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import tomli_w
 from pydantic import ConfigDict, Field, create_model
 
+from lidarcheck.config.schema import Config, LineIndex, PathText, validate
+from lidarcheck.config.words import shown
 from lidarcheck.effects.base import Curve, DetectorEffect, Effect, FileParameter
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
-from lidarcheck.formats.config_words import shown
+from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.lut import load_lut
 from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.model.external import check_command
+from lidarcheck.model.files.sensor_file import is_sensor_file, sensor_of_model
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Bounds, Material, Sensor
+from lidarcheck.sensor import VARIANTS, Material, Sensor
+from lidarcheck.sensor.schema import overrides_table
 from lidarcheck.trust.places import named_file
 
 __all__ = ["dump_model", "load_model", "model_of", "save_model"]
 
 
 _BUILT_IN = ("variant", "sensor", "materials", "effects")
-
-
-def _sensor_field(bounds: Bounds) -> Any:
-    kind = int if bounds.whole else float
-    number = Field(ge=kind(bounds.low), le=kind(bounds.high), json_schema_extra={"unit": bounds.unit})
-    return (Annotated[kind, number] | None, None)
-
-
-_SensorTable: Any = create_model(
-    "_SensorTable",
-    __base__=Config,
-    **{name: _sensor_field(bounds) for name, bounds in SENSOR_BOUNDS.items()},
-)
 
 
 class _EffectTable(Config):
@@ -52,8 +42,8 @@ class _EffectTable(Config):
 
 
 class _ModelTable(Config):
-    variant: Literal["SMART", "SLIM"]
-    sensor: _SensorTable = _SensorTable()
+    variant: str
+    sensor: Any = None
     materials: dict[MaterialId, MaterialTable] = Field(default_factory=dict)
     effects: tuple[_EffectTable, ...] = ()
 
@@ -99,7 +89,7 @@ def dump_model(model: Model, path: str | os.PathLike[str]) -> str:
     text = tomli_w.dumps(document)
     parsed = tomllib.loads(text)
     lines = LineIndex(Path(path))
-    validate(parsed, lines, _ExternalFile if model.external else _ModelTable)
+    validate(parsed, lines, _ExternalFile if model.external else _table_class(model.sensor))
     faults = [] if model.external else _detector_faults(model.effects, model.sensor, lines)
     if faults:
         raise ConfigError(faults)
@@ -109,9 +99,11 @@ def dump_model(model: Model, path: str | os.PathLike[str]) -> str:
 def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
     faults: list[InputError] = []
     effects = _effects(data.get("effects"), lines, faults)
+    sensor = _variant(data, lines, faults)
     try:
-        table = validate(data, lines, _ModelTable)
-        sensor = _sensor(table, lines)
+        table = validate(data, lines, _table_class(sensor))
+        if not faults and (overrides := table.sensor.model_dump(exclude_none=True, exclude_defaults=True)):
+            sensor = sensor_of_model(table.variant, overrides, lines)
     except ConfigError as error:
         faults += error.faults
     if not faults:
@@ -122,14 +114,24 @@ def _built_in_model(data: dict[str, Any], lines: LineIndex) -> Model:
     return Model(sensor, materials, effects, file=lines.file)
 
 
-def _sensor(table: _ModelTable, lines: LineIndex) -> Sensor:
-    overrides: dict[str, float] = table.sensor.model_dump(exclude_none=True)
-    try:
-        return Sensor.of(table.variant, **overrides)
-    except UsageError as error:
-        named = [name for name in overrides if re.search(rf"\b{name}\b", error.what)]
-        fault = lines.fault(("sensor", *named[:1]), error.what, fix=error.fix)
-        raise ConfigError([fault]) from None
+def _table_class(sensor: Sensor) -> type[_ModelTable]:
+    """The keys of a model of this sensor: `[sensor]` has its detector's numbers."""
+    overrides = overrides_table(type(sensor))
+    table: type[_ModelTable] = create_model("_ModelTable", __base__=_ModelTable, sensor=(overrides, overrides()))
+    return table
+
+
+def _variant(data: Mapping[str, Any], lines: LineIndex, faults: list[InputError]) -> Sensor:
+    """The sensor that a model's `variant` names, without overrides; a built-in one beside a fault."""
+    variant = data.get("variant")
+    if isinstance(variant, str):
+        try:
+            return sensor_of_model(variant, {}, lines)
+        except ConfigError as error:
+            faults += error.faults
+        except InputError as error:
+            faults.append(error)
+    return Sensor.of(VARIANTS[0])
 
 
 def _effects(entries: object, lines: LineIndex, faults: list[InputError]) -> tuple[Any, ...]:
@@ -220,12 +222,12 @@ def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]
 
 
 def _document(model: Model, directory: Path) -> dict[str, Any]:
-    document: dict[str, Any] = {"variant": model.sensor.variant}
-    overrides = model.sensor.overrides()
-    if overrides:
-        document["sensor"] = {
-            name: int(value) if SENSOR_BOUNDS[name].whole else float(value) for name, value in overrides.items()
-        }
+    sensor = model.sensor
+    document: dict[str, Any] = {"variant": sensor.variant}
+    if sensor.file and is_sensor_file(sensor.variant):
+        document["variant"] = Path(os.path.relpath(sensor.file, directory)).as_posix()
+    if overrides := sensor.overrides():
+        document["sensor"] = {name: _plain(value) for name, value in overrides.items()}
     if model.materials:
         document["materials"] = {str(number): _material_table(entry) for number, entry in model.materials.items()}
     if model.effects:

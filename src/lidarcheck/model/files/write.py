@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.toml_lines import locate
 from lidarcheck.effects import Effect
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.toml_lines import locate
 from lidarcheck.model.files.edit_numbers import changed_numbers, with_numbers
 from lidarcheck.model.files.edit_text import edited
 from lidarcheck.model.files.model_file import dump_model, load_model, model_of

@@ -16,9 +16,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from lidarcheck.config.schema import Config, LineIndex, PathText, validate
+from lidarcheck.config.words import nearest, shown
 from lidarcheck.errors import ConfigError, UsageError
-from lidarcheck.formats.config import Config, LineIndex, PathText, parse_toml, validate
-from lidarcheck.formats.config_words import nearest, shown
+from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes import Optics, Scene

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.words import shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import shown
 from lidarcheck.scenes import Facets, SceneObject
 from lidarcheck.scenes.facets import placed
 from lidarcheck.scenes.files.shapes import Mesh, ShapeTable

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from lidarcheck.formats.config import Config, PathText
+from lidarcheck.config.schema import Config, PathText
 from lidarcheck.scenes import Facets
 from lidarcheck.scenes.facets import box, cylinder, ellipsoid, floor, joined, wall
 from lidarcheck.scenes.meshes import load_mesh

@@ -7,8 +7,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.words import printable
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import printable
 
 __all__ = ["toml_of"]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from lidarcheck.config.toml_text import toml_of
 from lidarcheck.errors import InputError
-from lidarcheck.formats.toml_text import toml_of
 
 PARTS = "a." * 50_000 + "b"
 NESTED = ["a = " + "[" * 200 + "]" * 200, "a = " + "[" * 50_000, "a = " + "{b = " * 200 + "1" + "}" * 200]

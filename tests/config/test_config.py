@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from pydantic import Field, model_validator
 
 from budget import examples
+from lidarcheck.config.schema import Config, PathText
+from lidarcheck.config.toml_lines import locate
+from lidarcheck.config.words import dotted
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
-from lidarcheck.formats.config import Config, PathText, load_toml, parse_toml
-from lidarcheck.formats.config_words import dotted
-from lidarcheck.formats.toml_lines import locate
+from lidarcheck.formats.config import load_toml, parse_toml
 
 
 class Panel(Config):

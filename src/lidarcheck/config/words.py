@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from lidarcheck.formats.toml_lines import KeyPath
+from lidarcheck.config.toml_lines import KeyPath
 from lidarcheck.printable import printable
 
 __all__ = ["Slot", "allowed", "dotted", "kind_of", "nearest", "printable", "shown", "slots_at"]
