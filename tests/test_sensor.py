@@ -12,9 +12,9 @@ from lidarcheck.scan import IdealScan, Scan, beams_of
 from lidarcheck.sensor import (
     LAYERS,
     POINTS,
-    SENSOR_BOUNDS,
     Material,
     Sensor,
+    SpadArray,
     azimuth_deg,
     beam_directions,
     elevation_deg,
@@ -35,9 +35,9 @@ def test_the_variants_are_the_published_ones() -> None:
         assert sensor.overrides() == {}
 
 
-@pytest.mark.parametrize("name", SENSOR_BOUNDS)
+@pytest.mark.parametrize("name", SpadArray.bounds)
 def test_every_number_has_bounds_and_says_so(name: str) -> None:
-    bounds = SENSOR_BOUNDS[name]
+    bounds = SpadArray.bounds[name]
     for value in (bounds.low - 1, bounds.high + 1, float("nan"), *([bounds.low + 0.5] if bounds.whole else [])):
         with pytest.raises(UsageError, match=f"{name} = .* is out of range; use a .*number from"):
             Sensor.of("SMART", **{name: value})

@@ -6,7 +6,9 @@ import difflib
 import functools
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -75,10 +77,11 @@ def _plain(name: str) -> Sensor:
     return sensor_of(_shipped_document(name), name, columns=_shipped_columns)
 
 
-def shipped(name: str, overrides: Mapping[str, Any] | None = None) -> Sensor:
+def shipped(name: str, overrides: Mapping[str, Any] = MappingProxyType({})) -> Sensor:
     """A sensor that comes with lidarcheck, with numbers and tables replaced as a model's `[sensor]` does."""
-    if not overrides:
-        return _plain(name)
+    plain = _plain(name)
+    if all(key in plain.numbers() for key in overrides):
+        return replace(plain, **overrides)
     document = overridden(_shipped_document(name), overrides)
     return sensor_of(document, name, columns=_shipped_columns, tables=_tables_of(overrides))
 
@@ -204,10 +207,6 @@ def _numbers(table: Any, kind: type[Sensor], columns: Columns | None) -> tuple[d
     values.setdefault("pulse_fwhm_ns", _PULSE_NS[kind.detector])
     gate = {RANGE_KEYS[key]: value for key, value in table.range.model_dump().items() if value is not None}
     values = {**_DEFAULTS, **gate, **values}
-    if "min_separation_m" not in values:
-        from lidarcheck.sensor.bounds import LIGHT_SPEED_M_PER_NS
-
-        values["min_separation_m"] = 0.5 * LIGHT_SPEED_M_PER_NS * values["pulse_fwhm_ns"]
     if values.get("pulse_file"):
         values["pulse"] = _pulse(values["pulse_file"], columns)
     required = [f for f in kind.__dataclass_fields__.values() if f.name in kind.numbers() and f.default is _NO_DEFAULT]

@@ -80,7 +80,7 @@ class Sensor:
     max_range_m: float
     range_resolution_m: float
     range_offset_m: float = 0.0
-    min_separation_m: float
+    min_separation_m: float | None = None
     signal_at_1m: float
     pulse_fwhm_ns: float
     background_per_ns: float = 0.0
@@ -123,6 +123,12 @@ class Sensor:
     def sigma_ns(self) -> float:
         """Standard deviation of the Gaussian pulse."""
         return self.pulse_fwhm_ns / FWHM_PER_SIGMA
+
+    @property
+    def separation_m(self) -> float:
+        """Surfaces nearer to each other make one echo: `min_separation_m`, else half the pulse's length."""
+        own = self.min_separation_m
+        return 0.5 * LIGHT_SPEED_M_PER_NS * self.pulse_fwhm_ns if own is None else own
 
     @property
     def window_m(self) -> float:

@@ -307,7 +307,11 @@ def _changed(value: object, to: object) -> object:
             Model(Sensor.of("SLIM"), {1: Material("", 0.5)}, (make("fog", {}),), TOOL, Path("b")),
             {"file"},
         ),
-        (SENSOR, dataclasses.replace(Sensor.of("SLIM"), nonideal=NonIdeal(crosstalk_sides=0.125)), set()),
+        (
+            SENSOR,
+            dataclasses.replace(Sensor.of("SLIM"), nonideal=NonIdeal(crosstalk_sides=0.125)),
+            {"name", "source", "tables", "missing", "file"},
+        ),
         (NonIdeal(), NonIdeal(), set()),
         (Material("wall", 0.3), Material("road", 0.3, "retro"), set()),
         (Curve((0.0,), (1.0,), "a.ini"), Curve((1.0,), (2.0,), "b.ini"), {"file"}),

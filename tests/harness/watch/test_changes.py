@@ -8,7 +8,7 @@ from lidarcheck.effects import catalogue, make
 from lidarcheck.effects.parameters import Curve, FileParameter, ListParameter, Parameter
 from lidarcheck.harness.watch.changes import change_of, parameters_of
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import SENSOR_BOUNDS, VARIANTS, Sensor
+from lidarcheck.sensor import VARIANTS, Sensor, SpadArray
 
 
 def model(*effects: object) -> Model:
@@ -29,14 +29,14 @@ def test_every_parameter_says_what_is_noticeable_and_can_be_changed_by_it(name: 
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("name", SENSOR_BOUNDS)
+@pytest.mark.parametrize("name", SpadArray.bounds)
 def test_every_number_of_the_sensor_can_be_changed(name: str, variant: str) -> None:
     before = Model(Sensor.of(variant))
     change = change_of(before, "sensor", name)
     assert change is not None
     assert set(change.model.sensor.overrides()) == {name}
     step = getattr(change.model.sensor, name) - getattr(before.sensor, name)
-    assert step == pytest.approx(SENSOR_BOUNDS[name].noticeable)
+    assert step == pytest.approx(SpadArray.bounds[name].noticeable)
 
 
 def test_what_has_no_sign_changes_in_proportion_and_all_else_by_as_much() -> None:
@@ -86,4 +86,4 @@ def test_a_change_that_makes_no_model_goes_the_other_way() -> None:
 
 def test_the_parameters_are_the_sensors_and_those_of_effects_that_a_model_has_on() -> None:
     names = parameters_of([model(make("signal_gain", {}))])
-    assert names == (*(("sensor", name) for name in SENSOR_BOUNDS), ("signal_gain", "gain"))
+    assert names == (*(("sensor", name) for name in SpadArray.bounds), ("signal_gain", "gain"))

@@ -11,7 +11,7 @@ from lidarcheck.effects import Effect, catalogue, make
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError, UsageError
 from lidarcheck.model.files.model_file import load_model, save_model
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import SENSOR_BOUNDS, Material, Sensor
+from lidarcheck.sensor import Material, Sensor, SpadArray
 from places import ROOT, shared_path
 
 
@@ -66,9 +66,9 @@ def test_the_reference_models_load() -> None:
         assert len(model.materials) == 8
 
 
-@pytest.mark.parametrize("name", sorted(SENSOR_BOUNDS))
+@pytest.mark.parametrize("name", sorted(SpadArray.bounds))
 def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: Path, name: str) -> None:
-    low, high, whole, unit, _ = SENSOR_BOUNDS[name]
+    low, high, whole, unit, _ = SpadArray.bounds[name]
     with pytest.raises(LidarcheckError, match=f"sensor.{name} = .* is out of range; use a .*number from .* {unit}"):
         load(tmp_path, f'variant = "SMART"\n[sensor]\n{name} = {high + 1:.0f}\n')
     value = 12 if name == "dead_bins" else max(low, min(high, 1))
@@ -221,10 +221,10 @@ def test_what_no_file_may_hold_is_not_written(tmp_path: Path) -> None:
 
 def _sensor_values() -> st.SearchStrategy[dict[str, float]]:
     def one(name: str) -> st.SearchStrategy[float]:
-        low, high, whole, *_ = SENSOR_BOUNDS[name]
+        low, high, whole, *_ = SpadArray.bounds[name]
         return st.integers(int(low), int(high)) if whole else st.floats(low, high)
 
-    return st.fixed_dictionaries({}, optional={name: one(name) for name in SENSOR_BOUNDS}).filter(
+    return st.fixed_dictionaries({}, optional={name: one(name) for name in SpadArray.bounds}).filter(
         lambda values: values.get("dead_bins", 12) >= values.get("on_bins", 9)
     )
 
@@ -313,7 +313,7 @@ def test_the_documented_models_load_and_every_number_is_documented(tmp_path: Pat
     ]
     assert [effect.name for effect in built_in.effects] == ["signal_gain", "range_offset"]
     assert external.external is not None
-    for name, (low, high, *_) in SENSOR_BOUNDS.items():
+    for name, (low, high, *_) in SpadArray.bounds.items():
         high_text = "1e9" if high == 1e9 else f"{high:.0f}"
         assert f"| `{name}` | {low:g} to {high_text}" in text
 
