@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import IntArray, freeze
+from lidarcheck.arrays import FloatArray, IntArray, freeze
 
-__all__ = ["NOT_READ", "Fired", "Geometry"]
+__all__ = ["NOT_READ", "BeamHistograms", "Fired", "Geometry"]
 
 
 class Geometry(NamedTuple):
@@ -31,6 +31,21 @@ class Geometry(NamedTuple):
 
 
 NOT_READ = Geometry()
+
+
+@dataclass(frozen=True)
+class BeamHistograms:
+    """The photons that a sensor counts bin by bin: `layer`, `point` (m,) of beams, each once, `counts` (m, bins)."""
+
+    layer: IntArray
+    point: IntArray
+    counts: FloatArray
+
+    def __post_init__(self) -> None:
+        freeze(self, dict.fromkeys(("layer", "point"), np.int32), len(self.layer))
+        counts = np.ascontiguousarray(self.counts, dtype=np.float64)
+        counts.flags.writeable = False
+        object.__setattr__(self, "counts", counts)
 
 
 @dataclass(frozen=True)

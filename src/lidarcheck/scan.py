@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IntArray, freeze, freeze_extra
-from lidarcheck.beams import NOT_READ, Fired, Geometry
+from lidarcheck.beams import NOT_READ, BeamHistograms, Fired, Geometry
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Rays
 from lidarcheck.sensor import Beams, reference_beams
@@ -224,12 +224,12 @@ class Scan:
 
     `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are what a SPAD
     array counts of an echo, `features` what other sensors report, by its names there; `feature` gives either.
-    `beams`: the sensor's, whose numbers `layer` and `point` are. `extra` holds the columns that lidarcheck does not
-    know, kept as they were read; `defaulted` names the standard columns (`WIDTH`, `Layer`, ...) that the source did not
-    have, whose values here are defaults. `fired`: the beams that were fired, where the source itself tells, None where
-    it does not: a beam without an echo may then have seen nothing or may never have been fired, and
-    `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking echoes leaves it as it is. `geometry`: how the file
-    that they were read from holds X, Y, Z against the beams.
+    `histograms`: of each beam, whether it has an echo or not. `beams`: the sensor's, whose numbers `layer` and `point`
+    are. `extra` holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the
+    standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the
+    beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
+    seen nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking
+    echoes leaves it as it is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
     """
 
     x_m: FloatArray
@@ -246,6 +246,7 @@ class Scan:
     fired: Fired | None = None
     geometry: Geometry = NOT_READ
     features: Mapping[str, FloatArray] = field(default_factory=dict)
+    histograms: BeamHistograms | None = None
     beams: Beams = field(default_factory=reference_beams, repr=False)
 
     def __post_init__(self) -> None:
@@ -326,7 +327,7 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
         value = getattr(table, f.name)
         if f.name in ("extra", "features"):
             parts[f.name] = {name: column[rows] for name, column in value.items()}
-        elif value is None or isinstance(value, str | tuple | Fired | Beams):
+        elif value is None or isinstance(value, str | tuple | Fired | Beams | BeamHistograms):
             parts[f.name] = value
         elif isinstance(value, Rays):
             parts[f.name] = value.take(rows)

@@ -34,6 +34,7 @@ from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor, SpadArray
 from lidarcheck.trust.places import check_place, named_file
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
@@ -217,7 +218,7 @@ def _frames(
     frames, faults = [], {}
     for number, entry in enumerate(table.frames):
         try:
-            ideal, measured = _read(directory, number, entry, lines)
+            ideal, measured = _read(directory, number, entry, lines, model.sensor)
         except _Damaged as damage:
             faults[number] = damage.fault
             continue
@@ -245,15 +246,17 @@ class _Damaged(Exception):
         self.fault = fault
 
 
-def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex) -> tuple[IdealScan, Scan]:
+def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex, sensor: Sensor) -> tuple[IdealScan, Scan]:
     try:
         tables = [one_frame(read_table(directory / path)) for path in (entry.ideal, entry.measured)]
         if _is_exchanged(*tables):
             what = f"frame {number}: {entry.ideal} holds echoes and {entry.measured} an ideal scan"
             raise lines.fault(("frames", number, "ideal"), what, fix="exchange `ideal` and `measured`")
-        ideal = ideal_from_table(ideal_table(tables[0]) if is_semantic(tables[0]) else tables[0])
+        ideal = ideal_from_table(ideal_table(tables[0]) if is_semantic(tables[0]) else tables[0], sensor)
         file = directory / entry.measured
-        scan = _with_features(_known_beams(scan_from_table(tables[1], entry.placement), ideal, file), file)
+        scan = _with_features(
+            _known_beams(scan_from_table(tables[1], entry.placement, sensor), ideal, file), file, sensor
+        )
         return judged_beams(ideal, scan)
     except InputError as error:
         if error.file == str(lines.file) or isinstance(error, SeveralFrames):
@@ -283,9 +286,9 @@ def _known_beams(scan: Scan, ideal: IdealScan, file: Path) -> Scan:
     return scan.take(~unknown)
 
 
-def _with_features(scan: Scan, file: Path) -> Scan:
+def _with_features(scan: Scan, file: Path, sensor: Sensor) -> Scan:
     lacking = [name for name in ("PEAK", "AREA", "WIDTH") if name in scan.defaulted]
-    if lacking:
+    if lacking and isinstance(sensor, SpadArray):
         what = f"no column {', '.join(lacking)}: how strong the echoes are is what most effects show in"
         raise InputError(what, file=file, fix="export the scan with PEAK, AREA and WIDTH")
     return scan

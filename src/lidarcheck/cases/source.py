@@ -21,6 +21,7 @@ from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
 from lidarcheck.formats.table import Table
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = [
     "FrameFile",
@@ -99,15 +100,15 @@ Named = FrameFile | Path
 """A frame as functions take it that read it: a path is a file of one frame."""
 
 
-def scan_of(frame: FrameFile | PathLike, placement: Placement = AS_IT_IS) -> Scan:
-    """The echoes of a frame, placed as declared."""
-    return scan_from_table(_table(frame), placement)
+def scan_of(frame: FrameFile | PathLike, placement: Placement = AS_IT_IS, sensor: Sensor | None = None) -> Scan:
+    """The echoes of a frame, placed as declared; `sensor`: what measured, a built-in one where None."""
+    return scan_from_table(_table(frame), placement, sensor)
 
 
-def ideal_of(frame: FrameFile | PathLike) -> IdealScan:
-    """The ideal scan of a frame."""
+def ideal_of(frame: FrameFile | PathLike, sensor: Sensor | None = None) -> IdealScan:
+    """The ideal scan of a frame; `sensor`: whose beams they are, a built-in one's where None."""
     table = _table(frame)
-    return ideal_from_table(ideal_table(table) if is_semantic(table) else table)
+    return ideal_from_table(ideal_table(table) if is_semantic(table) else table, sensor)
 
 
 def _table(frame: FrameFile | PathLike) -> Table:

@@ -22,7 +22,7 @@ from lidarcheck.formats.columns import (
 )
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS, RETRO_GAIN_MAX
+from lidarcheck.sensor import RETRO_GAIN_MAX, Beams, Sensor, reference_beams
 
 __all__ = ["IDEAL_COLUMNS", "ideal_from_table", "is_ideal", "table_from_ideal"]
 
@@ -40,8 +40,8 @@ IDEAL_COLUMNS = {
 
 _NEEDED = ("Layer", "Point", "Distance", "MaterialID")
 _WHOLE = {
-    "Layer": (0, LAYERS - 1),
-    "Point": (0, POINTS - 1),
+    "Layer": (0, INT32_MAX),
+    "Point": (0, INT32_MAX),
     "MaterialID": (0, INT32_MAX),  # model files name materials by whole numbers from 0
     "ObjectID": (INT32_MIN, INT32_MAX),
 }
@@ -59,7 +59,7 @@ _OPTIONAL = {
     "Azimuth0": (-360.0, 360.0, "degrees"),
 }
 """Least, most and unit of columns of real numbers; the optional ones may have rows without a value."""
-_NOT_YET_USED = ("Reflectance", "ReflectanceError", "DistanceError", "Azimuth0", "Edge")
+_NOT_YET_USED = ("Reflectance", "ReflectanceError", "DistanceError", "Edge")
 """Read, checked and kept, but nothing counts on them."""
 _log = logging.getLogger(__name__)
 
@@ -71,14 +71,16 @@ def is_ideal(table: Table) -> bool:
     return not missing(table, ["MaterialID"]) or bool(missing(table, ["X", "Y", "Z"]))
 
 
-def ideal_from_table(table: Table) -> IdealScan:
-    """What each beam meets, as a table's columns describe it.
+def ideal_from_table(table: Table, sensor: Sensor | None = None) -> IdealScan:
+    """What each beam meets, as a table's columns describe it. `sensor`: whose beams they are, a built-in one's where
+    None; where its columns do not repeat, `Azimuth0` or X, Y, Z say where Point 0 looks.
 
     Needed are Layer, Point, Distance and MaterialID; a missing IncidenceAngle is logged and 0; unknown columns become
     `extra`. `InputError` when a column is missing or holds what it must not.
     """
     _check_needed(table)
-    columns = _checked(table)
+    beams = reference_beams() if sensor is None else sensor.beams
+    columns = _checked(table, beams)
     unused = [name for name in _NOT_YET_USED if table.spelling(name)]
     if unused:
         _log.warning("%s: kept, but nothing uses it yet: %s", table.path, ", ".join(unused))
@@ -88,7 +90,8 @@ def ideal_from_table(table: Table) -> IdealScan:
         columns["incidence_deg"] = np.zeros(len(table))
         _log.warning("%s: missing columns were filled in: IncidenceAngle is 0", table.path)
     source = str(table.path or "")
-    return IdealScan(**columns, extra=extra_columns(table, IDEAL_COLUMNS), defaulted=defaulted, file=source)
+    extra = extra_columns(table, IDEAL_COLUMNS)
+    return IdealScan(**columns, extra=extra, defaulted=defaulted, file=source, beams=_of_frame(beams, columns, table))
 
 
 def table_from_ideal(ideal: IdealScan) -> Table:
@@ -102,11 +105,11 @@ def table_from_ideal(ideal: IdealScan) -> Table:
         if column is not None and name not in ideal.defaulted:
             columns[name] = column
     table = Table(with_extra(columns, ideal.extra, IDEAL_COLUMNS))
-    _checked(table)
+    _checked(table, ideal.beams)
     return table
 
 
-def _checked(table: Table) -> dict[str, Any]:
+def _checked(table: Table, beams: Beams) -> dict[str, Any]:
     """The fields of an `IdealScan` that the table has columns for, within the limits of each.
 
     What a beam meets at which angle means nothing where it meets nothing or nobody knows; simulators write anything.
@@ -117,9 +120,9 @@ def _checked(table: Table) -> dict[str, Any]:
     met = None if distance.size and distance.min() > 0.0 else distance > 0.0
     for name, (low, high) in _WHOLE.items():
         if table.spelling(name):
-            beam = name in ("Layer", "Point")
-            where = None if beam else _there(table, name, met)
-            fields[IDEAL_COLUMNS[name]] = whole_column(table, name, low, high, where=where)
+            last = {"Layer": beams.layers - 1, "Point": beams.points - 1}.get(name)
+            where = None if last is not None else _there(table, name, met)
+            fields[IDEAL_COLUMNS[name]] = whole_column(table, name, low, high if last is None else last, where=where)
     for name, (least, most, unit) in _REAL.items():
         if table.spelling(name):
             column = real_column(table, name, least, most, unit, where=_there(table, name, met))
@@ -133,6 +136,23 @@ def _checked(table: Table) -> dict[str, Any]:
         angle = real_column(table, "IncidenceAngle", 0.0, 90.0, "degrees", where=met)
         fields["incidence_deg"] = np.nan_to_num(angle, copy=False) if met is not None else angle
     return fields
+
+
+def _of_frame(beams: Beams, columns: dict[str, Any], table: Table) -> Beams:
+    """The beams as this frame fires them."""
+    if beams.repeats:
+        return beams
+    layer, point = columns["layer"], columns["point"]
+    azimuth = table.get("Azimuth0")
+    if azimuth is not None and np.isfinite(azimuth).any():
+        first = float(azimuth[np.isfinite(azimuth)][0])
+        return beams.with_phase(first - float(beams.with_phase(0.0).angles_deg(0, 0)[1]))
+    axes = [table.get(name) for name in ("X", "Y", "Z")]
+    if any(axis is None for axis in axes):
+        return beams
+    xyz = np.column_stack([np.asarray(axis, dtype=np.float64) for axis in axes])
+    there = np.isfinite(xyz).all(axis=1) & (columns["distance_m"] > 0.0)
+    return beams.with_phase(beams.phase_of(layer[there], point[there], xyz[there]))
 
 
 def _there(table: Table, name: str, met: BoolArray | None) -> BoolArray | None:

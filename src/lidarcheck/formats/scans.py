@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lidarcheck.arrays import BoolArray
+from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.beams import Fired
 from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import (
@@ -24,10 +24,19 @@ from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.geometry.reader import checked_geometry
 from lidarcheck.formats.return_kinds import RETURN_KINDS, kinds_by_range, livox_numbers, return_kinds
 from lidarcheck.formats.returns import Beams, Numbering, fired_of, no_returns, numbered
+from lidarcheck.formats.sensor_columns import (
+    features_of,
+    histogram_feature,
+    histogram_names,
+    histograms_of,
+    right_handed,
+    spellings,
+)
 from lidarcheck.formats.table import Column, Table, counted
 from lidarcheck.formats.times import frame_of
 from lidarcheck.scan import Scan, beams_of
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions
+from lidarcheck.sensor import Beams as SensorBeams
+from lidarcheck.sensor import Sensor, reference_beams
 
 __all__ = [
     "FEATURES",
@@ -76,36 +85,40 @@ class RowCounts:
     renumbered: int = 0
 
 
-def scan_from_table(table: Table, placement: Placement = AS_IT_IS) -> Scan:
+def scan_from_table(table: Table, placement: Placement = AS_IT_IS, sensor: Sensor | None = None) -> Scan:
     """The echoes that a table's columns describe, once X, Y, Z are placed as declared and agree with their beams.
 
-    Needed are X, Y, Z, or Layer, Point, RANGE of the reference grid. Other missing columns are logged and defaulted:
+    Needed are X, Y, Z, or Layer, Point, RANGE. `sensor`: what measured, a built-in one where None; its features are
+    read by its names and aliases. Other missing columns are logged and defaulted:
     Layer and Point to the nearest beam (-1 outside the field of view), EchoNumber to the order of range where the file
     names the beams and 1 elsewhere, the features to 0. Rows without a return are no echoes; where the file has a row
     for each of its beams they say which were fired. Echoes are numbered by range within their beam, beam by beam, and
     copies are left out. Unknown columns, and RANGE beside X, Y, Z, become `extra`. `InputError` when the columns do not
     suffice or hold what they must not, a missing value of a feature among it.
     """
-    return read_scan(table, placement, missing_features=False)[0]
+    return read_scan(table, placement, missing_features=False, sensor=sensor)[0]
 
 
 def read_scan(
-    table: Table, placement: Placement = AS_IT_IS, *, missing_features: bool = True
+    table: Table, placement: Placement = AS_IT_IS, *, missing_features: bool = True, sensor: Sensor | None = None
 ) -> tuple[Scan, RowCounts]:
     """`scan_from_table`, and how many rows were no echoes of their own.
 
-    `missing_features`: features may have rows without a value, which are NaN.
+    `missing_features`: features may have rows without a value, which are NaN. `sensor`: what measured, a built-in one
+    where None.
     """
     _check_position(table)
+    table, own = right_handed(table, sensor), reference_beams() if sensor is None else sensor.beams
     empty = no_returns(table)
     as_read = table if empty is None else table.take(np.flatnonzero(~empty))
     echoes = placement.applied(as_read)
-    x_m, y_m, z_m = _positions(echoes)
-    beams = _beams(echoes, x_m, y_m, z_m)
+    x_m, y_m, z_m = _positions(echoes, own)
+    beams = _beams(echoes, x_m, y_m, z_m, own)
     fired, unplaced = (None, 0) if empty is None else _fired(beams, table.take(np.flatnonzero(empty)))
     features = {name: _feature(echoes, name, missing_ok=missing_features) for name in FEATURES}
-    extra = _extra(echoes) if missing_features else _with_values(echoes, _extra(echoes))
-    numbering, extra = _numbered(echoes, beams, (x_m, y_m, z_m), extra)
+    others = features_of(echoes, sensor, missing_ok=missing_features)
+    extra = _extra(echoes, sensor) if missing_features else _with_values(echoes, _extra(echoes, sensor))
+    numbering, extra = _numbered(echoes, beams, (x_m, y_m, z_m), extra, sensor)
     scan = Scan(
         x_m=x_m,
         y_m=y_m,
@@ -118,6 +131,9 @@ def read_scan(
         peak=_or_zeros(features["PEAK"], len(echoes)),
         extra=extra,
         fired=fired,
+        features=others,
+        histograms=histograms_of(table, sensor),
+        beams=_of_frame(own, beams, np.column_stack([x_m, y_m, z_m])),
     )
     lacking = [name for name, column in features.items() if column is None]
     defaulted = _log_defaults(echoes, scan, lacking, told=beams.told)
@@ -148,31 +164,34 @@ def _check_position(table: Table) -> None:
         raise InputError(what, file=table.path, line=line, fix="a scan needs X, Y, Z, or Layer, Point, RANGE")
 
 
-def _positions(table: Table) -> tuple[Column, Column, Column]:
+def _positions(table: Table, beams: SensorBeams) -> tuple[Column, Column, Column]:
     if not missing(table, ["X", "Y", "Z"]):
         x_m, y_m, z_m = (real_column(table, name, -LENGTH_MAX_M, LENGTH_MAX_M, "m") for name in ("X", "Y", "Z"))
         return x_m, y_m, z_m
-    layer = whole_column(table, "Layer", 0, LAYERS - 1)
-    point = whole_column(table, "Point", 0, POINTS - 1)
-    xyz = beam_directions(layer, point) * real_column(table, "RANGE", 0.0, LENGTH_MAX_M, "m")[:, None]
+    layer = whole_column(table, "Layer", 0, beams.layers - 1)
+    point = whole_column(table, "Point", 0, beams.points - 1)
+    xyz = beams.positions_m(layer, point, real_column(table, "RANGE", 0.0, LENGTH_MAX_M, "m"))
     return xyz[:, 0], xyz[:, 1], xyz[:, 2]
 
 
-def positions_of(table: Table, empty: BoolArray | None = None) -> tuple[Column, Column, Column]:
-    """X, Y, Z of each row, shape (n,) each, 0 where the row has no return."""
+def positions_of(
+    table: Table, empty: BoolArray | None = None, beams: SensorBeams | None = None
+) -> tuple[Column, Column, Column]:
+    """X, Y, Z of each row, (n,) each, 0 where the row has no return. `beams`: the built-in sensors' where None."""
+    beams = reference_beams() if beams is None else beams
     if empty is None:
-        return _positions(table)
+        return _positions(table, beams)
     xyz = np.zeros((3, len(table)))
-    xyz[:, ~empty] = _positions(table.take(np.flatnonzero(~empty)))
+    xyz[:, ~empty] = _positions(table.take(np.flatnonzero(~empty)), beams)
     return xyz[0], xyz[1], xyz[2]
 
 
-def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column) -> Beams:
+def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column, own: SensorBeams) -> Beams:
     """Layer and Point, the missing ones from the positions."""
     given = [name for name in ("Layer", "Point") if table.spelling(name)]
     columns = {name: whole_column(table, name, 0, INT32_MAX) for name in given}
     if len(given) < 2:
-        layer, point = beams_of(x_m, y_m, z_m)
+        layer, point = beams_of(x_m, y_m, z_m, own)
         columns = {"Layer": layer, "Point": point, **columns}
     return Beams(columns["Layer"], columns["Point"], frame_of(table.columns), told=len(given) == 2)
 
@@ -212,20 +231,31 @@ def _or_zeros(column: Column | None, rows: int) -> Column:
     return np.zeros(rows) if column is None else column
 
 
-def _extra(table: Table) -> dict[str, Column]:
+def _of_frame(own: SensorBeams, beams: Beams, xyz: FloatArray) -> SensorBeams:
+    """The beams as this frame fires them: where columns do not repeat, Point 0 looks where its echoes say."""
+    if own.repeats or not beams.told or not len(xyz):
+        return own
+    known = own.has(beams.layer, beams.point)
+    return own.with_phase(own.phase_of(beams.layer[known], beams.point[known], xyz[known]))
+
+
+def _extra(table: Table, sensor: Sensor | None) -> dict[str, Column]:
     """The columns without a field of their own, and the kind of each return where they tell it."""
-    known = [*SCAN_COLUMNS, "RANGE"] if missing(table, ["X", "Y", "Z"]) else SCAN_COLUMNS
+    known = [*SCAN_COLUMNS, "RANGE"] if missing(table, ["X", "Y", "Z"]) else [*SCAN_COLUMNS]
+    known += spellings(table, sensor).values()
+    known += histogram_names(table) if histogram_feature(sensor) is not None else []
     extra = extra_columns(table, known)
     kinds = None if table.spelling(RETURN_TYPE) else return_kinds(table.columns)
     return extra if kinds is None else {**extra, RETURN_TYPE: kinds}
 
 
 def _numbered(
-    table: Table, beams: Beams, xyz: Sequence[Column], extra: dict[str, Column]
+    table: Table, beams: Beams, xyz: Sequence[Column], extra: dict[str, Column], sensor: Sensor | None
 ) -> tuple[Numbering, dict[str, Column]]:
     """Which echo of its beam each row is; and the extra columns with the numbers and kinds as they came out."""
     written, kinds = _numbers(table), extra.get(RETURN_TYPE)
-    equal = [column for name in (*FEATURES, *_STAND_INS) if (column := table.get(name)) is not None]
+    names = dict.fromkeys((*FEATURES, *_STAND_INS, *spellings(table, sensor).values()))
+    equal = [column for name in names if (column := table.get(name)) is not None]
     # What this package wrote has the sensor's own numbers beside those in order of range.
     own = table.get(NUMBER_AS_WRITTEN)
     apart = [column for column in (written if own is None else own, kinds) if column is not None]

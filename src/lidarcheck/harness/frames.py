@@ -28,6 +28,7 @@ from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.files.file import SceneFile
+from lidarcheck.sensor import Sensor
 from lidarcheck.workers import Shared, WorkerPool, one_blas_thread
 
 __all__ = ["NOTES", "FrameBatch", "FramesWritten"]
@@ -130,9 +131,17 @@ class FrameBatch:
     def _packed(self, left: Sequence[_Task]) -> Iterator[tuple[Any, ...]]:
         """The tasks with what they need; an ideal scan that there are many frames of goes to each worker once."""
         setup = Shared((self.model, None if self.scene is None else self.scene.scene))
-        only = Shared(ideal_of(self.ideals[0])) if len(self.ideals) == 1 and left else None
+        only = Shared(ideal_of(self.ideals[0], self.model.sensor)) if len(self.ideals) == 1 and left else None
         for task in left:
-            yield setup, only or _source(task.ideal), self.seed, task.frame, self.suffix, self.fidelity, self.device
+            yield (
+                setup,
+                only or _source(task.ideal, self.model.sensor),
+                self.seed,
+                task.frame,
+                self.suffix,
+                self.fidelity,
+                self.device,
+            )
 
     @contextlib.contextmanager
     def _directory(self) -> Iterator[None]:
@@ -216,10 +225,10 @@ def _hash_of_ideal(ideal: Named) -> str:
     return f"{file} {ideal.label}" if isinstance(ideal, FrameFile) and len(ideal.frames) > 1 else file
 
 
-def _source(ideal: Named) -> _Source | IdealScan:
+def _source(ideal: Named, sensor: Sensor) -> _Source | IdealScan:
     """An ideal scan to send: a file as it is, of a file of several the frame."""
     if isinstance(ideal, FrameFile) and len(ideal.frames) > 1:
-        return ideal_of(ideal)
+        return ideal_of(ideal, sensor)
     path = Path(ideal)
     try:
         return _Source(str(path), path.read_bytes())
@@ -239,19 +248,19 @@ def _simulated(
     """A frame's file, and how many echoes are in it."""
     model, scene = setup
     with tempfile.TemporaryDirectory(prefix="lidarcheck-frame-", ignore_cleanup_errors=True) as name:
-        beams = _read(ideal, Path(name)) if isinstance(ideal, _Source) else ideal
+        beams = _read(ideal, Path(name), model.sensor) if isinstance(ideal, _Source) else ideal
         scan = simulate(beams, model, seed=seed, frame=frame, threads=1, scene=scene, fidelity=fidelity, device=device)
         file = Path(name) / f"frame{suffix}"
-        save_scan(scan, file)
+        save_scan(scan, file, model.sensor)
         return file.read_bytes(), len(scan)
 
 
-def _read(source: _Source, directory: Path) -> IdealScan:
+def _read(source: _Source, directory: Path, sensor: Sensor) -> IdealScan:
     """An ideal scan as it came; errors name the file that it came from."""
     file = directory / f"ideal{Path(source.file).suffix}"
     file.write_bytes(source.content)
     try:
-        return replace(load_ideal(file), file=source.file)
+        return replace(load_ideal(file, sensor), file=source.file)
     except LidarcheckError as error:
         error.file = source.file
         raise

@@ -128,6 +128,10 @@ class Beams(abc.ABC):
         """The column of an image in which what stands together lies together."""
         return np.asarray(point, dtype=np.int32)
 
+    def phase_of(self, layer: npt.ArrayLike, point: npt.ArrayLike, xyz: FloatArray) -> float:
+        """How far past the first azimuth Point 0 looks [deg], from echoes' positions (n, 3); 0 where columns repeat."""
+        return 0.0
+
     def with_phase(self, phase_deg: float) -> Beams:
         """The beams of a frame whose Point 0 looks that much past the first azimuth; the same where columns repeat."""
         return replace(self, phase_deg=float(phase_deg)) if not self.repeats else self  # type: ignore[call-arg]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -202,6 +202,24 @@ class ChannelBeams(Beams):
         after_s = 1e-6 * self._of_channel["fire_time_us"][layer]
         return np.asarray(np.asarray(point, dtype=np.float64) * self.column_s + after_s)
 
+    def phase_of(self, layer: npt.ArrayLike, point: npt.ArrayLike, xyz: FloatArray) -> float:
+        """How far past the first azimuth Point 0 looks [deg]: the median over echoes of what is left of a turn.
+
+        Beams begin beside the axis, which the phase itself turns: three steps leave less than a float's last bits.
+        """
+        layer, point = np.asarray(layer), np.asarray(point)
+        if self.repeats_columns or not len(xyz):
+            return 0.0
+        turned = replace(self, phase_deg=0.0)
+        for _ in range(1 if self.central else 3):
+            origins = turned.origins_m(layer, point)
+            x, y, _z = (xyz if origins is None else xyz - origins).T
+            off = np.rad2deg(elementary.arctan2(y, x)) - turned.angles_deg(layer, point)[1]
+            usual = _circular_mean_deg(off)
+            left = float(np.median(np.mod(off - usual + 180.0, 360.0) - 180.0))
+            turned = replace(turned, phase_deg=turned.phase_deg + usual + left)
+        return float(np.mod(turned.phase_deg + 180.0, 360.0) - 180.0)
+
     def spacing_deg(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """How far the neighbouring beam is in elevation and in azimuth [deg]; one channel alone takes the azimuth's."""
         layer, _ = np.broadcast_arrays(layer, point)
@@ -253,3 +271,8 @@ class ChannelBeams(Beams):
         """The column of an image in which what stands together lies together."""
         shift = np.asarray(self.channels.column_shift, dtype=np.int64)[np.asarray(layer)]
         return np.asarray(np.mod(np.asarray(point) + shift, self.points), dtype=np.int32)
+
+
+def _circular_mean_deg(angle_deg: FloatArray) -> float:
+    angle = np.deg2rad(angle_deg)
+    return float(np.rad2deg(elementary.arctan2(elementary.sin(angle).sum(), elementary.cos(angle).sum())))

@@ -57,7 +57,7 @@ def shipped_names() -> tuple[str, ...]:
 @functools.cache
 def _shipped_document(name: str) -> dict[str, Any]:
     if name not in shipped_names():
-        near = difflib.get_close_matches(name, shipped_names(), n=1)
+        near = difflib.get_close_matches(name.upper(), shipped_names(), n=1)
         fix = f"did you mean {near[0]}? " if near else ""
         fix += f"use one of {', '.join(shipped_names())}, or the path of a sensor file (*.toml)"
         raise UsageError(f"there is no sensor variant {name!r}", fix=fix)

@@ -11,7 +11,7 @@ from lidarcheck.effects import Effect, catalogue, make
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError, UsageError
 from lidarcheck.model.files.model_file import load_model, save_model
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import Material, Sensor, SpadArray
+from lidarcheck.sensor import Material, Sensor, SpadArray, shipped_names
 from places import ROOT, shared_path
 
 
@@ -80,10 +80,13 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
 @pytest.mark.parametrize(
     ("text", "messages"),
     [
-        ("[sensor]\n", [':1: variant is missing; add it: "SMART" or "SLIM"']),
+        ("[sensor]\n", [':1: variant is missing; add it: text']),
         (
             'variant = "slim"',
-            [':1: variant = "slim" is not a valid choice; use "SMART" or "SLIM"; did you mean "SLIM"?'],
+            [
+                ":1: there is no sensor variant 'slim'; did you mean SLIM? "
+                f"use one of {', '.join(shipped_names())}, or the path of a sensor file (*.toml)"
+            ],
         ),
         (
             'variant = "SLIM"\n[sensor]\ntreshold = 3',

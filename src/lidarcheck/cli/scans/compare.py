@@ -69,8 +69,9 @@ def compare(
     if measured.is_dir() or max(map(len, sides)) > 1:
         return compare_frames(*sides, ideal, sensor_model, placement, conditions, out, json)
     with stage("reading"):
-        scene = None if ideal is None else ideal_of(ideal)
-        scans = scan_of(sides[0][0], placement), scan_of(sides[1][0])
+        sensor = None if sensor_model is None else sensor_model.sensor
+        scene = None if ideal is None else ideal_of(ideal, sensor)
+        scans = scan_of(sides[0][0], placement, sensor), scan_of(sides[1][0], sensor=sensor)
         variant = OneVariant(sensor_model)
         for scan, file in zip(scans, (measured, simulated), strict=True):
             variant.check(scan, file)

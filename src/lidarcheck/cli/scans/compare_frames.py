@@ -51,17 +51,18 @@ def compare_frames(
     pairs = list(zip(measured, paired(measured, simulated), strict=True))
     ideals = [] if ideal is None else frames_in(ideal)
     scenes = paired(measured, ideals) if len(ideals) > 1 else []
-    common = ideal_of(ideals[0]) if len(ideals) == 1 else None
+    sensor = None if model is None else model.sensor
+    common = ideal_of(ideals[0], sensor) if len(ideals) == 1 else None
     together, each, test, variant = OverFrames(), [], ChanceTest(), OneVariant(model)
     first, others = common, 0
     with progress("comparing") as show:
         for done, (one, other) in enumerate(pairs):
             show(done, len(pairs), one.name)
-            scene = ideal_of(scenes[done]) if scenes else common
+            scene = ideal_of(scenes[done], sensor) if scenes else common
             first = scene if first is None else first
             others += scene is not None and first is not None and not same_scene(first, scene)
             files = {"measured": str(one), "simulated": str(other)}
-            scans = scan_of(one, placement), scan_of(other)
+            scans = scan_of(one, placement, sensor), scan_of(other, sensor=sensor)
             for scan, file in zip(scans, files.values(), strict=True):
                 variant.check(scan, file)
             said = geometry_notes(*scans, scene, Path(str(one)), Path(str(other)))

@@ -124,7 +124,7 @@ def _one(
     check_device(device, fidelity, sensor_model)
     check_writable(out, option="--out", besides=_read(sensor_model, scene))
     with stage(f"reading {ideal.name}"):
-        beams_meet = ideal_of(ideal)
+        beams_meet = ideal_of(ideal, sensor_model.sensor)
     with progress("simulating") as show, one_blas_thread():
         scan = run(
             beams_meet,
@@ -137,7 +137,7 @@ def _one(
             progress=lambda done, beams: show(done, beams, f"{beams} beams"),
         )
     with stage(f"writing {out.name}"):
-        save_scan(scan, out)
+        save_scan(scan, out, sensor_model.sensor)
     note(f"{out}: {len(scan)} echoes from {len(beams_meet)} rows of {ideal}, seed {seed}")
     return 0
 

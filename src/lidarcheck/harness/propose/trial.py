@@ -70,7 +70,7 @@ class KpiTrial:
     @classmethod
     def of(cls, ideal_file: Path, scenario_file: Path, model: Model, lost: Mapping[str, Model]) -> KpiTrial:
         """An ideal scan with every KPI that might see one of the effects."""
-        ideal = load_ideal(ideal_file)
+        ideal = load_ideal(ideal_file, model.sensor)
         found: dict[str, Watch] = {}
         asked_for: dict[str, list[str]] = {}
         for name in lost:

@@ -86,7 +86,7 @@ def load_scenario(path: Path | str) -> Scenario:
         # The materials of a scene file belong to what is measured, as its objects do.
         model = replace(model, materials={**model.materials, **(scene.materials or {})})
         ideal, faults = _cast(scene, table, model, lines)
-    measured = _measured(table, ideal, lines)
+    measured = _measured(table, ideal, model, lines)
     asked = ask(table.kpis, ideal, model.sensor, measured, lines, faults)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
@@ -137,7 +137,7 @@ def _existing(name: Path, key: str, lines: LineIndex) -> Path:
 def _ideal(table: ScenarioTable, model: Model, lines: LineIndex) -> tuple[IdealScan, list[InputError]]:
     """What the beams meet, and what is wrong with the shapes."""
     if table.ideal is not None:
-        ideal = load_ideal(_existing(table.ideal, "ideal", lines))
+        ideal = load_ideal(_existing(table.ideal, "ideal", lines), model.sensor)
         if not len(ideal):
             raise ConfigError([lines.fault(("ideal",), f"{table.ideal} has no beams", fix="give a file with beams")])
         return ideal, []
@@ -209,10 +209,10 @@ def _lacks(path: KeyPath, what: str, material: int, model: Model, lines: LineInd
     return lines.fault(path, f"{what}, which the model's table lacks (there: {known})", fix=fix)
 
 
-def _measured(table: ScenarioTable, ideal: IdealScan, lines: LineIndex) -> Scan | None:
+def _measured(table: ScenarioTable, ideal: IdealScan, model: Model, lines: LineIndex) -> Scan | None:
     if table.measured is None:
         return None
-    scan = load_scan(_existing(table.measured, "measured", lines))
+    scan = load_scan(_existing(table.measured, "measured", lines), sensor=model.sensor)
     try:
         pair_with_ideal(ideal, scan)
     except UsageError as error:
