@@ -18,7 +18,7 @@ from lidarcheck.inference.intervals import ClassifierGap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.kpi.classifier import classifier_gap, folds_of
-from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
+from lidarcheck.kpi.pairing import nearest_on_line
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
@@ -146,7 +146,7 @@ class Classifier:
         rows, beam = (np.concatenate(parts) for parts in zip(*sides, strict=True))
         measured = np.arange(len(rows)) < len(sides[0][0])
         if longer_m is not None:
-            of_surface = measured & (np.abs(rows[:, 0]) <= OF_SURFACE_M)
+            of_surface = measured & (np.abs(rows[:, 0]) <= self.beams.view.reach_m)
             rows[of_surface, 0] -= longer_m[beam[of_surface]]
         return classifier_gap(rows, measured, self.fold[beam])
 
@@ -154,17 +154,18 @@ class Classifier:
         """What scans show of the drawn beams in `COLUMNS`, a row for each echo and for each beam without one, and the
         beam of each; ranges dithered by `step_m`, as how many digits a file has is no artefact of a sensor."""
         beams = self.beams
-        names = ("layer", "point", "range_m", "area", "peak", "width_ns", "echo_number")
-        layer, point, range_m, area, peak, width, number = (
+        names = ("layer", "point", "range_m", "echo_number")
+        layer, point, range_m, number = (
             np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in names
         )
         frame = np.repeat(np.arange(len(scans)), [len(scan) for scan in scans])
         beam = np.searchsorted(beams.key, key_of(frame, layer, point))
+        range_m = range_m - beams.range_offset_m[beam]
         surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
         met_m = np.where(surface >= 0, np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], 0.0)
         rng = np.random.default_rng([0, *dither])
         off = range_m - met_m + step_m * (rng.random(len(beam)) - 0.5)
-        echoes = np.column_stack([off, np.log(np.maximum(area, 1.0)), np.log(np.maximum(peak, 1.0)), width, number])
+        echoes = np.column_stack([off, *beams.view.columns(scans), number])
         shown = self.drawn[beam]
         lost = np.flatnonzero(self.drawn & (np.bincount(beam, minlength=len(beams)) == 0))
         every = np.concatenate([beam[shown], lost])

@@ -136,6 +136,11 @@ class Sensor:
         return 0.5 * LIGHT_SPEED_M_PER_NS * self.pulse_fwhm_ns
 
     @property
+    def bright_signal(self) -> float:
+        """S from which a surface is so bright that it may bloom or show ghosts."""
+        return self.signal_of(300.0 * self.threshold_counts)
+
+    @property
     def threshold_counts(self) -> float:
         """About as many counts as are just seen."""
         raise NotImplementedError

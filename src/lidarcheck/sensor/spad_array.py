@@ -99,6 +99,11 @@ class SpadArray(Sensor):
         return self.spads * self.shots
 
     @property
+    def bright_signal(self) -> float:
+        """S from which a surface saturates all SPADs and may bloom or show ghosts."""
+        return 30.0
+
+    @property
     def threshold_counts(self) -> float:
         """As many avalanches as are just seen, were they all to come at once."""
         return self.threshold + 1

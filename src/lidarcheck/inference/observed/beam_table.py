@@ -10,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.inference.observed.echo_view import EchoView
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import Beams
 
 __all__ = ["SIDES", "BeamTable", "beams_of", "bright_offsets"]
 
@@ -20,17 +22,11 @@ __all__ = ["SIDES", "BeamTable", "beams_of", "bright_offsets"]
 SIDES = ("above", "below", "left", "right")
 """The neighbours of a beam, in the order of `BeamTable.neighbour_m`."""
 
-BRIGHT_SIGNAL = 30.0
-"""S from which a surface saturates all SPADs and may bloom or show ghosts, avalanches per SPAD and shot."""
-
 _CREASE_DEG = 3.0
 _SMOOTH = 0.06
 """Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
 _STEEP = 0.15
 """A surface seen at a grazing angle may lie farther by such a part of its range one beam on."""
-_LAYER_DEG, _POINT_DEG = 0.05, 0.125
-_MOST_POINTS = 1024
-"""More than a layer has points."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +42,7 @@ class BeamTable:
     which one the beam meets.
     `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
     range. `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
+    `range_offset_m` (n,): what a reported range is longer than the way; `view`: what is looked at of the echoes.
     """
 
     key: IndexArray
@@ -67,6 +64,8 @@ class BeamTable:
     bright_m: FloatArray
     hit_beam: IndexArray
     hit_m: FloatArray
+    range_offset_m: FloatArray
+    view: EchoView
 
     def __len__(self) -> int:
         return len(self.key)
@@ -74,7 +73,8 @@ class BeamTable:
     @functools.cached_property
     def column(self) -> IndexArray:
         """The point column of each beam, counted through all frames from 0, shape (n,): what is swept at one moment."""
-        return np.asarray(np.unique(self.frame * _MOST_POINTS + self.point, return_inverse=True)[1])
+        most = int(self.point.max(initial=0)) + 1
+        return np.asarray(np.unique(self.frame * most + self.point, return_inverse=True)[1])
 
 
 def key_of(frame: npt.ArrayLike, layer: npt.ArrayLike, point: npt.ArrayLike) -> IndexArray:
@@ -101,9 +101,9 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
     row = order[first]
     hit = distance[order] > 0.0
     retros = [i for i, entry in model.materials.items() if entry.kind == "retro"]
-    shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), distance[row])
+    shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), ideals[0].beams)
     neighbour, step, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
-    bright, bright_m = bright_offsets(shape, signal[row], distance[row])
+    bright, bright_m = bright_offsets(shape, signal[row], distance[row], model.sensor.bright_signal)
     return BeamTable(
         key=key,
         frame=frames[row],
@@ -124,25 +124,51 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
         bright_m=bright_m,
         hit_beam=beam[hit],
         hit_m=distance[order][hit],
+        range_offset_m=np.zeros(len(row)) + ideals[0].beams.range_offset_m(layer[row]),
+        view=EchoView.of(model.sensor),
     )
 
 
 @dataclass(frozen=True)
 class _Shape:
-    """The lattice of fired layers and points: the beam at each place, -1 for none, and the place of each beam."""
+    """The image of fired beams: the beam at each place, -1 for none, and the place of each beam.
+
+    Rows go up by elevation, columns to the left by azimuth: `layers`, `points` count them as the sensor has them, and
+    `elevation_deg`, `azimuth_deg` are the angles from each row, or column, to the one beside it.
+    """
 
     grid: IndexArray
     place: tuple[IndexArray, IndexArray, IndexArray]
     layers: IndexArray
     points: IndexArray
+    elevation_deg: FloatArray
+    azimuth_deg: FloatArray
 
 
-def _shape(frame: IndexArray, layer: IndexArray, point: IndexArray, distance: FloatArray) -> _Shape:
-    layers, row = np.unique(layer, return_inverse=True)
-    points, column = np.unique(point, return_inverse=True)
+def _shape(frame: IndexArray, layer: IndexArray, point: IndexArray, beams: Beams) -> _Shape:
+    """The image in which what stands together lies together; without a lattice each beam is alone in its row."""
+    first = np.zeros(beams.layers, dtype=np.int64)
+    rank = np.empty(beams.layers, dtype=np.int64)
+    rank[np.argsort(beams.angles_deg(np.arange(beams.layers), first)[0], kind="stable")] = np.arange(beams.layers)
+    image = beams.image_column(layer, point).astype(np.int64)
+    image = image if _leftward(beams) else beams.points - 1 - image
+    if not beams.lattice:
+        image = image * 2  # nobody stands beside anybody
+    layers, of_row, row = np.unique(rank[layer], return_index=True, return_inverse=True)
+    points, of_column, column = np.unique(image, return_index=True, return_inverse=True)
     grid = np.full((int(frame.max()) + 1, len(layers), len(points)), -1, dtype=np.int64)
     grid[frame, row, column] = np.arange(len(frame))
-    return _Shape(grid, (frame, row, column), layers, points)
+    up, aside = beams.spacing_deg(layer, point)
+    steps = _step(layers) * up[of_row], _step(points) * aside[of_column]
+    return _Shape(grid, (frame, row, column), layers, points, *steps)
+
+
+def _leftward(beams: Beams) -> bool:
+    """Whether azimuth goes up with the point."""
+    if beams.points < 2:
+        return True
+    azimuth = beams.angles_deg(np.zeros(2, dtype=np.int64), np.arange(2))[1]
+    return bool(np.mod(azimuth[1] - azimuth[0], 360.0) < 180.0)
 
 
 def _neighbours(
@@ -167,10 +193,7 @@ def _neighbours(
     apart = np.abs(ranges - distance[:, None])
     own_step = np.where((ranges > 0.0) & (apart < _STEEP * distance[:, None]), apart, 0.0).max(axis=1, initial=0.0)
     slope = np.zeros((n, 2))
-    steps = (
-        _step(shape.layers)[r] * _LAYER_DEG,
-        _step(shape.points)[c] * _POINT_DEG,
-    )
+    steps = shape.elevation_deg[r], shape.azimuth_deg[c]
     for axis, (plus, minus) in enumerate(((0, 1), (2, 3))):
         near = (np.abs(ranges[:, [plus, minus]] - distance[:, None]) < _SMOOTH * distance[:, None]).all(axis=1)
         smooth = near & (distance > 0.0) & ~crease
@@ -186,12 +209,14 @@ def _step(lines: IndexArray) -> FloatArray:
     return np.asarray(0.5 * (np.append(gap, gap[-1]) + np.insert(gap, 0, gap[0])))
 
 
-def bright_offsets(shape: _Shape, signal: FloatArray, distance: FloatArray) -> tuple[IndexArray, FloatArray]:
+def bright_offsets(
+    shape: _Shape, signal: FloatArray, distance: FloatArray, bright_signal: float
+) -> tuple[IndexArray, FloatArray]:
     """Lines to the next bright beam on each of the four `SIDES` (0: none) and that beam's range, shapes (n, 4)."""
     grid = shape.grid
     there = grid >= 0
     bright = np.zeros(grid.shape, dtype=bool)
-    bright[there] = signal[grid[there]] >= BRIGHT_SIGNAL
+    bright[there] = signal[grid[there]] >= bright_signal
     range_m = np.zeros(grid.shape)
     range_m[there] = distance[grid[there]]
     lines = (shape.layers, shape.layers, shape.points, shape.points)

@@ -24,8 +24,6 @@ SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))
 """The features whose scatter is looked at, and between which neighbours: 0 along the column, 1 along the layer."""
 _GROUPS = 40
 """Groups of beams about as bright, over which probabilities and spreads are smoothed."""
-_LEAST_SPREAD = (0.004, 0.01, 0.01, 0.3)
-"""Ranges are reported in steps of 1 cm, widths in steps of 1 ns: a residual cannot be known better."""
 _MOST_WEIGHT = 5.0
 """No slope weighs more: at a grazing angle a single beam would outweigh all others."""
 
@@ -64,7 +62,7 @@ def expectation(beams: BeamTable, base: Sequence[Observations]) -> Expected:
     off = np.where(seen[..., None] & known[None, :, None], values - mean, 0.0)
     free = np.maximum(count - 1, 1)[:, None]
     own = (off**2).sum(axis=0) / free
-    spread = _smooth_spread(mean[:, 1], own, known, np.maximum(count - 1, 0))
+    spread = _smooth_spread(mean[:, 1], own, known, np.maximum(count - 1, 0), beams.view.least_spread)
     probability = _smooth_probability(mean[:, 1], count, len(base), known, beams.distance_m > 0.0)
     partner = (_partners(beams, 0), _partners(beams, 1))
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
@@ -130,14 +128,18 @@ def _brightness_edges(log_area: FloatArray, known: npt.NDArray[np.bool_]) -> Flo
 
 
 def _smooth_spread(
-    log_area: FloatArray, variance: FloatArray, known: npt.NDArray[np.bool_], free: IndexArray
+    log_area: FloatArray,
+    variance: FloatArray,
+    known: npt.NDArray[np.bool_],
+    free: IndexArray,
+    least_spread: tuple[float, float, float, float],
 ) -> FloatArray:
     """Spread of each feature as a function of the amplitude, from beams alike; shape (n, 4)."""
     edges = _brightness_edges(log_area, known)
     place = np.searchsorted(edges, log_area)
     weight = np.bincount(place[known], free[known], len(edges) + 1)
     spread = np.empty_like(variance)
-    for j, least in enumerate(_LEAST_SPREAD):
+    for j, least in enumerate(least_spread):
         total = np.bincount(place[known], (variance[:, j] * free)[known], len(edges) + 1)
         spread[:, j] = np.sqrt(total / np.maximum(weight, 1.0) + least**2)[place]
     return spread

@@ -11,14 +11,15 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable, key_of
 from lidarcheck.inference.observed.kernels import write_nearest
-from lidarcheck.kpi.pairing import OF_SURFACE_M, nearest_on_line
+from lidarcheck.kpi.pairing import nearest_on_line
 from lidarcheck.scan import Scan
 
 __all__ = ["FEATURES", "Observations", "observations_of"]
 
 
 FEATURES = ("range", "area", "peak", "width")
-"""The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]."""
+"""The features of a surface's echo: range residual [m], ln AREA, ln PEAK, WIDTH [ns]; of other sensors their amplitude
+and two further features (`EchoView`), under the same names."""
 
 
 _STEPS = 1.0
@@ -53,21 +54,20 @@ class Observations:
 def observations_of(beams: BeamTable, scans: Sequence[Scan]) -> Observations:
     """Pair the echoes of the frames' scans with what the beams meet; every echo's beam must be in the table."""
     frame = np.concatenate([np.full(len(scan), i) for i, scan in enumerate(scans)])
-    columns = ("layer", "point", "range_m", "area", "peak", "width_ns")
-    layer, point, range_m, area, peak, width = (
-        np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in columns
-    )
+    columns = ("layer", "point", "range_m")
+    layer, point, range_m = (np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in columns)
     beam = np.searchsorted(beams.key, key_of(frame, layer, point))
+    range_m = range_m - beams.range_offset_m[beam]
     surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
     residual = np.where(surface >= 0, range_m - np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], np.inf)
     nearest = np.full(len(beams), -1)
-    write_nearest(beam, np.abs(residual), OF_SURFACE_M + _STEPS * beams.step_m, nearest)
+    write_nearest(beam, np.abs(residual), beams.view.reach_m + _STEPS * beams.step_m, nearest)
     own = nearest[nearest >= 0]
     detected = np.zeros(len(beams), dtype=bool)
     detected[beam[own]] = True
     feature = np.zeros((len(beams), len(FEATURES)))
-    log_area, log_peak = np.log(np.maximum(area, 1.0)), np.log(np.maximum(peak, 1.0))
-    for j, value in enumerate((residual, log_area, log_peak, width)):
+    amplitude, height, width = beams.view.columns(scans)
+    for j, value in enumerate((residual, amplitude, height, width)):
         feature[beam[own], j] = value[own]
     others = np.ones(len(beam), dtype=bool)
     others[own] = False
@@ -81,8 +81,8 @@ def observations_of(beams: BeamTable, scans: Sequence[Scan]) -> Observations:
         feature=feature,
         extra_beam=beam[rest],
         extra_m=range_m[rest],
-        extra_area=log_area[rest],
-        extra_peak=log_peak[rest],
+        extra_area=amplitude[rest],
+        extra_peak=height[rest],
         extra_width=width[rest],
         extra_side=side,
         strayed=strayed & ~detected,

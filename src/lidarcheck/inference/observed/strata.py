@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
+from lidarcheck.inference.observed.echo_view import Slot
 
 __all__ = ["OFFSET_EDGES", "RANGE_EDGES_M", "Division", "binned", "divisions", "fine_divisions", "range_bin"]
 
@@ -25,8 +26,6 @@ _FINE = 128
 """Up to so many fired layers each have a bin of their own."""
 _APART_M, _APART = 1.0, 0.06
 """Surfaces this much apart, or by this part of the range, are not one."""
-_PILE_UP_AREAS = (2000.0, 4000.0)
-"""Extra edges where few but bright beams lie: what light does to detectors shows there first."""
 _AMPLITUDES = 10
 """Bins of amplitude with as many beams each."""
 
@@ -48,7 +47,7 @@ def divisions(beams: BeamTable, log_area: FloatArray, model_names: Mapping[int, 
         binned("range", np.where(hit, beams.distance_m, np.nan), RANGE_EDGES_M, "m"),
         binned("incidence", np.where(hit, beams.incidence_deg, np.nan), _INCIDENCE_EDGES_DEG, "deg"),
         _materials(beams, model_names),
-        _amplitudes(log_area, hit),
+        _amplitudes(log_area, hit, beams.view.slots[0]),
         _strips("layer", beams.layer, _STRIPS),
         _strips("point", beams.point, _STRIPS),
         _numbers("frame", beams.frame),
@@ -97,18 +96,19 @@ def _materials(beams: BeamTable, names: Mapping[int, str]) -> Division:
     return Division("material", place, tuple(names.get(int(i)) or f"material {i}" for i in ids))
 
 
-def _amplitudes(log_area: FloatArray, hit: npt.NDArray[np.bool_]) -> Division:
+def _amplitudes(log_area: FloatArray, hit: npt.NDArray[np.bool_], slot: Slot) -> Division:
     known = ~np.isnan(log_area)
     if not known.any():
         return Division("amplitude", np.full(len(log_area), -1, dtype=np.int64), ())
     edges = np.unique(np.round(np.quantile(log_area[known], np.linspace(0.0, 1.0, _AMPLITUDES + 1)[:-1]), 2))
-    edges = np.unique(np.concatenate([edges, np.log(_PILE_UP_AREAS)]))
+    edges = np.unique(np.concatenate([edges, np.log(slot.edges)]))
     place = np.searchsorted(edges, log_area, side="right") - 1
     place = np.where(known, np.maximum(place, 0), -1)
     used = np.unique(place[place >= 0])
     number = np.searchsorted(used, place)
     bins = np.where(known, number, np.where(hit, len(used), -1))
-    texts = [f"AREA from {np.exp(edges[i]):.1f}" for i in used] + ["seldom seen"]
+    values = np.exp(edges) if slot.log else edges
+    texts = [f"{slot.name} from {values[i]:.1f}" for i in used] + ["seldom seen"]
     return _used("amplitude", bins, texts)
 
 

@@ -1,0 +1,91 @@
+"""What is looked at of an echo, for each sensor: its amplitude, two further features, and when it is a surface's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lidarcheck.arrays import FloatArray
+from lidarcheck.scan import Scan
+from lidarcheck.sensor import Feature, Sensor
+
+__all__ = ["EchoView", "Slot"]
+
+_AMPLITUDES = (
+    "area_counts", "photons", "affine", "log", "range_corrected", "calibrated_reflectivity", "table", "peak_counts",
+)  # fmt: skip
+"""Laws of features that go up with the amplitude, the ones that say most of it first."""
+_OF_BEAM = ("histogram", "background")
+"""Laws of features that belong to a beam, not to its echoes."""
+_LOGARITHMIC = ("area_counts", "peak_counts", "photons", "affine", "range_corrected", "calibrated_reflectivity")
+_REACH = 2.6685
+"""Windows of detection within which an echo may still be a surface's, whatever shifts ranges: 2 m of a 5 ns pulse."""
+_LOG_FLOOR, _STEPS_FLOOR = 0.01, 0.3
+"""Spreads below which a logarithm, or a feature in its steps, is not known better."""
+_RANGE_STEPS, _LEAST_RANGE_M = 0.4, 0.0005
+"""The same of a range in its steps, and of a range without steps."""
+_PILE_UP = {"area_counts": (2000.0, 4000.0)}
+"""Extra edges where few but bright beams lie: what light does to detectors shows there first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A feature of an echo: the sensor's name (empty: it has none), `log`: as ln max(value, 1); the least spread."""
+
+    name: str = ""
+    log: bool = False
+    floor: float = 1.0
+    edges: tuple[float, ...] = ()
+
+    def of(self, scans: Sequence[Scan]) -> FloatArray:
+        """The values of all echoes, shape (n,); 0 where the sensor has no such feature."""
+        if not self.name:
+            return np.zeros(sum(len(scan) for scan in scans))
+        values = np.concatenate([scan.feature(self.name) for scan in scans])
+        return np.log(np.maximum(values, 1.0)) if self.log else np.asarray(values, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class EchoView:
+    """The `slots` after the range: the amplitude and two further features; `reach_m`: an echo this near to a surface is
+    that surface's; `range_floor_m`: the least spread of a range."""
+
+    slots: tuple[Slot, Slot, Slot]
+    reach_m: float
+    range_floor_m: float
+
+    @classmethod
+    def of(cls, sensor: Sensor) -> EchoView:
+        """What is looked at of a sensor's echoes."""
+        features = [feature for feature in sensor.features if feature.law not in _OF_BEAM]
+        strength = [f for f in features if f.name == sensor.strength]
+        ranked = sorted((f for f in features if f.law in _AMPLITUDES), key=lambda f: _AMPLITUDES.index(f.law))
+        first = [*strength, *ranked][:1]
+        others = sorted((f for f in features if f not in first), key=_likeness)
+        slots = [_slot(feature) for feature in (first + others)[:3]]
+        slots = [Slot()] * (not first) + slots
+        slots += [Slot()] * (3 - len(slots))
+        floor = _RANGE_STEPS * sensor.range_resolution_m
+        return cls((slots[0], slots[1], slots[2]), round(_REACH * sensor.window_m, 2), floor or _LEAST_RANGE_M)
+
+    def columns(self, scans: Sequence[Scan]) -> list[FloatArray]:
+        """The values of the slots, shape (n_echoes,) each."""
+        return [slot.of(scans) for slot in self.slots]
+
+    @property
+    def least_spread(self) -> tuple[float, float, float, float]:
+        """The least spread of the range and of each slot."""
+        return (self.range_floor_m, self.slots[0].floor, self.slots[1].floor, self.slots[2].floor)
+
+
+def _likeness(feature: Feature) -> int:
+    """Features that go up with the amplitude come before others."""
+    return _AMPLITUDES.index(feature.law) if feature.law in _AMPLITUDES else len(_AMPLITUDES)
+
+
+def _slot(feature: Feature) -> Slot:
+    log = feature.law in _LOGARITHMIC
+    floor = _LOG_FLOOR if log else _STEPS_FLOOR * (feature.step or 0.01)
+    return Slot(feature.name, log, floor, _PILE_UP.get(feature.law, ()))
