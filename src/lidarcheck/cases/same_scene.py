@@ -16,9 +16,8 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.geometry.unit import METRES
 from lidarcheck.kpi.pairing import nearest_on_line
-from lidarcheck.rays import sweep_time_s
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import Beams
 
 __all__ = ["SceneFinding", "Surfaces", "check_scene_of", "compare_scenes"]
 
@@ -50,12 +49,14 @@ _BEAMS = 5000
 class Surfaces:
     """What beams meet: `layer`, `point`, `distance_m` (n,), 0 where a beam meets nothing.
 
-    `simulated`: these are echoes of a simulated scan. `timed`: each says when it is so, as an ideal scan with times.
+    `beams`: the sensor's. `simulated`: these are echoes of a simulated scan. `timed`: each says when it is so, as an ideal
+    scan with times.
     """
 
     layer: IntArray
     point: IntArray
     distance_m: FloatArray
+    beams: Beams
     simulated: bool = False
     timed: bool = False
 
@@ -63,8 +64,8 @@ class Surfaces:
     def of(cls, shown: IdealScan | Scan) -> Surfaces:
         """What an ideal scan says that beams meet, or what the echoes of a simulated scan show."""
         if isinstance(shown, Scan):
-            return cls(shown.layer, shown.point, shown.range_m, simulated=True)
-        return cls(shown.layer, shown.point, shown.distance_m, timed=shown.time_s is not None)
+            return cls(shown.layer, shown.point, shown.range_m, shown.beams, simulated=True)
+        return cls(shown.layer, shown.point, shown.distance_m, shown.beams, timed=shown.time_s is not None)
 
 
 @dataclass(frozen=True)
@@ -95,10 +96,11 @@ class _Echoes:
     layer: IntArray
     point: IntArray
     range_m: FloatArray
+    beams: Beams
 
     @property
     def beam(self) -> IndexArray:
-        return self.layer.astype(np.int64) * POINTS + self.point
+        return self.beams.index(self.layer, self.point)
 
 
 _MIRRORED = "Y mirrored, or points from the other end"
@@ -107,8 +109,8 @@ _BOTH = "Y and Z mirrored, or layers and points from the other end"
 _BEFORE, _AFTER = "the frame before", "the frame after"
 _OTHER_FRAME = "name the ideal scan of the same frame"
 _FIXES = {
-    _MIRRORED: f'give --mirror y (in a case, the frame\'s mirror = "y"), or renumber: Point = {POINTS - 1} - Point',
-    _LAYERS: f'renumber: Layer = {LAYERS - 1} - Layer, or give --mirror z (in a case, the frame\'s mirror = "z")',
+    _MIRRORED: 'give --mirror y (in a case, the frame\'s mirror = "y"), or renumber: Point = {point} - Point',
+    _LAYERS: 'renumber: Layer = {layer} - Layer, or give --mirror z (in a case, the frame\'s mirror = "z")',
     _BOTH: 'give --pose "0,0,0,180,0,0", or renumber Layer and Point from the other end',
     _BEFORE: _OTHER_FRAME,
     _AFTER: _OTHER_FRAME,
@@ -154,7 +156,7 @@ def compare_scenes(
         what = f"{name} fits with {_said(variant)}: median residual {median:.2f} m, {as_it_is:.2f} m as it is"
         # Whose beams agree with its X, Y, Z is not the one that is wrong.
         sound = variant in _NUMBERS and measured.geometry.verdict in ("ok", "warning")
-        fix = f"its X, Y, Z agree with its beams: number {name} as they are" if sound else _fix(variant)
+        fix = f"its X, Y, Z agree with its beams: number {name} as they are" if sound else _fix(variant, shown.beams)
         return SceneFinding(True, False, what, fix, tried)
     return _same(echoes, own, shown, name, tried, tuple(equal))
 
@@ -177,25 +179,27 @@ def check_scene_of(measured: Scan, shown: IdealScan | Scan, file: str | PathLike
 
 def _chosen(measured: Scan) -> _Echoes:
     """All echoes of some beams, picked by a hash of their number so that no column or layer is left out."""
-    keys, inside = _keys(measured.layer, measured.point)
+    beams = measured.beams
+    keys, inside = _keys(measured.layer, measured.point, beams)
     every = max(1, len(measured) // _BEAMS)
-    picked = np.zeros(LAYERS * POINTS, dtype=np.bool_)
-    picked[((np.arange(LAYERS * POINTS) * 2654435761) >> 12) % every == 0] = True
+    picked = np.zeros(beams.size, dtype=np.bool_)
+    picked[((np.arange(beams.size) * 2654435761) >> 12) % every == 0] = True
     rows = np.flatnonzero(picked[keys] & inside)
-    xyz = measured.x_m[rows], measured.y_m[rows], measured.z_m[rows]
-    range_m = np.sqrt(sum(column * column for column in xyz))
-    return _Echoes(measured.layer[rows], measured.point[rows], range_m)
+    layer, point = measured.layer[rows], measured.point[rows]
+    xyz = np.stack([measured.x_m[rows], measured.y_m[rows], measured.z_m[rows]], axis=-1)
+    range_m = beams.ranges_m(layer, point, xyz) - beams.range_offset_m(layer)
+    return _Echoes(layer, point, range_m, beams)
 
 
-def _keys(layer: IntArray, point: IntArray) -> tuple[IntArray, BoolArray]:
+def _keys(layer: IntArray, point: IntArray, beams: Beams) -> tuple[IntArray, BoolArray]:
     """A number for each beam, and whether the sensor has it; 0 for those that it has not."""
-    inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
-    return np.where(inside, layer * np.int32(POINTS) + point, np.int32(0)), inside
+    inside = (layer >= 0) & (layer < beams.layers) & (point >= 0) & (point < beams.points)
+    return np.where(inside, layer * np.int32(beams.points) + point, np.int32(0)), inside
 
 
 def _variants(shown: Surfaces, echoes: _Echoes) -> Iterator[tuple[str, FloatArray]]:
     """Each variant's name and its residuals, one a beam of the echoes as they are."""
-    layer, point = LAYERS - 1 - echoes.layer, POINTS - 1 - echoes.point
+    layer, point = echoes.beams.layers - 1 - echoes.layer, echoes.beams.points - 1 - echoes.point
     images = [replace(echoes, point=point), replace(echoes, layer=layer), replace(echoes, layer=layer, point=point)]
     shown = _of_beams(shown, np.concatenate([echoes.beam, *(image.beam for image in images)]))
     for name, image in zip(_NUMBERS, images, strict=True):
@@ -211,8 +215,8 @@ def _frame_pairs(
     """The residuals of early beams as it is and against each neighbour, where the two frames differ."""
     if all(neighbour is None for neighbour in neighbours.values()):
         return []
-    early = sweep_time_s(measured.point) < SWEEP_PART * float(sweep_time_s(POINTS - 1))
-    echoes = _chosen(measured if shown.timed else measured.take(early))
+    early = measured.beams.fire_time_s(measured.layer, measured.point) < SWEEP_PART * measured.beams.sweep.duration_s
+    echoes = _chosen(measured if shown.timed or measured.beams.sweep.order == "flash" else measured.take(early))
     own = _residuals(shown, echoes)
     pairs = []
     for variant, neighbour in neighbours.items():
@@ -234,8 +238,8 @@ def _residuals(shown: Surfaces, echoes: _Echoes, beam: IndexArray | None = None)
     where `shown` does not have it.
     """
     shown = _of_beams(shown, echoes.beam)
-    keys = _keys(shown.layer, shown.point)[0].astype(np.int64)
-    fired = np.zeros(LAYERS * POINTS, dtype=np.bool_)
+    keys = _keys(shown.layer, shown.point, shown.beams)[0].astype(np.int64)
+    fired = np.zeros(shown.beams.size, dtype=np.bool_)
     fired[keys] = True
     rows = np.flatnonzero(shown.distance_m > 0.0)
     order = rows[np.lexsort((shown.distance_m[rows], keys[rows]))]
@@ -251,9 +255,9 @@ def _residuals(shown: Surfaces, echoes: _Echoes, beam: IndexArray | None = None)
 
 def _of_beams(shown: Surfaces, beams: IndexArray) -> Surfaces:
     """The surfaces of those beams alone."""
-    wanted = np.zeros(LAYERS * POINTS, dtype=np.bool_)
+    wanted = np.zeros(shown.beams.size, dtype=np.bool_)
     wanted[beams] = True
-    keys, inside = _keys(shown.layer, shown.point)
+    keys, inside = _keys(shown.layer, shown.point, shown.beams)
     rows = np.flatnonzero(wanted[keys] & inside)
     if len(rows) == len(keys):
         return shown
@@ -299,8 +303,9 @@ def _said(variant: str) -> str:
     return variant if variant in _FIXES else f"the measured ranges in {variant}"
 
 
-def _fix(variant: str) -> str:
-    return _FIXES.get(variant, f'give --unit {variant} (in a case, the frame\'s unit = "{variant}")')
+def _fix(variant: str, beams: Beams) -> str:
+    fix = _FIXES.get(variant, f'give --unit {variant} (in a case, the frame\'s unit = "{variant}")')
+    return fix.replace("{point}", str(beams.points - 1)).replace("{layer}", str(beams.layers - 1))
 
 
 def _same(
