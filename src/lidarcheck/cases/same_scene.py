@@ -49,8 +49,8 @@ _BEAMS = 5000
 class Surfaces:
     """What beams meet: `layer`, `point`, `distance_m` (n,), 0 where a beam meets nothing.
 
-    `beams`: the sensor's. `simulated`: these are echoes of a simulated scan. `timed`: each says when it is so, as an ideal
-    scan with times.
+    `beams`: the sensor's. `simulated`: these are echoes of a simulated scan. `timed`: each says when it is so, as an
+    ideal scan with times.
     """
 
     layer: IntArray
