@@ -8,7 +8,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LN2, exp, expm1, fired, lgamma, log, log1m, log_rest
 
-__all__ = ["BELOW_ONE", "binomial", "inverses"]
+__all__ = ["BELOW_ONE", "binomial", "from_zero", "inverses"]
 
 
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
@@ -24,7 +24,7 @@ def inverses(trials: int) -> FloatArray:
 
 
 @inlined
-def _from_zero(uniform: float, trials: int, zero: float, odds: float, inverse: FloatArray) -> int:
+def from_zero(uniform: float, trials: int, zero: float, odds: float, inverse: FloatArray) -> int:
     """Smallest k with P(K <= k) > uniform, where P(K = 0) = `zero`.
 
     P(k) = P(k - 1) odds (trials - k + 1) / k. Four terms a step, their ratios multiplied before the first of them is
@@ -104,11 +104,11 @@ def binomial(uniform: float, trials: int, rate: float, inverse: FloatArray) -> i
         uniform *= BELOW_ONE
         if trials * rate < _SAFE_EXPONENT:
             zero = exp(-trials * rate)
-            return 0 if uniform < zero else _from_zero(uniform, trials, zero, expm1(rate), inverse)
+            return 0 if uniform < zero else from_zero(uniform, trials, zero, expm1(rate), inverse)
         return _from_mode(uniform, trials, fired(rate))
     uniform *= BELOW_ONE
     miss = exp(-min(rate, 600.0))
     log_fire = log1m(miss)
     if -trials * log_fire < _SAFE_EXPONENT:
-        return trials - _from_zero(uniform, trials, exp(trials * log_fire), miss / (1.0 - miss), inverse)
+        return trials - from_zero(uniform, trials, exp(trials * log_fire), miss / (1.0 - miss), inverse)
     return trials - _from_mode(uniform, trials, miss)
