@@ -78,3 +78,10 @@ def test_a_missing_material_is_named_with_its_first_beam_and_the_file() -> None:
     with pytest.raises(InputError, match=r"material 4 .*there: 1, 7.*Layer 2, Point 5") as caught:
         light_of(rows, Model(Sensor.of("SLIM"), {1: WALL, 7: SIGN}, file="m.toml"))  # type: ignore[arg-type]
     assert str(caught.value).startswith("error: m.toml: ")
+
+
+def test_optics_that_lose_light_close_by_add_to_the_ranges_square() -> None:
+    from any_detector_kit import sensor
+
+    near = Model(sensor(near_m=5.0, signal_at_1m=1000.0), {1: WALL})
+    assert light_of(ideal_of(distance_m=[2.0]), near).pulse_signal == pytest.approx([1000.0 * 0.5 / (4.0 + 25.0)])

@@ -24,11 +24,13 @@ def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> F
     """S of each row of the ideal scan: primary avalanches per SPAD and shot, 0 where the row meets nothing.
 
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of
-    an extended target in a clear atmosphere, constants folded into K). `InputError` names a material without an entry.
+    an extended target in a clear atmosphere, constants folded into K); R^2 + near^2 where the sensor's optics lose
+    light close by. `InputError` names a material without an entry.
     """
     from lidarcheck.model.exact.range_equation import NOT_FINITE, UNKNOWN, range_equation
 
     strength, falloff, material = _responses(ideal, model)
+    near2 = model.sensor.near_m * model.sensor.near_m
     signal, wrong = np.empty(len(ideal)), np.zeros(len(ideal) // _CHUNK + 1, dtype=np.int64)
 
     def fill(start: int) -> None:
@@ -36,7 +38,7 @@ def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> F
         with np.errstate(invalid="ignore"):
             cosine = elementary.cos(np.deg2rad(ideal.incidence_deg[rows]))
         columns = (ideal.distance_m[rows], cosine, material[rows])
-        wrong[start // _CHUNK] = range_equation(*columns, strength, falloff, signal[rows])
+        wrong[start // _CHUNK] = range_equation(*columns, strength, falloff, near2, signal[rows])
 
     share(fill, range(0, len(ideal), _CHUNK))
     found = int(np.bitwise_or.reduce(wrong))

@@ -27,12 +27,13 @@ def range_equation(
     material: npt.NDArray[np.int32],
     strength: FloatArray,
     falloff: FloatArray,
+    near2: float,
     signal: FloatArray,
 ) -> int:
     """S of each row into `signal`, 0 where it meets nothing; returns what is wrong, as a sum of the above.
 
     `cosine`: of the incidence angle. `strength` and `falloff` (see `light.material_tables`), by material, end with the
-    entry of all that have none, which is NaN.
+    entry of all that have none, which is NaN. `near2` [m^2] is added to the range's square: what optics lose close by.
     """
     wrong = 0
     last = np.uint32(len(strength) - 1)
@@ -43,7 +44,7 @@ def range_equation(
         number = number if number < last else last
         lit = min(max(cosine[i], 0.0), 1.0) if falloff[number] > 0.0 else 1.0
         range_m = max(distance, _NEAREST_M)
-        value = strength[number] * lit / (range_m * range_m)
+        value = strength[number] * lit / (range_m * range_m + near2)
         if not (distance >= 0.0 and distance < math.inf and cosine[i] - cosine[i] == 0.0):
             wrong |= NOT_FINITE
         elif distance > 0.0 and value != value:
