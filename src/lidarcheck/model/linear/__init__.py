@@ -1,0 +1,1 @@
+"""The linear detector: one amplitude a shot and surface, held against a threshold."""
