@@ -21,7 +21,7 @@ from lidarcheck.model.lane_math import whole_below
 from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
 
-__all__ = ["HazeRates", "add_haze", "haze_end", "haze_rates_of"]
+__all__ = ["HazeRates", "add_haze", "add_ramp", "haze_end", "haze_rates_of"]
 
 _ROOM = 1 << 21
 """Numbers that the table of cut profiles may hold; of finer profiles, it holds every second edge, or every third."""
@@ -108,7 +108,7 @@ def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
 
 
 @inlined
-def _add_ramp(
+def add_ramp(
     ramps: FloatArray, before: int, at: float, weight: float, origin: int, low: int, high: int, rates: FloatArray
 ) -> None:
     """Add `weight` W_k(at) to the bins `low` ... `high - 1`; index 0 of `rates` is bin `origin`."""
@@ -143,8 +143,8 @@ def _tabulate(
         if cell < len(density) and density[cell] > 0.0:
             end = (cell + 1) * step
             high = min(whole_below(end) - before + ramps.shape[1], bins)
-            _add_ramp(ramps, before, end, density[cell], 0, max(low, 0), high, whole)
-            _add_ramp(ramps, before, begin, -density[cell], 0, max(low, 0), high, whole)
+            add_ramp(ramps, before, end, density[cell], 0, max(low, 0), high, whole)
+            add_ramp(ramps, before, begin, -density[cell], 0, max(low, 0), high, whole)
 
 
 @inlined
@@ -205,6 +205,6 @@ def _add_cut(haze: HazeRates, at: float, share: float, begin: int, end: int, rat
     for cell in range(first_cell, last_cell + 1):
         density = share * haze.density[cell]
         low = max(base, begin)
-        _add_ramp(haze.ramps, haze.before, min((cell + 1) * haze.step, at), density, begin, low, high, rates)
-        _add_ramp(haze.ramps, haze.before, cell * haze.step, -density, begin, low, high, rates)
+        add_ramp(haze.ramps, haze.before, min((cell + 1) * haze.step, at), density, begin, low, high, rates)
+        add_ramp(haze.ramps, haze.before, cell * haze.step, -density, begin, low, high, rates)
     return base
