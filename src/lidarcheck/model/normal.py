@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
-from lidarcheck.model.jit import inlined
+from lidarcheck.arrays import FloatArray
+from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import log
 
-__all__ = ["normal"]
+__all__ = ["normal", "normals"]
 
+_CENTRAL = 0.425
 _LEAST = 2.0**-54
 """Half the distance between two uniform numbers: what stands for 0, whose normal number would be infinite."""
 
@@ -56,7 +58,17 @@ def normal(uniform: float) -> float:
     Wichura, "Algorithm AS 241: the percentage points of the normal distribution", Applied Statistics 37, 1988 (PPND16).
     """
     q = uniform - 0.5
-    if abs(q) <= 0.425:
+    if abs(q) <= _CENTRAL:
         return _central(q)
     found = _tail(max(min(uniform, 1.0 - uniform), _LEAST))
     return found if q > 0.0 else -found
+
+
+@kernel
+def normals(uniform: FloatArray, count: int, found: FloatArray) -> None:
+    """`normal` of the first `count` numbers, into `found`: most of them side by side."""
+    for i in range(count):
+        found[i] = _central(uniform[i] - 0.5)
+    for i in range(count):
+        if abs(uniform[i] - 0.5) > _CENTRAL:
+            found[i] = normal(uniform[i])

@@ -16,7 +16,7 @@ from lidarcheck.model.detector_echoes import (
     new_candidates,
     new_rows,
 )
-from lidarcheck.model.linear.kernel import Surfaces, detect
+from lidarcheck.model.linear.kernel import Surfaces, detect, new_draws
 from lidarcheck.model.linear.numbers import LinearLight, LinearNumbers, linear_light, linear_numbers
 from lidarcheck.model.many_trials import INVERSES, poisson_numbers
 from lidarcheck.model.sharing import Progress, share
@@ -47,7 +47,7 @@ def linear_echoes(
     """
     n = len(light)
     numbers, gate = linear_numbers(sensor, light), gate_of(sensor, rounded)
-    seen, key = linear_light(light, sensor), streams.new_stream(seed, "linear", frame).key
+    seen, stream = linear_light(light, sensor), streams.new_stream(seed, "linear", frame)
     room = _most(light) + 2
     starts = range(0, n, _CHUNK)
     parts, held = [new_rows(0)] * len(starts), [0] * len(starts)
@@ -57,7 +57,7 @@ def linear_echoes(
         rows = new_rows((stop - start) * min(room, sensor.max_echoes))
         surfaces = Surfaces(np.empty(room), np.empty(room), np.empty(room, dtype=np.int64))
         found = new_candidates(room)
-        found_rows = detect(numbers, gate, seen, key, np.uint64(frame), start, stop, surfaces, found, rows)
+        found_rows = detect(numbers, gate, seen, stream, start, stop, new_draws(), surfaces, found, rows)
         parts[start // _CHUNK], held[start // _CHUNK] = rows, found_rows
 
     share(run, starts, threads, lambda done: progress and progress(min(done * _CHUNK, n), n))

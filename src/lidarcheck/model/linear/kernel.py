@@ -11,12 +11,12 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.detector_echoes import Candidates, Gate, Rows, add, put, write
 from lidarcheck.model.jit import inlined, kernel
-from lidarcheck.model.lane_math import exp, fired, log
+from lidarcheck.model.lane_math import LANES, exp, fired, log
 from lidarcheck.model.linear.numbers import LinearLight, LinearNumbers
-from lidarcheck.model.normal import normal
-from lidarcheck.model.streams import philox, unit
+from lidarcheck.model.normal import normal, normals
+from lidarcheck.model.streams import Stream, fill_abreast, philox, unit
 
-__all__ = ["Surfaces", "detect", "false_chance", "range_sigma"]
+__all__ = ["Draws", "Surfaces", "detect", "new_draws"]
 
 _PER_LN10 = 0.4342944819032518
 _POWER, _DISTANCE = 1, 2
@@ -26,12 +26,27 @@ _LEAST = 2.0**-54
 """Half the distance between two uniform numbers, in the place of 0."""
 
 
+class Draws(NamedTuple):
+    """The first draws of `LANES` beams: `uniform`, and the normal numbers of the first two of each; and work space."""
+
+    beams: npt.NDArray[np.uint64]
+    words: npt.NDArray[np.uint64]
+    uniform: FloatArray
+    normal: FloatArray
+
+
 class Surfaces(NamedTuple):
     """What one beam meets, nearest first: range [m], S, and the number by which draws know it; shape (room,) each."""
 
     range_m: FloatArray
     signal: FloatArray
     number: IndexArray
+
+
+def new_draws() -> Draws:
+    """Work space of one thread."""
+    beams, words = np.zeros(LANES, dtype=np.uint64), np.empty(4 * LANES, dtype=np.uint64)
+    return Draws(beams, words, np.empty(4 * LANES), np.empty(2 * LANES))
 
 
 @inlined
@@ -165,23 +180,36 @@ def _hear(
     signal: float,
     dark: float,
     offset: float,
-    draw: Any,
+    of_amplitude: float,
+    of_range: float,
     found: Candidates,
     held: int,
 ) -> Any:
-    """Draw a surface's amplitude and, where that is above the threshold, its range; whether it is, and echoes now."""
+    """A surface's amplitude and, where that is above the threshold, its range; whether it is, and echoes now.
+
+    `of_amplitude`, `of_range`: standard normal numbers.
+    """
     sigma = math.sqrt(dark + signal * (numbers.excess + numbers.relative2 * signal))
-    amplitude = signal + sigma * normal(unit(draw[0]))
+    amplitude = signal + sigma * of_amplitude
     if not amplitude > numbers.threshold:
         return False, held
     longer = 0.0
     if amplitude > numbers.saturation:
         longer = _longer(numbers, amplitude)
         amplitude = numbers.saturation
-    path = range_m + range_sigma(numbers, signal, sigma, range_m) * normal(unit(draw[1]))
+    path = range_m + range_sigma(numbers, signal, sigma, range_m) * of_range
     if numbers.walk != 0.0:
         path -= numbers.walk * _PER_LN10 * log(amplitude / numbers.walk_reference)
     return True, add(gate, found, held, path + offset, amplitude, longer)
+
+
+@inlined
+def _draw(light: LinearLight, stream: Stream, start: int, stop: int, draws: Draws) -> None:
+    """The first draws of the beams `start` ... `stop - 1`, `LANES` at most."""
+    for row in range(start, stop):
+        draws.beams[row - start] = light.beams[row]
+    fill_abreast(stream, draws.beams, 1, draws.words, draws.uniform)
+    normals(draws.uniform, 2 * LANES, draws.normal)
 
 
 @kernel
@@ -189,42 +217,46 @@ def detect(
     numbers: LinearNumbers,
     gate: Gate,
     light: LinearLight,
-    key: npt.NDArray[np.uint64],
-    frame: Any,
+    stream: Stream,
     start: int,
     stop: int,
+    draws: Draws,
     surfaces: Surfaces,
     found: Candidates,
     rows: Rows,
 ) -> int:
     """Echoes of the beams `start` ... `stop - 1` into `rows`; returns how many.
 
-    Draws: the block of a surface's number: amplitude, range; of block 0, whether there is a false echo; branch 1: where.
+    Draws: the block of a surface's number: amplitude, range; third of block 0: whether there is a false echo; branch 1:
+    where.
     """
     at = 0
     chance, chance_at = 0.0, -1.0
-    zero = np.uint64(0)
+    zero, key, frame = np.uint64(0), stream.key, stream.counter[2]
     for row in range(start, stop):
+        lane = (row - start) % LANES
+        if lane == 0:
+            _draw(light, stream, row, min(row + LANES, stop), draws)
         i: Any = np.uint64(row)
-        beam, offset = light.beams[i], light.offset[i]
+        offset = light.offset[i]
         met = _gather(numbers, light, i, surfaces)
         dark = numbers.noise2 + light.ambient[i]
         if dark != chance_at:
             chance, chance_at = false_chance(numbers, dark), dark
         held = real = 0
-        first = philox(key[0], key[1], zero, beam, frame, zero)
         for j in range(met):
-            draw = first
+            of_amplitude, of_range = draws.normal[lane], draws.normal[LANES + lane]
             if surfaces.number[j] > 0:
-                draw = philox(key[0], key[1], np.uint64(surfaces.number[j]), beam, frame, zero)
-            range_m = surfaces.range_m[j]
-            heard, held = _hear(numbers, gate, range_m, surfaces.signal[j], dark, offset, draw, found, held)
+                own = philox(key[0], key[1], np.uint64(surfaces.number[j]), light.beams[i], frame, zero)
+                of_amplitude, of_range = normal(unit(own[0])), normal(unit(own[1]))
+            range_m, signal = surfaces.range_m[j], surfaces.signal[j]
+            heard, held = _hear(numbers, gate, range_m, signal, dark, offset, of_amplitude, of_range, found, held)
             if heard:
                 surfaces.range_m[real] = range_m
                 real += 1
-        if unit(first[2]) < chance:
-            draw = philox(key[0], key[1], zero, beam, frame, np.uint64(1))
-            held = _add_false(numbers, gate, found, held, dark, offset, draw, real, surfaces)
+        if draws.uniform[2 * LANES + lane] < chance:
+            where = philox(key[0], key[1], zero, light.beams[i], frame, np.uint64(1))
+            held = _add_false(numbers, gate, found, held, dark, offset, where, real, surfaces)
         if held == 1:
             write(gate, found, 0, 1, 1, 0, row, rows, at)
             at += 1
