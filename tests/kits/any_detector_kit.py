@@ -26,7 +26,6 @@ def sensor(kind=Linear, **numbers):
         "range_resolution_m": 0.01,
     }
     plain |= {"signal_at_1m": 1e5, "pulse_fwhm_ns": 5.0, "variant": "test", "sweep": sweep, "beams": beams} | numbers
-    plain.setdefault("min_separation_m", 0.5 * LIGHT_SPEED * plain["pulse_fwhm_ns"])
     return kind(**plain)
 
 

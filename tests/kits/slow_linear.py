@@ -64,7 +64,7 @@ def beam_echoes(sensor, surfaces, ambient, rng):
     """The echoes of one shot, nearest first: dicts of path, reported range, a, pick."""
     dark = sensor.noise**2 + ambient
     found, real = [], []
-    for range_m, signal in merged([s for s in surfaces if s[1] > 0.0], sensor.min_separation_m):
+    for range_m, signal in merged([s for s in surfaces if s[1] > 0.0], sensor.separation_m):
         sigma = math.sqrt(dark + sensor.excess * signal + (sensor.relative * signal) ** 2)
         a = signal + sigma * rng.standard_normal()
         if a <= sensor.threshold:
@@ -78,7 +78,7 @@ def beam_echoes(sensor, surfaces, ambient, rng):
     gate = sensor.max_range_m - sensor.min_range_m
     if rng.random() < 1.0 - math.exp(-rice_per_ns(sensor, dark) * 2.0 * gate / C):
         path = sensor.min_range_m + gate * rng.random() - sensor.range_offset_m
-        if all(abs(path - r) >= sensor.min_separation_m for r in real):
+        if all(abs(path - r) >= sensor.separation_m for r in real):
             found.append({"path": path, "a": math.sqrt(sensor.threshold**2 + 2.0 * dark * rng.exponential())})
     for echo in found:
         range_m = echo["path"] + sensor.range_offset_m

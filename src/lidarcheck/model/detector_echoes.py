@@ -12,6 +12,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.model.jit import inlined
 from lidarcheck.model.picks import KEEP_CODES, pick
+from lidarcheck.sensor import Sensor
 from lidarcheck.sensor.laws import EchoNumbers, value
 
 __all__ = [
@@ -114,7 +115,7 @@ def fixed(array: npt.NDArray[Any]) -> Any:
     return view
 
 
-def gate_of(sensor: Any, rounded: bool) -> Gate:
+def gate_of(sensor: Sensor, rounded: bool) -> Gate:
     """The sensor's gate, range step and choice of echoes."""
     return Gate(
         low=float(sensor.min_range_m),
@@ -191,13 +192,13 @@ def joined(parts: Sequence[Rows], held: Sequence[int]) -> Rows:
     return Rows(*map(np.concatenate, columns))
 
 
-def features_of(numbers: EchoNumbers, sensor: Any) -> dict[str, FloatArray]:
+def features_of(numbers: EchoNumbers, sensor: Sensor) -> dict[str, FloatArray]:
     """Every feature of the sensor that is one number an echo, as it is reported."""
     return {feature.name: value(feature, numbers, sensor) for feature in sensor.features if feature.law != "histogram"}
 
 
 def echoes_from(
-    rows: Rows, numbers: EchoNumbers, sensor: Any, histogram: npt.NDArray[np.uint32] | None = None
+    rows: Rows, numbers: EchoNumbers, sensor: Sensor, histogram: npt.NDArray[np.uint32] | None = None
 ) -> DetectorEchoes:
     """The table of a detector's rows."""
     features = features_of(numbers, sensor)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,8 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import UsageError
 from lidarcheck.sensor.bounds import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS
 from lidarcheck.sensor.feature import Feature
+from lidarcheck.sensor.linear import Linear
+from lidarcheck.sensor.sensor import Sensor
 
 __all__ = ["EchoNumbers", "coded", "value"]
 
@@ -42,7 +43,7 @@ class EchoNumbers:
     fwhm_ns: float | None = None
 
 
-def value(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def value(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     """The feature's values as the sensor reports them: by its law, rounded and cut. Shape (n,).
 
     `sensor`: its nominal numbers. Raises `UsageError` for a law that the sensor's detector has no numbers for.
@@ -75,28 +76,27 @@ def _log(amplitude: FloatArray) -> FloatArray:
     return np.asarray(elementary.log(np.maximum(amplitude, _FAINTEST)))
 
 
-def _photons(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _photons(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     return echoes.amplitude
 
 
-def _affine(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _affine(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     return _number(feature, "gain", 1.0) * echoes.amplitude + _number(feature, "offset", 0.0)
 
 
-def _logarithmic(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _logarithmic(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     decades = elementary.log10(np.maximum(echoes.amplitude, _FAINTEST))
     return np.asarray(_number(feature, "offset", 0.0) + _number(feature, "gain", 1.0) * decades)
 
 
-def _range_corrected(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _range_corrected(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     return _number(feature, "gain", 1.0) * echoes.amplitude * echoes.range_m**2
 
 
-def _calibrated_reflectivity(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _calibrated_reflectivity(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     """Percent by the nominal range equation up to 100 %, which reads `knee`; brighter ones by `above`."""
-    near_m = getattr(sensor, "near_m", 0.0)
     knee = _number(feature, "knee", 100.0)
-    percent = echoes.amplitude * (echoes.range_m**2 + near_m * near_m) * (100.0 / sensor.signal_at_1m)
+    percent = echoes.amplitude * (echoes.range_m**2 + sensor.near_m * sensor.near_m) * (100.0 / sensor.signal_at_1m)
     read = percent * (knee / 100.0)
     top = 255.0 if feature.high is None else feature.high
     above = str(feature.numbers.get("above", "log"))
@@ -109,16 +109,16 @@ def _calibrated_reflectivity(feature: Feature, echoes: EchoNumbers, sensor: Any)
     return np.asarray(np.minimum(read, top))
 
 
-def _background(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _background(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     return _number(feature, "gain", 1.0) * _needed(feature, echoes.background, "background counts")
 
 
 _PER_NS: Mapping[str, float] = {"m": _HALF_LIGHT_SPEED, "cm": 100.0 * _HALF_LIGHT_SPEED}
 
 
-def _width_above_threshold(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _width_above_threshold(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     """How long a Gaussian pulse of that amplitude lies above the threshold, in ns, m or cm."""
-    if not hasattr(sensor, "edge_factor") or sensor.threshold <= 0.0:
+    if not isinstance(sensor, Linear) or sensor.threshold <= 0.0:
         what = f"feature {feature.name}: law 'width_above_threshold' needs a linear detector with a threshold above 0"
         raise UsageError(what, fix="use another law, or a threshold above 0")
     sigma_ns = (sensor.pulse_fwhm_ns if echoes.fwhm_ns is None else echoes.fwhm_ns) / FWHM_PER_SIGMA
@@ -129,11 +129,11 @@ def _width_above_threshold(feature: Feature, echoes: EchoNumbers, sensor: Any) -
     return np.asarray(width_ns * _PER_NS.get(feature.unit, 1.0))
 
 
-def _attenuation(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _attenuation(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     return np.asarray(elementary.exp(-_number(feature, "per_m", 0.0) * echoes.range_m))
 
 
-def _confidence(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _confidence(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     """The share of `snr_full` that the echo's signal over its noise reaches."""
     most = feature.high if feature.high is not None else feature.most
     if most is None:
@@ -142,14 +142,14 @@ def _confidence(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArra
     if echoes.floor_counts is not None:
         noise = np.sqrt(amplitude + echoes.floor_counts)
     else:
-        noise = np.full(len(amplitude), getattr(sensor, "noise", 0.0))
+        noise = np.full(len(amplitude), sensor.noise if isinstance(sensor, Linear) else 0.0)
     full = np.minimum(amplitude, _number(feature, "snr_full", 20.0) * noise)
     with np.errstate(invalid="ignore"):
         share = np.where(noise > 0.0, full / (_number(feature, "snr_full", 20.0) * noise), 1.0)
     return np.asarray(most * share)
 
 
-def _table(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
+def _table(feature: Feature, echoes: EchoNumbers, sensor: Sensor) -> FloatArray:
     """Read off the file's amplitudes and values, linear in the logarithm of the amplitude; constant beyond its ends."""
     if feature.table is None:
         raise UsageError(f"feature {feature.name}: law 'table' has no table", fix="give it `file`")
@@ -157,7 +157,7 @@ def _table(feature: Feature, echoes: EchoNumbers, sensor: Any) -> FloatArray:
     return np.asarray(np.interp(_log(echoes.amplitude), _log(at), values))
 
 
-_LAWS: Mapping[str, Callable[[Feature, EchoNumbers, Any], FloatArray]] = {
+_LAWS: Mapping[str, Callable[[Feature, EchoNumbers, Sensor], FloatArray]] = {
     "photons": _photons,
     "affine": _affine,
     "log": _logarithmic,

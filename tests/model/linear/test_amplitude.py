@@ -89,9 +89,9 @@ def test_a_false_echo_beside_a_real_one_is_gone_and_elsewhere_competes():
     )
     found = linear_echoes(same(N, 150.0, 1000.0), detector, threads=1)
     false = found.amplitude < 500.0
-    share = expected_false(detector, 1.0) * (1.0 - 2.0 * detector.min_separation_m / 300.0)
+    share = expected_false(detector, 1.0) * (1.0 - 2.0 * detector.separation_m / 300.0)
     assert abs(z_of_share(np.sum(false), N, share)) < 4.0
-    assert np.abs(found.range_m[false] - 150.0).min() >= detector.min_separation_m
+    assert np.abs(found.range_m[false] - 150.0).min() >= detector.separation_m
     strongest = linear_echoes(same(N, 150.0, 1000.0), sensor(threshold=3.0), threads=1)
     assert np.all(strongest.amplitude > 500.0)
     nearest = linear_echoes(same(N, 150.0, 1000.0), sensor(threshold=3.0, keep="first"), threads=1)

@@ -37,7 +37,7 @@ def test_light_comes_first_then_noise():
 
 def test_a_longer_pulse_merges_what_stands_farther_apart():
     detector = sensor(max_echoes=2, **EXACT)
-    apart = 1.5 * detector.min_separation_m
+    apart = 1.5 * detector.separation_m
     assert len(linear_echoes(same(1, [50.0, 50.0 + apart], 100.0), detector, threads=1)) == 2
     assert len(linear_echoes(same(1, [50.0, 50.0 + apart], 100.0, shape=PulseShape(10.0)), detector, threads=1)) == 1
 

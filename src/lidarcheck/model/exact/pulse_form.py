@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import PulseShape
-from lidarcheck.sensor import FWHM_PER_SIGMA, SpadArray
+from lidarcheck.sensor import FWHM_PER_SIGMA, Sensor
 
 __all__ = ["PHASES", "PulseForm", "form_of"]
 
@@ -116,7 +116,7 @@ def _edges(before: int, behind: int) -> FloatArray:
     return np.asarray(np.arange(-before, behind + 2) - phases[:, None])
 
 
-def form_of(shape: PulseShape | None, sensor: SpadArray, unit_ns: float) -> PulseForm:
+def form_of(shape: PulseShape | None, sensor: Sensor, unit_ns: float) -> PulseForm:
     """The pulse of that shape, the sensor's own where there is none; its times in units of `unit_ns`."""
     if shape is None:
         return PulseForm(sensor.sigma_ns / unit_ns, 0.0, 1.0)

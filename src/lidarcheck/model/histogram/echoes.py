@@ -28,6 +28,7 @@ from lidarcheck.model.jit import kernel
 from lidarcheck.model.many_trials import INVERSES
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.scan import Light
+from lidarcheck.sensor import PhotonHistogram
 from lidarcheck.sensor.laws import EchoNumbers
 
 __all__ = ["histogram_echoes"]
@@ -76,7 +77,7 @@ def _zones(
 
 def histogram_echoes(
     light: Light,
-    sensor: Any,
+    sensor: PhotonHistogram,
     *,
     seed: int = 0,
     frame: int = 0,

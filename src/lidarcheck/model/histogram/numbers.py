@@ -14,7 +14,7 @@ from lidarcheck.model.detector_echoes import fixed
 from lidarcheck.model.exact.pulse_form import PHASES
 from lidarcheck.model.histogram.pulse import Pulse, fwhm_bins, pulse_of, template
 from lidarcheck.scan import Haze, Light
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, PhotonHistogram
 
 __all__ = ["HistogramNumbers", "ZoneLight", "expected", "histogram_numbers", "zone_light"]
 
@@ -95,7 +95,7 @@ def expected(rates: FloatArray, dead: int) -> FloatArray:
     return chance
 
 
-def histogram_numbers(sensor: Any) -> HistogramNumbers:
+def histogram_numbers(sensor: PhotonHistogram) -> HistogramNumbers:
     """The sensor's numbers; what the search expects is the sensor's own pulse, whatever an effect has made of it."""
     pulse, fwhm = pulse_of(sensor), fwhm_bins(sensor)
     trials, dead = sensor.spads * sensor.shots, 0 if sensor.readout == "first" else sensor.dead_bins
@@ -122,13 +122,13 @@ def histogram_numbers(sensor: Any) -> HistogramNumbers:
     )
 
 
-def _glass_rates(sensor: Any, pulse: Pulse) -> FloatArray:
+def _glass_rates(sensor: PhotonHistogram, pulse: Pulse) -> FloatArray:
     """Avalanches in each bin that the cover glass sets off, per SPAD and shot."""
     edges = np.arange(sensor.bins + 1) + sensor.first_bin_ns / sensor.bin_ns
     return np.asarray(sensor.cover_glass * np.maximum(np.diff(pulse.before(edges)), 0.0))
 
 
-def zone_light(light: Light, sensor: Any) -> ZoneLight:
+def zone_light(light: Light, sensor: PhotonHistogram) -> ZoneLight:
     """The light as the kernels see it."""
     pulse, offset = pulse_of(sensor, light.shape), np.empty(len(light))
     offset[:] = sensor.beams.range_offset_m(light.layer)
@@ -152,7 +152,7 @@ def zone_light(light: Light, sensor: Any) -> ZoneLight:
     )
 
 
-def _air(light: Light, pulse: Pulse, sensor: Any) -> tuple[Any, ...]:
+def _air(light: Light, pulse: Pulse, sensor: PhotonHistogram) -> tuple[Any, ...]:
     """Of `ZoneLight`, all fields from `air_first` on."""
     haze, first = light.haze, sensor.first_bin_ns / sensor.bin_ns
     if haze is None or not np.any(haze.density_per_m > 0.0):
@@ -168,7 +168,7 @@ def _air(light: Light, pulse: Pulse, sensor: Any) -> tuple[Any, ...]:
     return *rows, rates, density, haze.step_m / bin_m, first, np.clip(ramps, 0.0, 1.0), before
 
 
-def _air_rates(haze: Haze, pulse: Pulse, sensor: Any) -> FloatArray:
+def _air_rates(haze: Haze, pulse: Pulse, sensor: PhotonHistogram) -> FloatArray:
     """Avalanches in each bin of the profile that ends at each cell's edge, shape (cells + 1, bins).
 
     Even light from b to e reaches what the pulse's integral says: light before t of a pulse at x, summed over x.

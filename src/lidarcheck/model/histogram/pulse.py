@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.model.exact.pulse_form import PulseForm, form_of
 from lidarcheck.scan import PulseShape
+from lidarcheck.sensor import PhotonHistogram
 
 __all__ = ["CountedPulse", "Pulse", "fwhm_bins", "pulse_of", "template"]
 
@@ -59,14 +59,14 @@ class CountedPulse:
 Pulse = PulseForm | CountedPulse
 
 
-def pulse_of(sensor: Any, shape: PulseShape | None = None) -> Pulse:
+def pulse_of(sensor: PhotonHistogram, shape: PulseShape | None = None) -> Pulse:
     """The sensor's pulse, times in bins; that of `shape` where an effect has given the light one."""
     if shape is None and sensor.pulse:
         return CountedPulse(tuple(sensor.pulse))
     return form_of(shape, sensor, sensor.bin_ns)
 
 
-def fwhm_bins(sensor: Any) -> float:
+def fwhm_bins(sensor: PhotonHistogram) -> float:
     """Full width at half maximum of the sensor's own pulse [bins]; of counts, between bins on straight lines."""
     if not sensor.pulse:
         return float(sensor.pulse_fwhm_ns / sensor.bin_ns)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
@@ -21,6 +19,7 @@ from lidarcheck.model.linear.numbers import LinearLight, LinearNumbers, linear_l
 from lidarcheck.model.many_trials import INVERSES, poisson_numbers
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.scan import Light
+from lidarcheck.sensor import Linear
 from lidarcheck.sensor.laws import EchoNumbers
 
 __all__ = ["linear_echoes"]
@@ -31,7 +30,7 @@ _CHUNK = 8192
 
 def linear_echoes(
     light: Light,
-    sensor: Any,
+    sensor: Linear,
     *,
     seed: int = 0,
     frame: int = 0,

@@ -122,10 +122,8 @@ def false_chance(numbers: LinearNumbers, variance: float) -> float:
     if numbers.noise2 <= 0.0 or variance <= 0.0:
         return 0.0
     half = 0.5 * numbers.threshold * numbers.threshold
-    if numbers.false_per_ns < 0.0:
-        rate = -numbers.false_per_ns * exp(min(half / numbers.noise2 - half / variance, 700.0))
-    else:
-        rate = numbers.false_per_ns * exp(max(-half / variance, -700.0))
+    exponent = half / numbers.noise2 - half / variance if numbers.from_dark else -half / variance
+    rate = numbers.false_per_ns * exp(min(max(exponent, -700.0), 700.0))
     return fired(rate * numbers.gate_ns)
 
 

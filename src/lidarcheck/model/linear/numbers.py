@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from lidarcheck.model import streams
 from lidarcheck.model.detector_echoes import fixed
 from lidarcheck.model.linear.air import air_echoes
 from lidarcheck.scan import Light
-from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS
+from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Linear
 
 __all__ = ["LinearLight", "LinearNumbers", "linear_light", "linear_numbers"]
 
@@ -26,9 +26,9 @@ _RANGE_LAWS = {"physical": _PHYSICAL, "power": _POWER, "distance": _DISTANCE}
 class LinearNumbers(NamedTuple):
     """The detector as its kernel sees it; amplitudes in the sensor's unit, lengths in m.
 
-    `noise2`, `relative2`: squares. `false_per_ns`: Rice's rate at the threshold without its exponential, or what gives
-    a rate of the sensor's own in the dark; `gate_ns`: how long a shot listens. `edge`: range noise a unit of
-    sigma(S)/S; `floor2`: its floor's square. `saturation`: infinite without one.
+    `noise2`, `relative2`: squares. `false_per_ns`: Rice's rate without its exponential, or, `from_dark`, the sensor's
+    own rate in the dark; `gate_ns`: how long a shot listens. `edge`: range noise a unit of sigma(S)/S; `floor2`: its
+    floor's square. `saturation`: infinite without one.
     """
 
     threshold: float
@@ -37,6 +37,7 @@ class LinearNumbers(NamedTuple):
     relative2: float
     separation: float
     false_per_ns: float
+    from_dark: bool
     gate_ns: float
     gate_low: float
     gate_high: float
@@ -75,22 +76,21 @@ class LinearLight(NamedTuple):
     air_range: FloatArray
 
 
-def linear_numbers(sensor: Any, light: Light) -> LinearNumbers:
+def linear_numbers(sensor: Linear, light: Light) -> LinearNumbers:
     """The sensor's numbers; those of the pulse from the light's, where an effect has changed it.
 
     A light's own `shape` counts by its FWHM alone: a longer pulse merges surfaces farther apart and blurs the edge.
     """
     fwhm_ns = sensor.pulse_fwhm_ns if light.shape is None else light.shape.fwhm_ns
-    noise, threshold = sensor.noise, sensor.threshold
-    # A rate that is given counts in the dark; more light scales it as it scales Rice's.
-    rice = _BANDWIDTH / fwhm_ns / math.sqrt(3.0)
+    noise, threshold, own_hz = sensor.noise, sensor.threshold, sensor.false_rate_hz
     return LinearNumbers(
         threshold=threshold,
         noise2=noise * noise,
         excess=sensor.excess,
         relative2=sensor.relative * sensor.relative,
-        separation=sensor.min_separation_m * (fwhm_ns / sensor.pulse_fwhm_ns),
-        false_per_ns=rice if sensor.false_rate_hz is None else -1e-9 * sensor.false_rate_hz,
+        separation=sensor.separation_m * (fwhm_ns / sensor.pulse_fwhm_ns),
+        false_per_ns=_BANDWIDTH / fwhm_ns / math.sqrt(3.0) if own_hz is None else 1e-9 * own_hz,
+        from_dark=own_hz is not None,
         gate_ns=2.0 * (sensor.max_range_m - sensor.min_range_m) / LIGHT_SPEED_M_PER_NS,
         gate_low=sensor.min_range_m,
         gate_high=sensor.max_range_m,
@@ -108,7 +108,7 @@ def linear_numbers(sensor: Any, light: Light) -> LinearNumbers:
     )
 
 
-def linear_light(light: Light, sensor: Any) -> LinearLight:
+def linear_light(light: Light, sensor: Linear) -> LinearLight:
     """The light as the kernel sees it; the air's profile made into one echo for each place where it may end."""
     n, none = len(light), fixed(np.zeros(0))
     offset = np.empty(n)
