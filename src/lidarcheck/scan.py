@@ -224,12 +224,13 @@ class Scan:
 
     `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are what a SPAD
     array counts of an echo, `features` what other sensors report, by its names there; `feature` gives either.
-    `histograms`: of each beam, whether it has an echo or not. `beams`: the sensor's, whose numbers `layer` and `point`
-    are. `extra` holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the
-    standard columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the
-    beams that were fired, where the source itself tells, None where it does not: a beam without an echo may then have
-    seen nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking
-    echoes leaves it as it is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
+    `histograms`: of each beam, whether it has an echo or not. `made`: of simulated echoes, what the detector gave before
+    features were made of it; never in a file. `beams`: the sensor's, whose numbers `layer` and `point` are. `extra`
+    holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the standard columns
+    (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the beams that were
+    fired, where the source itself tells, None where it does not: a beam without an echo may then have seen nothing or
+    may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking echoes leaves it as it
+    is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
     """
 
     x_m: FloatArray
@@ -247,6 +248,7 @@ class Scan:
     geometry: Geometry = NOT_READ
     features: Mapping[str, FloatArray] = field(default_factory=dict)
     histograms: BeamHistograms | None = None
+    made: Mapping[str, FloatArray] = field(default_factory=dict)
     beams: Beams = field(default_factory=reference_beams, repr=False)
 
     def __post_init__(self) -> None:
@@ -256,6 +258,7 @@ class Scan:
         freeze(self, {**floats, **ints}, n)
         freeze_extra(self, n)
         freeze_extra(self, n, "features")
+        freeze_extra(self, n, "made")
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -274,6 +277,11 @@ class Scan:
     def feature(self, name: str) -> FloatArray:
         """A feature by the name that the sensor gives it, shape (n,); `KeyError` where the scan has none of it."""
         return self.features[name] if name in self.features else np.asarray(getattr(self, COUNTED[name]))
+
+    @property
+    def strength(self) -> FloatArray:
+        """What "strongest" compares, shape (n,): a simulated echo's amplitude before it is reported, else AREA."""
+        return self.made.get("amplitude", self.area)
 
     @property
     def feature_names(self) -> tuple[str, ...]:
@@ -325,7 +333,7 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
     parts: dict[str, Any] = {}
     for f in fields(table):
         value = getattr(table, f.name)
-        if f.name in ("extra", "features"):
+        if f.name in ("extra", "features", "made"):
             parts[f.name] = {name: column[rows] for name, column in value.items()}
         elif value is None or isinstance(value, str | tuple | Fired | Beams | BeamHistograms):
             parts[f.name] = value

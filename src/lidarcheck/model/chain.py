@@ -6,15 +6,15 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lidarcheck.effects.shared.ranges import reported
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
+from lidarcheck.model.reported import as_reported
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, run_and_light, run_of
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Sensor, SpadArray
+from lidarcheck.sensor import Linear, PhotonHistogram, Sensor, SpadArray
 
 __all__ = ["echoes_of", "simulate"]
 
@@ -63,7 +63,7 @@ def simulate(
         scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, device=device, **how)
     for effect in readout:
         scan = effect.readout(scan, run.of(effect))
-    return reported(scan, run.sensor) if readout else scan
+    return as_reported(scan, run.sensor) if readout else scan
 
 
 def _plain_frame(
@@ -128,7 +128,25 @@ def _spad_echoes(light: Light, sensor: Sensor, fidelity: Fidelity, device: Devic
     return scan_of(echoes, light, spads, rounded, functools.partial(share, threads=how["threads"]))
 
 
+def _linear_echoes(light: Light, sensor: Sensor, fidelity: Fidelity, device: Device, how: dict[str, Any]) -> Scan:
+    """The echoes of amplitudes that pass a threshold."""
+    from lidarcheck.model.linear.echoes import linear_echoes
+    from lidarcheck.model.reported import scan_of_detector
+
+    return scan_of_detector(linear_echoes(light, Linear.narrow(sensor), **how), light, sensor)
+
+
+def _histogram_echoes(light: Light, sensor: Sensor, fidelity: Fidelity, device: Device, how: dict[str, Any]) -> Scan:
+    """The histograms of zones and the echoes found in them."""
+    from lidarcheck.model.histogram.echoes import histogram_echoes
+    from lidarcheck.model.reported import scan_of_detector
+
+    return scan_of_detector(histogram_echoes(light, PhotonHistogram.narrow(sensor), **how), light, sensor)
+
+
 _DETECTORS: dict[str, Callable[[Light, Sensor, Fidelity, Device, dict[str, Any]], Scan]] = {
     SpadArray.detector: _spad_echoes,
+    Linear.detector: _linear_echoes,
+    PhotonHistogram.detector: _histogram_echoes,
 }
 """What finds the echoes of each kind of detector."""
