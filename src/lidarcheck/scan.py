@@ -224,13 +224,13 @@ class Scan:
 
     `echo_number` counts the echoes of a beam from 1, in order of range. `width_ns`, `area` and `peak` are what a SPAD
     array counts of an echo, `features` what other sensors report, by its names there; `feature` gives either.
-    `histograms`: of each beam, whether it has an echo or not. `made`: of simulated echoes, what the detector gave before
-    features were made of it; never in a file. `beams`: the sensor's, whose numbers `layer` and `point` are. `extra`
-    holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the standard columns
-    (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the beams that were
-    fired, where the source itself tells, None where it does not: a beam without an echo may then have seen nothing or
-    may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking echoes leaves it as it
-    is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
+    `histograms`: of each beam, whether it has an echo or not. `made`: of simulated echoes, what the detector gave
+    before features were made of it; never in a file. `beams`: the sensor's, whose numbers `layer` and `point` are.
+    `extra` holds the columns that lidarcheck does not know, kept as they were read; `defaulted` names the standard
+    columns (`WIDTH`, `Layer`, ...) that the source did not have, whose values here are defaults. `fired`: the beams
+    that were fired, where the source itself tells, None where it does not: a beam without an echo may then have seen
+    nothing or may never have been fired, and `lidarcheck.kpi.fired.fired_beams` asks who else knows. Picking echoes
+    leaves it as it is. `geometry`: how the file that they were read from holds X, Y, Z against the beams.
     """
 
     x_m: FloatArray
