@@ -15,6 +15,9 @@ from lidarcheck.figures.svg.gap_strips import candidate_strip, feature_strip, ga
 from lidarcheck.figures.words import amount
 from lidarcheck.inference.intervals import Interval
 
+UP, ASIDE = (-12.975, 12.975), (-59.9375, 59.9375)
+"""Elevations of the first and the last layer, azimuths of the first and the last point [deg]."""
+
 
 def numbers(pattern, text):
     return [float(found) for found in re.findall(pattern, text)]
@@ -55,7 +58,9 @@ def test_detection_of_every_beam_and_of_none():
 
 def test_a_map_has_left_on_its_left_and_signs_on_it():
     before = np.array([[0.0, 1.0], [-1.0, math.nan]])
-    one = FieldMap("area", "mean ln AREA", "1", ((0, 0), (519, 519)), ((0, 0), (959, 959)), before, 0.0 * before)
+    one = FieldMap(
+        "area", "mean ln AREA", "1", ((0, 0), (519, 519)), ((0, 0), (959, 959)), before, 0.0 * before, UP, ASIDE
+    )
     assert reach_of(one) == pytest.approx(1.0)
     text = map_svg(one, "before", 1.0)
     boxes = {name: (float(x), float(y)) for name, x, y in re.findall(r'class="([zn]\d)" d="M([\d.]+) ([\d.]+)h', text)}
@@ -72,7 +77,7 @@ def test_a_map_has_left_on_its_left_and_signs_on_it():
 def test_a_map_s_scale_ends_at_a_round_number(most, reach):
     values = np.full((2, 2), most)
     ends = ((0, 1), (2, 3))
-    assert reach_of(FieldMap("area", "", "1", ends, ends, values, -values)) == pytest.approx(reach)
+    assert reach_of(FieldMap("area", "", "1", ends, ends, values, -values, UP, ASIDE)) == pytest.approx(reach)
 
 
 def test_strips_are_to_scale():

@@ -80,7 +80,7 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
 @pytest.mark.parametrize(
     ("text", "messages"),
     [
-        ("[sensor]\n", [':1: variant is missing; add it: text']),
+        ("[sensor]\n", [":1: variant is missing; add it: text"]),
         (
             'variant = "slim"',
             [

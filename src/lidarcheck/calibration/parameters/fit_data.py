@@ -152,9 +152,11 @@ def _beams_of(beams: BeamTable, keep: BoolArray) -> BeamTable:
     """Some rows of a table of beams; what stands beside a beam stays known where that beam is left out."""
     place = np.cumsum(keep) - 1
     hits = keep[beams.hit_beam]
-    others = ("hit_beam", "hit_m", "view")
+    others = ("hit_beam", "hit_m", "view", "sensor")
     columns = {f.name: getattr(beams, f.name)[keep] for f in dataclasses.fields(beams) if f.name not in others}
     # Frames are numbered anew where one of them has no beam left; keys follow.
     frame = np.unique(columns["frame"], return_inverse=True)[1].astype(np.int64)
     columns |= {"frame": frame, "key": key_of(frame, columns["layer"], columns["point"])}
-    return BeamTable(**columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits], view=beams.view)
+    return BeamTable(
+        **columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits], view=beams.view, sensor=beams.sensor
+    )

@@ -12,7 +12,6 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.kpi.pairing import Pairing, ranges
 from lidarcheck.rays import Caster, Rays
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions
 
 __all__ = ["GROUPINGS", "check_beams", "check_frame", "check_grouping", "check_pairing", "check_scene", "grouping"]
 
@@ -45,10 +44,11 @@ def check_frame(frame: SceneFrame) -> None:
 
 def check_beams(scan: Scan, ideal: IdealScan, side: str, file: str) -> None:
     """Refuse echoes on beams that the ideal scan does not have."""
-    fired = np.zeros((LAYERS + 1, POINTS + 1), dtype=np.bool_)
+    layers, points = ideal.beams.layers, ideal.beams.points
+    fired = np.zeros((layers + 1, points + 1), dtype=np.bool_)
     fired[ideal.layer, ideal.point] = True
-    known = (scan.layer >= 0) & (scan.layer < LAYERS) & (scan.point >= 0) & (scan.point < POINTS)
-    strange = ~fired[np.where(known, scan.layer, LAYERS), np.where(known, scan.point, POINTS)]
+    known = (scan.layer >= 0) & (scan.layer < layers) & (scan.point >= 0) & (scan.point < points)
+    strange = ~fired[np.where(known, scan.layer, layers), np.where(known, scan.point, points)]
     if not strange.any():
         return
     row = int(np.flatnonzero(strange)[0])
@@ -72,8 +72,10 @@ def check_scene(ideal: IdealScan, scene: Caster, name: str, file: str) -> None:
     if not len(rows):
         return
     nothing = np.zeros(len(rows))
-    directions = beam_directions(ideal.layer[rows], ideal.point[rows])
-    rays = Rays(np.zeros((len(rows), 3)), directions, nothing, nothing.astype(np.int64))
+    layer, point = ideal.layer[rows], ideal.point[rows]
+    origins = ideal.beams.origins_m(layer, point)
+    start = np.zeros((len(rows), 3)) if origins is None else origins
+    rays = Rays(start, ideal.beams.directions(layer, point), nothing, nothing.astype(np.int64))
     there = ideal.distance_m[rows]
     share = float(np.mean(np.abs(scene.cast(rays).distance_m - there) <= SAME_M + SAME_SHARE * there))
     if share < DOUBTFUL_ON_SURFACE:

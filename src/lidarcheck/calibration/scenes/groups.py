@@ -10,7 +10,6 @@ import numpy as np
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.scenes.units import NOTHING, Units
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
 
 __all__ = ["DISTANCE_STEP_M", "Sectors", "UnitGroups", "groups_of", "labels_of", "sector_edges"]
 
@@ -61,7 +60,8 @@ def _surfaces(ideal: IdealScan) -> IndexArray:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    at = np.full((LAYERS + 1, POINTS + 1), -1, dtype=np.int64)
+    beams = ideal.beams
+    at = np.full((beams.layers + 1, beams.points + 1), -1, dtype=np.int64)
     hit = np.flatnonzero(ideal.distance_m > 0.0)
     near = hit[np.argsort(-ideal.distance_m[hit], kind="stable")]
     at[ideal.layer[near], ideal.point[near]] = near
@@ -88,11 +88,12 @@ def _surfaces(ideal: IdealScan) -> IndexArray:
 
 def sector_edges(units: Units, columns: int, rows: int) -> Sectors:
     """Equal sectors over the beams that were fired."""
-    azimuth, elevation = azimuth_deg(units.point), elevation_deg(units.layer)
+    elevation, azimuth = units.angles_deg
+    up, aside = (0.5 * float(np.median(step)) for step in units.beams.spacing_deg(units.layer, units.point))
     # Half a beam on either side: the outermost beams lie in the outer sectors.
     return Sectors(
-        np.linspace(azimuth.min() - 0.0625, azimuth.max() + 0.0625, columns + 1),
-        np.linspace(elevation.min() - 0.025, elevation.max() + 0.025, rows + 1),
+        np.linspace(azimuth.min() - aside, azimuth.max() + aside, columns + 1),
+        np.linspace(elevation.min() - up, elevation.max() + up, rows + 1),
     )
 
 
@@ -121,8 +122,9 @@ def groups_of(
 
 def sector_of(units: Units, sectors: Sectors) -> tuple[IndexArray, IndexArray]:
     """Row and column of each unit's sector."""
-    row = np.searchsorted(sectors.elevation_deg, elevation_deg(units.layer), "right") - 1
-    column = np.searchsorted(sectors.azimuth_deg, azimuth_deg(units.point), "right") - 1
+    elevation, azimuth = units.angles_deg
+    row = np.searchsorted(sectors.elevation_deg, elevation, "right") - 1
+    column = np.searchsorted(sectors.azimuth_deg, azimuth, "right") - 1
     return np.clip(row, 0, sectors.shape[0] - 1), np.clip(column, 0, sectors.shape[1] - 1)
 
 

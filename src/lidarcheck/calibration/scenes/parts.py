@@ -13,7 +13,7 @@ from lidarcheck.calibration.scenes.rank import Ranking
 from lidarcheck.calibration.scenes.units import FEATURES, NOTHING, Units, Values
 from lidarcheck.kpi.distances import wasserstein
 
-__all__ = ["Part", "SectorMap", "by_layer", "finite", "parts_of", "sectors_of"]
+__all__ = ["Part", "SectorMap", "by_layer", "finite", "layer_angles_deg", "parts_of", "sectors_of"]
 
 FEWEST_IN_SECTOR = 12
 
@@ -140,3 +140,9 @@ def by_layer(units: Units, m: Values, a: Values) -> FloatArray:
     """Share of beams with an echo from their surface, measured and simulated; shape (2, n_layers)."""
     means = _Means(units.layer, int(units.layer.max(initial=0)) + 1, m, a)
     return np.stack([means.of("echo", m), means.of("echo", a)])
+
+
+def layer_angles_deg(units: Units) -> FloatArray:
+    """Elevation of each layer up to the last one that was fired [deg], shape (n_layers,)."""
+    layer = np.arange(int(units.layer.max(initial=0)) + 1)
+    return units.beams.angles_deg(layer, np.zeros_like(layer))[0]

@@ -7,6 +7,7 @@ no surface count, as stray echoes, for the unit of the beam's nearest object.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.kpi.compare import feature_column
 from lidarcheck.kpi.pairing import Pairing, beam_keys, pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Beams
 
 __all__ = [
     "FEATURES",
@@ -61,7 +63,7 @@ class Units:
 
     `frame`: which frame; `label`: the object's number, -1 for nothing; `distance_m`: of its nearest surface, 0 for
     nothing; `first`: whether it is its beam's nearest. `unit_of_row` (n_rows,) and `first_of_beam` (n_beams,) tell
-    where the echoes of one frame belong.
+    where the echoes of one frame belong. `beams`: the sensor's.
     """
 
     frame: IndexArray
@@ -73,9 +75,15 @@ class Units:
     first: BoolArray
     unit_of_row: IndexArray
     first_of_beam: IndexArray
+    beams: Beams
 
     def __len__(self) -> int:
         return len(self.layer)
+
+    @functools.cached_property
+    def angles_deg(self) -> tuple[FloatArray, FloatArray]:
+        """Elevation and azimuth of the units' beams [deg], shapes (n,)."""
+        return self.beams.angles_deg(self.layer, self.point)
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,7 @@ def units_of(ideal: IdealScan, labels: IndexArray, frame: int = 0) -> Units:
         first=first,
         unit_of_row=unit_of_row,
         first_of_beam=first_of_beam,
+        beams=ideal.beams,
     )
 
 
@@ -165,7 +174,7 @@ def joined_units(parts: Sequence[Units]) -> Units:
     names = ("frame", "layer", "point", "label", "material", "distance_m", "first")
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     nothing = np.zeros(0, dtype=np.int64)
-    return Units(**columns, unit_of_row=nothing, first_of_beam=nothing)
+    return Units(**columns, unit_of_row=nothing, first_of_beam=nothing, beams=parts[0].beams)
 
 
 def joined_values(parts: Sequence[Values]) -> Values:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.scenes.rank import DisagreeingGroup
 from lidarcheck.calibration.scenes.units import NOTHING, Units, Values
-from lidarcheck.sensor import azimuth_deg, elevation_deg
 
 __all__ = ["Disagreement", "disagreement"]
 
@@ -53,7 +52,7 @@ def disagreement(
         return (float(both[0].mean()), float(both[1:].mean())) if both.size else (float("nan"), float("nan"))
 
     m, s = means(found.feature)
-    azimuth, elevation = azimuth_deg(units.point[own]), elevation_deg(units.layer[own])
+    elevation, azimuth = (angle[own] for angle in units.angles_deg)
     distance = units.distance_m[own & (units.label != NOTHING)]
     middle = float(np.median(distance)) if len(distance) else float("nan")
     on = "in the whole frame" if found.kind == "frame" else f"{_preposition(found.kind)} {found.name}"

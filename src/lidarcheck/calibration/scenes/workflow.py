@@ -18,7 +18,15 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.scenes.checks import check_frame, check_pairing, grouping
 from lidarcheck.calibration.scenes.frame import SceneFrame
 from lidarcheck.calibration.scenes.groups import groups_of, labels_of, sector_edges
-from lidarcheck.calibration.scenes.parts import Part, SectorMap, by_layer, finite, parts_of, sectors_of
+from lidarcheck.calibration.scenes.parts import (
+    Part,
+    SectorMap,
+    by_layer,
+    finite,
+    layer_angles_deg,
+    parts_of,
+    sectors_of,
+)
 from lidarcheck.calibration.scenes.rank import Ranking, rank
 from lidarcheck.calibration.scenes.units import (
     FEATURES,
@@ -54,7 +62,8 @@ class SceneComparison:
     simulations of the first, looked at from a tenth of the points, None without a second. `features`: over all echoes
     from a surface. `disagreements`: the largest first; `more`: groups that also stand out and are not listed;
     `bound_z`, `tests`: of `scene_compare_rank`. `layer_echo`: by layer (from 0) the share of beams with an echo,
-    measured and simulated; NaN without beams. `worst_points`: of the first disagreement, both sides, shape (n, 3) [m].
+    measured and simulated; NaN without beams; `layer_deg`: their elevations. `worst_points`: of the first
+    disagreement, both sides, shape (n, 3) [m].
     """
 
     by: str
@@ -74,6 +83,7 @@ class SceneComparison:
     bound_z: float
     tests: int
     layer_echo: FloatArray = field(repr=False)
+    layer_deg: FloatArray = field(repr=False)
     worst_points: tuple[FloatArray, FloatArray] = field(repr=False)
     left_out: Mapping[str, str] = field(default_factory=dict)
 
@@ -145,6 +155,7 @@ def _without_covers(
         bound_z=ranking.bound_z,
         tests=ranking.tests,
         layer_echo=by_layer(units, m, a),
+        layer_deg=layer_angles_deg(units),
         worst_points=_worst(frames, units, ranking),
         left_out={
             f.name: f"not in every scan: {f.column}" for f in FEATURES if f.name not in m.of or f.name not in a.of

@@ -17,7 +17,6 @@ from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind, extent_of
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import beam_directions
 
 __all__ = ["FEWEST_ECHOES", "Cut", "CutBox", "CutSource", "cut_vehicle", "find_object", "xyz_of"]
 
@@ -152,7 +151,8 @@ def find_object(ideal: IdealScan, vehicle: VehicleKind, distance_m: float | None
     """
     assert ideal.object_id is not None
     hit = np.flatnonzero(ideal.distance_m > 0.0)
-    xyz = beam_directions(ideal.layer[hit], ideal.point[hit]) * ideal.distance_m[hit][:, None]
+    layer, point, beams = ideal.layer[hit], ideal.point[hit], ideal.beams
+    xyz = beams.positions_m(layer, point, ideal.distance_m[hit] + beams.range_offset_m(layer))
     height = xyz[:, 2] - _ground(xyz, file)
     seen = _things(xyz, height, ideal.object_id[hit].astype(np.int64), vehicle)
     return _chosen(seen, vehicle, distance_m, file, "objects in the ideal scan").number

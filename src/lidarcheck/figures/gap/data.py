@@ -92,7 +92,7 @@ class FieldMap:
     """A difference, measured less simulated, over the field of view in blocks of layers (r) and points (c).
 
     `layers`, `points`: first and last of each block, ascending; `before`, `after` (r, c), NaN where a block has fewer
-    than five beams or echoes to compare.
+    than five beams or echoes to compare. `elevation_deg`, `azimuth_deg`: of the first and of the last layer, and point.
     """
 
     quantity: str
@@ -102,6 +102,8 @@ class FieldMap:
     points: tuple[tuple[int, int], ...]
     before: FloatArray
     after: FloatArray
+    elevation_deg: tuple[float, float]
+    azimuth_deg: tuple[float, float]
 
 
 @dataclass(frozen=True)

@@ -226,11 +226,13 @@ def _maps(runs: _Runs) -> tuple[FieldMap, ...]:
     row, layers = _blocks(runs.beams.layer, _ROWS)
     column, points = _blocks(runs.beams.point, _COLUMNS)
     block, shape = row * len(points) + column, (len(layers), len(points))
+    ends = [np.array([first[0], last[-1]]) for first, last in ((layers[0], layers[-1]), (points[0], points[-1]))]
+    angles = [(float(ends_deg[0]), float(ends_deg[1])) for ends_deg in runs.beams.sensor.angles_deg(*ends)]
     sides = [[_differences(runs.measured, s, runs.beams) for s in side] for side in (runs.before, runs.after)]
     found = []
     for quantity, (words, unit) in _MAPS.items():
         before, after = (_mean(block, [one[quantity] for one in side], shape) for side in sides)
-        found.append(FieldMap(quantity, words, unit, layers, points, before, after))
+        found.append(FieldMap(quantity, words, unit, layers, points, before, after, *angles))
     return tuple(found)
 
 

@@ -14,7 +14,6 @@ from lidarcheck.figures.data import Cloud, Course, Curve, Figure, Grid, Page, Se
 from lidarcheck.figures.pages.thinning import thinned_cloud
 from lidarcheck.figures.words import number
 from lidarcheck.kpi.overlap import Overlap
-from lidarcheck.sensor import elevation_deg
 
 __all__ = ["MOST_PARTS", "page"]
 
@@ -117,7 +116,7 @@ def _overlap_row(name: str, o: Overlap) -> tuple[str, ...]:
 
 def _layers(result: SceneComparison) -> Course:
     real, simulated = 100.0 * result.layer_echo
-    angle = elevation_deg(np.arange(len(real)))
+    angle = result.layer_deg
     fired = np.isfinite(real) | np.isfinite(simulated)
     curves = (Curve("real", angle[fired], real[fired]), Curve("simulated", angle[fired], simulated[fired]))
     return Course("Beams with an echo from their surface", "elevation [deg]", "of the beams [%]", curves)

@@ -15,7 +15,6 @@ from lidarcheck.figures.gap.data import FieldMap
 from lidarcheck.figures.svg.shades import LEVELS, box, levels_of, shade, shaded
 from lidarcheck.figures.svg.shapes import svg, text
 from lidarcheck.figures.words import amount
-from lidarcheck.sensor import azimuth_deg, elevation_deg
 
 __all__ = ["map_svg", "reach_of", "scale_svg"]
 
@@ -82,10 +81,8 @@ def _signs(chosen: BoolArray, positive: BoolArray) -> str:
 
 def _ends(one: FieldMap) -> list[str]:
     """The angles at the map's corners."""
-    (low, _), (_, high) = one.layers[0], one.layers[-1]
-    (right, _), (_, left) = one.points[0], one.points[-1]
-    up, down = (amount(round(float(elevation_deg(layer)), 1)) for layer in (high, low))
-    sides = [_side(float(azimuth_deg(point))) for point in (left, right)]
+    up, down = (amount(round(angle, 1)) for angle in reversed(one.elevation_deg))
+    sides = [_side(angle) for angle in reversed(one.azimuth_deg)]
     return [
         text(_LEFT - 3.0, _TOP + 7.0, f"{up}°", "end"),
         text(_LEFT - 3.0, _TOP + _HIGH, f"{down}°", "end"),

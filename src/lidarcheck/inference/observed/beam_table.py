@@ -42,7 +42,8 @@ class BeamTable:
     which one the beam meets.
     `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
     range. `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
-    `range_offset_m` (n,): what a reported range is longer than the way; `view`: what is looked at of the echoes.
+    `range_offset_m` (n,): what a reported range is longer than the way; `view`: what is looked at of the echoes;
+    `sensor`: the sensor's beams, of the first frame.
     """
 
     key: IndexArray
@@ -66,6 +67,7 @@ class BeamTable:
     hit_m: FloatArray
     range_offset_m: FloatArray
     view: EchoView
+    sensor: Beams
 
     def __len__(self) -> int:
         return len(self.key)
@@ -126,6 +128,7 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
         hit_m=distance[order][hit],
         range_offset_m=np.zeros(len(row)) + ideals[0].beams.range_offset_m(layer[row]),
         view=EchoView.of(model.sensor),
+        sensor=ideals[0].beams,
     )
 
 
