@@ -9,13 +9,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
-from lidarcheck.rays import Caster, Hits, Rays, Velocity, sweep_time_s
+from lidarcheck.rays import Caster, Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
+from lidarcheck.scenes.firing import Span, fired, places
 from lidarcheck.scenes.optics import Optics
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions
+from lidarcheck.sensor import Sensor
 
 __all__ = ["MAX_SUB_BEAMS", "OpticalCaster", "Sampling", "sampled"]
 
@@ -42,27 +42,37 @@ class OpticalCaster(Caster, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Which beams are cast and how; `motion` is the sensor's own velocity and yaw rate [deg/s], None for no sweep."""
+    """Which of a sensor's beams are cast and how.
 
-    layers: tuple[int, int] = (0, LAYERS - 1)
-    points: tuple[int, int] = (0, POINTS - 1)
-    sub_beams: int = 1
+    None: all layers or points, as many rays a beam as the sensor's footprint needs, as far as the sensor reaches.
+    `motion` is the sensor's own velocity and yaw rate [deg/s], None for no sweep. `frame`: where columns do not repeat,
+    which frame of a run, from 0: each begins elsewhere.
+    """
+
+    sensor: Sensor
+    layers: Span = None
+    points: Span = None
+    sub_beams: int | None = None
     second_hits: bool = True
     motion: tuple[Velocity, float] | None = None
-    max_range_m: float = 300.0
+    max_range_m: float | None = None
+    frame: int = 0
 
     def __post_init__(self) -> None:
-        for name, (first, last), count in (("layers", self.layers, LAYERS), ("points", self.points, POINTS)):
-            if not 0 <= first <= last < count:
-                what = f"{name} = [{first}, {last}] is out of range"
-                raise UsageError(what, fix=f"use [first, last], both included, from 0 to {count - 1}")
-        if not 1 <= self.sub_beams <= MAX_SUB_BEAMS:
+        if self.sub_beams is not None and not 1 <= self.sub_beams <= MAX_SUB_BEAMS:
             what = f"sub_beams = {self.sub_beams} is out of range"
             raise UsageError(what, fix=f"use a whole number from 1 to {MAX_SUB_BEAMS}")
-        if not 0.0 < self.max_range_m <= 1000.0:
+        if not 0.0 < self.reach_m <= 1000.0:
             raise UsageError(f"max_range_m = {self.max_range_m} is out of range", fix="use a number above 0 to 1000 m")
         if self.motion is not None and not np.all(np.isfinite([*self.motion[0], self.motion[1]])):
             raise UsageError("the sensor's velocity or yaw rate is not finite", fix="use finite numbers")
+        if self.frame < 0:
+            raise UsageError(f"frame = {self.frame} is below 0", fix="count frames from 0")
+
+    @property
+    def reach_m(self) -> float:
+        """What lies farther is not met."""
+        return self.sensor.max_range_m if self.max_range_m is None else self.max_range_m
 
 
 class _Rows(NamedTuple):
@@ -78,26 +88,27 @@ class _Rows(NamedTuple):
 
 def sampled(scene: OpticalCaster, how: Sampling) -> IdealScan:
     """The ideal scan of those beams; see `Scene.ideal`."""
-    layer, point, rays = _fired(how)
+    sent = fired(how.sensor, how.layers, how.points, how.sub_beams, how.motion, how.frame)
+    rays, n = sent.rays, sent.rays_each
     moving = scene.velocities_m_s if how.motion is not None else None
-    hits = scene.cast(rays, moving=moving, max_range_m=how.max_range_m)
-    each = 1.0 / how.sub_beams**2
+    hits = scene.cast(rays, moving=moving, max_range_m=how.reach_m)
     rows = _Rows(
         np.arange(len(rays)), hits.distance_m, hits.material_id, hits.object_id, hits.incidence_deg,
-        np.full(len(rays), each),
+        np.full(len(rays), 1.0 / n),
     )  # fmt: skip
-    further = _behind_optics(scene, rays, hits, each, how) if how.second_hits and scene.optics else []
+    further = _behind_optics(scene, rays, hits, 1.0 / n, how) if how.second_hits and scene.optics else []
     if further:
         rows = _Rows._make(np.concatenate(columns) for columns in zip(rows, *further, strict=True))
-    beam = rows.ray // how.sub_beams**2
+    beam = rows.ray // n
     slot = _rank(beam)
-    if further or how.sub_beams > 1:
+    if further or n > 1:
         order = np.lexsort((rows.distance_m, beam))
         rows, beam, slot = _Rows._make(column[order] for column in rows), beam[order], slot[order]
-    own_rays = how.sub_beams > 1 or how.motion is not None
+    own_rays = n > 1 or how.motion is not None
+    layer, point = sent.layer[beam], sent.point[beam]
     return IdealScan(
-        layer[beam],
-        point[beam],
+        layer,
+        point,
         rows.distance_m,
         rows.material_id,
         rows.incidence_deg,
@@ -105,6 +116,8 @@ def sampled(scene: OpticalCaster, how: Sampling) -> IdealScan:
         time_s=None if how.motion is None else rays.time_s[rows.ray],
         share=rows.share if further else None,
         rays=replace(rays.take(rows.ray), slot=slot) if own_rays else None,
+        extra=places(sent.beams, layer, point, rows.distance_m, sent.axes.take(rows.ray) if n > 1 else None),
+        beams=sent.beams,
     )
 
 
@@ -114,37 +127,6 @@ def _rank(beam: IndexArray) -> npt.NDArray[np.int32]:
     rank = np.empty(len(beam), dtype=np.int32)
     rank[order] = np.arange(len(beam)) - np.searchsorted(beam[order], beam[order])
     return rank
-
-
-def _fired(how: Sampling) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], Rays]:
-    """(layer, point) of every beam, layer by layer, and its rays, those of one beam together."""
-    a = np.arange(how.layers[0], how.layers[1] + 1, dtype=np.int32)
-    b = np.arange(how.points[0], how.points[1] + 1, dtype=np.int32)
-    layer, point = np.repeat(a, len(b)), np.tile(b, len(a))
-    n = how.sub_beams
-    if n == 1:
-        direction, slot = beam_directions(layer, point), np.zeros(len(layer), dtype=np.int32)
-        column = point
-    else:
-        # The middles of n by n equal parts of the cell.
-        offset = (np.arange(n) + 0.5) / n - 0.5
-        up, left = np.repeat(offset, n), np.tile(offset, n)
-        direction = beam_directions(np.add.outer(layer, up).ravel(), np.add.outer(point, left).ravel())
-        slot = np.tile(np.arange(n * n, dtype=np.int32), len(layer))
-        column = np.repeat(point, n * n)
-    origin, time_s = np.zeros((len(slot), 3)), np.zeros(len(slot))
-    if how.motion is not None:
-        time_s = sweep_time_s(column)
-        origin = time_s[:, None] * np.asarray(how.motion[0], dtype=np.float64)
-        direction = _turned(direction, np.deg2rad(how.motion[1]) * time_s)
-    return layer, point, Rays(origin, direction, time_s, slot)
-
-
-def _turned(direction: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """Directions turned to the left about Z."""
-    cosine, sine = elementary.cos(angle_rad), elementary.sin(angle_rad)
-    x, y, z = direction[:, 0], direction[:, 1], direction[:, 2]
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
 
 
 class _Ways(NamedTuple):
@@ -200,14 +182,14 @@ def _leg(scene: OpticalCaster, way: _Ways, how: Sampling, *, reflected: bool) ->
         direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
     rays = Rays(point + off, direction, way.rays.time_s, way.rays.slot)
     moving = scene.velocities_m_s if how.motion is not None else None
-    hits = scene.cast(rays, moving=moving, max_range_m=how.max_range_m)
+    hits = scene.cast(rays, moving=moving, max_range_m=how.reach_m)
     # The way begins on the surface, not a millimetre off: the plane that is met tells by how much that is nearer.
     facing = np.einsum("ij,ij->i", direction, hits.normal)
     sideways = np.einsum("ij,ij->i", off, hits.normal)
     met = (hits.distance_m > 0.0) & (facing < 0.0)
     distance = hits.distance_m + np.divide(sideways, facing, out=np.zeros(len(met)), where=met)
     before = way.before_m + way.hits.distance_m
-    met &= (distance > 0.0) & (before + distance <= how.max_range_m)
+    met &= (distance > 0.0) & (before + distance <= how.reach_m)
     true_hits = Hits(distance, hits.material_id, hits.object_id, hits.incidence_deg, hits.normal)
     begun = Rays(point, direction, rays.time_s, rays.slot)
     return _Ways(way.ray, begun, true_hits, before, way.share).take(met)

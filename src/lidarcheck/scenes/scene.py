@@ -19,6 +19,7 @@ from lidarcheck.scan import IdealScan
 from lidarcheck.scenes.bvh import Bvh
 from lidarcheck.scenes.optics import Optics
 from lidarcheck.scenes.sampling import Sampling, sampled
+from lidarcheck.sensor import VARIANTS, Sensor, shipped
 from lidarcheck.workers.cores import usable_cores
 
 __all__ = ["Scene", "SceneObject"]
@@ -156,27 +157,34 @@ class Scene:
 
     def ideal(
         self,
+        sensor: Sensor | None = None,
         *,
-        layers: tuple[int, int] = (0, 519),
-        points: tuple[int, int] = (0, 959),
-        sub_beams: int = 1,
+        layers: tuple[int, int] | None = None,
+        points: tuple[int, int] | None = None,
+        sub_beams: int | None = None,
         second_hits: bool = True,
         swept: bool = False,
         velocity_m_s: Velocity = _AT_REST,
         yaw_deg_s: float = 0.0,
-        max_range_m: float = 300.0,
+        max_range_m: float | None = None,
+        frame: int = 0,
     ) -> IdealScan:
-        """What every beam meets: a row each, or `sub_beams`^2 rows spread over the beam's cell of 0.05 by 0.125 deg.
+        """What every beam of a sensor (None: of SMART and SLIM) meets: a row each, or several of a beam's footprint.
 
-        `layers`, `points`: first and last, both included. `second_hits`: what mirrors and panes show besides
+        `layers`, `points`: first and last, both included; None: all. `sub_beams`: its square of rows a beam, spread
+        over the footprint of the sensor or, where it has none, over the beam's cell, half-way to its neighbours; None:
+        as many as the sensor's footprint asks for, else one. `second_hits`: what mirrors and panes show besides
         themselves gets rows of its own, at the length of its light's way, with its `share` of the light. `swept`: each
-        point column is cast at its time in the sweep, the objects moving with their velocities and the sensor with
+        beam is cast when the sensor fires it, the objects moving with their velocities and the sensor with
         `velocity_m_s` and `yaw_deg_s` (to the left); else everything stands as at the frame's start. Rows in order of
-        (layer, point, distance); a row that meets nothing within `max_range_m` has the distance 0.
-        `UsageError` for beams that there are not, or numbers out of range.
+        (layer, point, distance); a row that meets nothing within `max_range_m` (None: the sensor's) has the distance 0.
+        `frame`: of a sensor whose columns do not repeat, which frame of a run from 0; it has columns X, Y, Z and
+        Azimuth0 in `extra`. `UsageError` for beams that there are not, or numbers out of range.
         """
         motion = (velocity_m_s, yaw_deg_s) if swept else None
-        return sampled(self, Sampling(layers, points, sub_beams, second_hits, motion, max_range_m))
+        sensor = shipped(VARIANTS[0]) if sensor is None else sensor
+        how = Sampling(sensor, layers, points, sub_beams, second_hits, motion, max_range_m, frame)
+        return sampled(self, how)
 
     def _groups(self, moving: Mapping[int, Velocity]) -> Groups:
         """The objects by velocity, those at rest first, each group in a hierarchy of its own."""

@@ -135,3 +135,12 @@ class Beams(abc.ABC):
     def with_phase(self, phase_deg: float) -> Beams:
         """The beams of a frame whose Point 0 looks that much past the first azimuth; the same where columns repeat."""
         return replace(self, phase_deg=float(phase_deg)) if not self.repeats else self  # type: ignore[call-arg]
+
+    @property
+    def first_azimuth_deg(self) -> float:
+        """Where the first column of the frame looks [deg, -180 to 180]."""
+        raise NotImplementedError("only of beams whose columns do not repeat")
+
+    def of_frame(self, frame: int) -> tuple[Beams, int]:
+        """The beams as that frame of a run fires them, counted from 0, and how many points a layer then has."""
+        return self, self.points

@@ -130,6 +130,22 @@ class ChannelBeams(Beams):
         """Where the head looks at each column's start [deg]."""
         return np.asarray(self.first_deg + self.phase_deg + np.asarray(point, dtype=np.float64) * self.step_deg)
 
+    @property
+    def first_azimuth_deg(self) -> float:
+        """Where Point 0 of the frame looks at its column's start [deg, -180 to 180]."""
+        return 180.0 - (180.0 - self.first_deg - self.phase_deg) % 360.0
+
+    def of_frame(self, frame: int) -> tuple[Beams, int]:
+        """The beams as that frame of a run fires them, counted from 0, and how many columns it has.
+
+        The head goes on turning: a frame begins with the first column that is fired in it.
+        """
+        if self.repeats:
+            return self, self.points
+        begun, ended = frame * self.columns, (frame + 1) * self.columns
+        first = math.ceil(begun - 1e-6)
+        return self.with_phase((first - begun) * self.step_deg), math.ceil(ended - 1e-6) - first
+
     def angles_deg(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Elevation and azimuth of beams [deg], shapes (n,); the azimuth from -180 to 180."""
         layer = np.asarray(layer)

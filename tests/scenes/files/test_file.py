@@ -194,7 +194,7 @@ BAD = {
 def test_a_fault_is_one_line_with_its_place(tmp_path, text, line, says):
     file = write(tmp_path, text)
     with pytest.raises((InputError, ConfigError)) as caught:
-        load_scene(file)
+        load_scene(file).ideal()
     (said,) = caught.value.lines()
     assert said.startswith(f"error: {file}:{line}: ")
     assert says in said

@@ -38,7 +38,11 @@ COMMANDS = (
         "Cast the beams into a scene and write what each meets.",
         "SCENE is a scene's TOML file, a scenario with a scene, or the name of a built-in scene; --list shows those. "
         "The suffix of --out names the format.",
-        ("lidarcheck scene --list", "lidarcheck scene highway --out highway.parquet"),
+        (
+            "lidarcheck scene --list",
+            "lidarcheck scene highway --out highway.parquet",
+            "lidarcheck scene highway --sensor OS1-128 --out highway.txt",
+        ),
     ),
     Command(
         "compare",

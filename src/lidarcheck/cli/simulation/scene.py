@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Rooted, up_to
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Rooted, Whole, up_to
 from lidarcheck.cli.core.outputs import check_writable, json_text
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, stage, table
 from lidarcheck.errors import ConfigError, UsageError
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lidarcheck.config.schema import LineIndex
     from lidarcheck.scan import IdealScan
     from lidarcheck.scenes.files.file import SceneFile
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["find_scene", "scene"]
 
@@ -39,18 +40,27 @@ def scene(
     out: Annotated[
         Path | None, Parameter(help="Where the ideal scan goes: .txt, .csv, .pcd, .ply or .parquet.")
     ] = None,
+    sensor: Annotated[
+        str | None,
+        Parameter(help="Whose beams are cast: a sensor's name or file; by default the scenario's, else SMART's."),
+    ] = None,
+    model: Annotated[Path | None, Parameter(help="A model, whose sensor's beams are cast.")] = None,
     list_: Annotated[bool, Flag, Parameter(name="--list", help="List the built-in scenes.")] = False,
     sub_beams: Annotated[
         int | None,
         Parameter(
-            converter=_sub_beams, help="Rows a beam is divided into per axis, 1 to 8; as the scene says by default."
+            converter=_sub_beams,
+            help="Rows a beam is divided into per axis, 1 to 8; by default as the scene says, else the sensor.",
         ),
     ] = None,
     swept: Annotated[
         bool,
         Flag,
-        Parameter(help="Cast each point column at its time; objects and sensor move."),
+        Parameter(help="Cast each beam at its time; objects and sensor move."),
     ] = False,
+    frame: Annotated[
+        int, Whole, Parameter(help="Of a sensor whose columns do not repeat: which frame of a run, from 0.")
+    ] = 0,
     no_second_hits: Annotated[bool, Flag, Parameter(help="Leave out what mirrors and panes show.")] = False,
     json: JsonFlag = False,
     quiet: Quiet = False,
@@ -77,9 +87,10 @@ def scene(
     check_writable(out, option="--out", besides=(scene,))
     with stage(f"reading {scene}"):
         file = find_scene(scene)
-    check_writable(out, option="--out", besides=file.files)
+        beams_of = _sensor(scene, sensor, model)
+    check_writable(out, option="--out", besides=(*file.files, *_files_of(sensor, model)))
     with stage(f"casting {file.name}"):
-        ideal = file.ideal(**_changes(sub_beams, swept, no_second_hits))
+        ideal = file.ideal(beams_of, frame=frame, **_changes(sub_beams, swept, no_second_hits))
     with stage(f"writing {out.name}"):
         save_ideal(ideal, out)
     if json:
@@ -87,6 +98,45 @@ def scene(
     beams, met = _beams(ideal)
     note(f"{out}: {len(ideal)} rows of {beams} beams of {scene}, {met} of which meet something")
     return 0
+
+
+def _sensor(scene: str, sensor: str | None, model: Path | None) -> Sensor | None:
+    """The sensor that is named, else a model's, else that of the scenario that the scene stands in; else None."""
+    from lidarcheck.model.files.sensor_file import load_sensor
+
+    if sensor is not None and model is not None:
+        raise UsageError("--sensor stands beside --model", fix="give one of them: a model names its sensor")
+    if sensor is not None:
+        return load_sensor(sensor)
+    if model is not None:
+        from lidarcheck.model import load_model
+
+        return load_model(model).sensor
+    return _of_scenario(scene)
+
+
+def _of_scenario(scene: str) -> Sensor | None:
+    from lidarcheck.formats.config import parse_toml
+    from lidarcheck.scenes.files.file import builtin_names
+
+    if scene in builtin_names():
+        return None
+    data, lines = parse_toml(scene)
+    if isinstance(data.get("model"), dict):
+        from lidarcheck.model.files.model_file import model_of
+
+        inside = {key[1:]: line for key, line in lines.lines.items() if key[0] == "model"}
+        return model_of(data["model"], replace(lines, lines=inside)).sensor
+    if isinstance(data.get("model"), str):
+        from lidarcheck.model import load_model
+        from lidarcheck.trust.places import named_file
+
+        return load_model(named_file(lines.file, data["model"], lines.line(("model",)))).sensor
+    return None
+
+
+def _files_of(sensor: str | None, model: Path | None) -> list[Path]:
+    return [path for path in (model, None if sensor is None else Path(sensor)) if path is not None and path.is_file()]
 
 
 def _changes(sub_beams: int | None, swept: bool, no_second_hits: bool) -> dict[str, Any]:
@@ -116,7 +166,7 @@ def find_scene(name: str) -> SceneFile:
 
 
 def _as_sampled(file: SceneFile, scenario: dict[str, Any], lines: LineIndex) -> SceneFile:
-    """The scene with what the scenario says of its sampling, key by key, as `check` casts it."""
+    """The scene with what the scenario says of its sampling, as `check` casts it."""
     from lidarcheck.config.schema import Config, validate
     from lidarcheck.scenes.files.file import SamplingTable
 
@@ -124,8 +174,7 @@ def _as_sampled(file: SceneFile, scenario: dict[str, Any], lines: LineIndex) -> 
         sampling: SamplingTable = SamplingTable()
 
     asked = validate({key: scenario[key] for key in ("sampling",) if key in scenario}, lines, Asked).sampling
-    changes = {key: getattr(asked, key) for key in asked.model_fields_set}
-    return replace(file, sampling=file.sampling.model_copy(update=changes), files=(lines.file, *file.files))
+    return replace(file.sampled_as(asked, lines), files=(lines.file, *file.files))
 
 
 def _show_all(json: bool) -> None:

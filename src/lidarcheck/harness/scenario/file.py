@@ -10,8 +10,9 @@ from lidarcheck.config.schema import Config, PathText
 from lidarcheck.config.words import nearest
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.spec import Direction
-from lidarcheck.harness.scenario.shapes import BeamShape, LayerSpan, PointSpan
+from lidarcheck.harness.scenario.shapes import BeamShape
 from lidarcheck.scenes.files.file import SamplingTable
+from lidarcheck.scenes.files.spans import Span
 
 __all__ = ["KpiTable", "ScenarioTable"]
 
@@ -68,8 +69,8 @@ class KpiTable(Config):
     material: _Ids | None = None
     range_m: _Window | None = None
     incidence_deg: _Window | None = None
-    layers: LayerSpan | None = None
-    points: PointSpan | None = None
+    layers: Span | None = None
+    points: Span | None = None
     echo_range_m: _Window | None = None
     window_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     number: Annotated[int, Field(ge=0, le=255)] | None = None

@@ -34,7 +34,10 @@ from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.scenes import Scene
-from lidarcheck.scenes.files.file import SceneFile, scene_of
+from lidarcheck.scenes.files.file import SamplingTable, SceneFile, scene_of
+from lidarcheck.scenes.files.spans import beyond
+from lidarcheck.sensor import Beams
+from lidarcheck.sensor.document import own
 from lidarcheck.trust.places import named_file
 
 __all__ = ["AskedKpi", "Scenario", "load_scenario"]
@@ -79,13 +82,16 @@ def load_scenario(path: Path | str) -> Scenario:
     data, lines = parse_toml(path)
     table = validate(data, lines, ScenarioTable)
     model = _model(data, table, lines)
-    scene = None if table.scene is None else scene_of(data["scene"], lines)
+    scene = None if table.scene is None else scene_of(data["scene"], lines).sampled_as(table.sampling, lines)
     if scene is None:
         ideal, faults = _ideal(table, model, lines)
     else:
         # The materials of a scene file belong to what is measured, as its objects do.
         model = replace(model, materials={**model.materials, **(scene.materials or {})})
-        ideal, faults = _cast(scene, table, model, lines)
+        ideal, faults = _cast(scene, model, lines)
+    for index, kpi in enumerate(table.kpis):
+        spans = {"layers": kpi.layers, "points": kpi.points}
+        faults += _beyond(("kpis", index), spans, model.sensor.beams, lines)
     measured = _measured(table, ideal, model, lines)
     asked = ask(table.kpis, ideal, model.sensor, measured, lines, faults)
     if faults:
@@ -98,7 +104,7 @@ def load_scenario(path: Path | str) -> Scenario:
         ideal=ideal,
         asked=asked,
         frames=table.frames,
-        content_hash=_content_hash(table, ideal, asked, scene),
+        content_hash=_content_hash(table, ideal, asked, scene, model),
         scene=None if scene is None else scene.scene,
         files=_named(table, scene, lines),
     )
@@ -141,7 +147,11 @@ def _ideal(table: ScenarioTable, model: Model, lines: LineIndex) -> tuple[IdealS
         if not len(ideal):
             raise ConfigError([lines.fault(("ideal",), f"{table.ideal} has no beams", fix="give a file with beams")])
         return ideal, []
-    ideal, shape_of_row = lay_beams(table.beams)
+    beams = model.sensor.beams
+    faults = [fault for index, shape in enumerate(table.beams) for fault in _misplaced(index, shape, beams, lines)]
+    if faults:
+        raise ConfigError(faults)
+    ideal, shape_of_row = lay_beams(table.beams, beams)
     return ideal, [
         *_shared_beams(ideal, shape_of_row, lines),
         *_too_far(ideal, shape_of_row, model, lines),
@@ -149,9 +159,27 @@ def _ideal(table: ScenarioTable, model: Model, lines: LineIndex) -> tuple[IdealS
     ]
 
 
-def _cast(scene: SceneFile, table: ScenarioTable, model: Model, lines: LineIndex) -> tuple[IdealScan, list[InputError]]:
-    """What the beams meet in the scene, and a fault for a material of it that the model does not know."""
-    ideal = scene.ideal(**_changes(table))
+def _misplaced(index: int, shape: Shape, beams: Beams, lines: LineIndex) -> list[InputError]:
+    """Faults of a shape with layers or points that the sensor does not have, or that look where it is not."""
+    faults = _beyond(("beams", index), shape.spans, beams, lines)
+    what, _, fix = ("" if faults else shape.fault(beams)).partition("; ")
+    return faults if not what else [lines.fault(("beams", index), f"beams[{index}]: {what}", fix=fix)]
+
+
+def _beyond(
+    path: KeyPath, spans: Mapping[str, tuple[int, int] | None], beams: Beams, lines: LineIndex
+) -> list[InputError]:
+    """Faults of spans of layers and points that the sensor does not have."""
+    found = {key: beyond(key, span, beams) for key, span in spans.items()}
+    return [lines.fault((*path, key), wrong[0], fix=wrong[1]) for key, wrong in found.items() if wrong is not None]
+
+
+def _cast(scene: SceneFile, model: Model, lines: LineIndex) -> tuple[IdealScan, list[InputError]]:
+    """What the beams meet in the scene, and a fault for a material of it that the model does not know.
+
+    A model that reaches less far than its sensor must not make the scene shorter: the KPIs are to see what it misses.
+    """
+    ideal = scene.ideal(model.sensor, max_range_m=_sampling(scene, model).max_range_m)
     unknown = (ideal.distance_m > 0.0) & ~np.isin(ideal.material_id, list(model.materials))
     if model.external is not None or not unknown.any():
         return ideal, []
@@ -159,9 +187,9 @@ def _cast(scene: SceneFile, table: ScenarioTable, model: Model, lines: LineIndex
     return ideal, [_lacks(("scene",), f"the scene has material {material}", material, model, lines)]
 
 
-def _changes(table: ScenarioTable, **dumped: Any) -> dict[str, Any]:
-    """What the scenario says of the scene's sampling, which otherwise is as the scene has it."""
-    return {} if table.sampling is None else table.sampling.model_dump(exclude_unset=True, **dumped)
+def _sampling(scene: SceneFile, model: Model) -> SamplingTable:
+    """How the scene is cast for the model's sensor, whose numbers a model may override: those of its file count."""
+    return scene.sampling.resolved(own(model.sensor))
 
 
 def _shared_beams(ideal: IdealScan, shape_of_row: IntArray, lines: LineIndex) -> list[InputError]:
@@ -225,7 +253,9 @@ def _places(ideal: IdealScan) -> list[npt.NDArray[Any] | None]:
     return [ideal.extra[name] for name in sorted(ideal.extra, key=str.upper) if name.upper() in ("X", "Y", "Z")]
 
 
-def _content_hash(table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedKpi], scene: SceneFile | None) -> str:
+def _content_hash(
+    table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedKpi], scene: SceneFile | None, model: Model
+) -> str:
     digest = hashlib.sha256()
     kpis = [hashed(kpi) for kpi in table.kpis]
     digest.update(json.dumps({"frames": table.frames, "kpis": kpis}, sort_keys=True).encode())
@@ -236,8 +266,8 @@ def _content_hash(table: ScenarioTable, ideal: IdealScan, asked: Sequence[AskedK
         columns += _places(ideal) if any(KINDS[kpi.kpi].of_place for kpi in table.kpis) else []
     else:
         # Which of two surfaces a beam at an edge meets may differ between machines; the scene itself does not.
-        as_written: Any = {"mode": "json", "by_alias": True}  # the keys are those of the file, whatever the code has
-        how = {**scene.sampling.model_dump(**as_written), **_changes(table, **as_written)}
+        # The keys are those of the file, whatever the code has.
+        how = _sampling(scene, model).model_dump(mode="json", by_alias=True)
         digest.update(json.dumps({"scene": scene.scene.digest(), "sampling": how}, sort_keys=True).encode())
     for column in [*columns, *(kpi.measured for kpi in asked)]:
         if column is not None:

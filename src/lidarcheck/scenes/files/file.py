@@ -8,25 +8,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from lidarcheck.config.schema import Config, LineIndex, PathText, validate
 from lidarcheck.config.words import nearest, shown
-from lidarcheck.errors import ConfigError, UsageError
+from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
 from lidarcheck.scan import IdealScan
 from lidarcheck.scenes import Optics, Scene
 from lidarcheck.scenes.files.objects import is_file, objects_of
-from lidarcheck.scenes.files.shapes import Mesh, ObjectTable, ShapeTable, Velocity, entries
+from lidarcheck.scenes.files.shapes import Mesh, ObjectTable, ShapeTable, Velocity
+from lidarcheck.scenes.files.spans import Span, beyond
 from lidarcheck.scenes.sampling import MAX_SUB_BEAMS
-from lidarcheck.sensor import LAYERS, POINTS, Material
+from lidarcheck.sensor import VARIANTS, Material, Sensor, shipped
 from lidarcheck.trust.places import named_file
 
 __all__ = [
@@ -51,12 +52,6 @@ def _check_id(text: str) -> str:
     return text
 
 
-def _rising(span: tuple[int, int]) -> tuple[int, int]:
-    if span[0] > span[1]:
-        raise ValueError("the first is above the last; write [first, last], both included")
-    return span
-
-
 def _not_empty(tables: tuple[ShapeTable, ...]) -> tuple[ShapeTable, ...]:
     if not tables:
         raise ValueError("the scene has no objects; add an [[objects]] table")
@@ -66,9 +61,6 @@ def _not_empty(tables: tuple[ShapeTable, ...]) -> tuple[ShapeTable, ...]:
 _MaterialId = Annotated[
     str, AfterValidator(_check_id), Field(json_schema_extra={"words": "a material's number, from 0"})
 ]
-_Layer = Annotated[int, Field(ge=0, lt=LAYERS)]
-_Point = Annotated[int, Field(ge=0, lt=POINTS)]
-_SPAN = BeforeValidator(entries(2, "[first, last], both included"))
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -87,16 +79,30 @@ class OpticsTable(Config):
 
 
 class SamplingTable(Config):
-    """A `[sampling]` table: which beams are cast, and how; see `lidarcheck.scenes.Scene.ideal`."""
+    """A `[sampling]` table: which beams are cast, and how; see `lidarcheck.scenes.Scene.ideal`.
 
-    layers: Annotated[tuple[_Layer, _Layer], _SPAN, AfterValidator(_rising)] = (0, LAYERS - 1)
-    points: Annotated[tuple[_Point, _Point], _SPAN, AfterValidator(_rising)] = (0, POINTS - 1)
-    sub_beams: Annotated[int, Field(ge=1, le=MAX_SUB_BEAMS)] = 1
+    None: as the sensor has it.
+    """
+
+    layers: Span | None = None
+    points: Span | None = None
+    sub_beams: Annotated[int, Field(ge=1, le=MAX_SUB_BEAMS)] | None = None
     second_hits: bool = True
     swept: bool = False
     velocity_m_s: Velocity = (0.0, 0.0, 0.0)
     yaw_deg_s: Annotated[float, Field(ge=-360.0, le=360.0, json_schema_extra={"unit": "deg/s"})] = 0.0
-    max_range_m: Annotated[float, Field(gt=0.0, le=1000.0, json_schema_extra={"unit": "m"})] = 300.0
+    max_range_m: Annotated[float, Field(gt=0.0, le=1000.0, json_schema_extra={"unit": "m"})] | None = None
+
+    def resolved(self, sensor: Sensor) -> SamplingTable:
+        """The same for that sensor, with its numbers in the place of those that the file leaves out."""
+        beams = sensor.beams
+        own: dict[str, Any] = {
+            "layers": (0, beams.layers - 1),
+            "points": (0, beams.points - 1),
+            "sub_beams": 1 if sensor.sub_rays == (1, 1) else None,
+            "max_range_m": sensor.max_range_m,
+        }
+        return self.model_copy(update={key: value for key, value in own.items() if getattr(self, key) is None})
 
 
 class SceneTable(Config):
@@ -128,7 +134,8 @@ class SceneFile:
     """A scene file, read.
 
     `name`: the file's name without `.toml`. `materials`: by number, None where the file has no table of them.
-    `sampling`: which beams it asks for, and how. `files`: all that was read: the scene's own, materials, meshes.
+    `sampling`: which beams it asks for, and how; `places`: file and line of each of its keys. `files`: all that was
+    read: the scene's own, materials, meshes.
     """
 
     name: str
@@ -138,11 +145,28 @@ class SceneFile:
     sampling: SamplingTable
     materials: Mapping[int, Material] | None = None
     files: tuple[Path, ...] = ()
+    places: Mapping[str, tuple[Path, int]] = field(default_factory=dict)
 
-    def ideal(self, **changes: Any) -> IdealScan:
-        """The ideal scan as the file's sampling asks for it, with `changes` by the names of `Scene.ideal`."""
-        ideal = self.scene.ideal(**{**self.sampling.model_dump(), **changes})
+    def ideal(self, sensor: Sensor | None = None, **changes: Any) -> IdealScan:
+        """The ideal scan as the file's sampling asks for it, with `changes` by the names of `Scene.ideal`.
+
+        `ConfigError` with the line of the sampling's layers or points that the sensor does not have.
+        """
+        sensor = shipped(VARIANTS[0]) if sensor is None else sensor
+        for name, (file, line) in self.places.items():
+            wrong = None if name in changes else beyond(name, getattr(self.sampling, name), sensor.beams)
+            if wrong is not None:
+                raise ConfigError([InputError(wrong[0], file=file, line=line, fix=wrong[1])])
+        ideal = self.scene.ideal(sensor, **{**self.sampling.model_dump(), **changes})
         return replace(ideal, file=str(self.path))
+
+    def sampled_as(self, table: SamplingTable | None, lines: LineIndex) -> SceneFile:
+        """The same with what another file's `[sampling]` says, key by key; `lines` are that file's."""
+        if table is None:
+            return self
+        changes = {key: getattr(table, key) for key in table.model_fields_set}
+        places = {**self.places, **_places(table, lines)}
+        return replace(self, sampling=self.sampling.model_copy(update=changes), places=places)
 
 
 def builtin_names() -> tuple[str, ...]:
@@ -226,7 +250,16 @@ def _scene_file(content: dict[str, Any], lines: LineIndex, name: str) -> SceneFi
     table = validate(content, lines, SceneTable)
     scene = build_scene(table, lines.file.parent, lines)
     meshes = dict.fromkeys(lines.file.parent / shape.file for shape in table.objects if isinstance(shape, Mesh))
-    return SceneFile(name, lines.file, "a scene", scene, table.sampling, files=(lines.file, *meshes))
+    files = (lines.file, *meshes)
+    return SceneFile(
+        name, lines.file, "a scene", scene, table.sampling, files=files, places=_places(table.sampling, lines)
+    )
+
+
+def _places(table: SamplingTable, lines: LineIndex) -> dict[str, tuple[Path, int]]:
+    """Where the spans of a table `sampling` stand."""
+    named = [name for name in ("layers", "points") if name in table.model_fields_set]
+    return {name: (lines.file, lines.line(("sampling", name))) for name in named}
 
 
 def _materials(heading: _Heading, data: dict[str, Any], lines: LineIndex) -> dict[int, Material] | None:
