@@ -1,6 +1,7 @@
 """`lidarcheck scene` as a user calls it."""
 
 import json
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,7 @@ def test_options_change_what_the_scene_asks_for(here, capsys):
 
 def test_a_scenario_brings_its_scene(here, capsys):
     text = 'description = "x"\nmodel = "m.toml"\nscene = "own.toml"\n[[kpis]]\nkpi = "area_mean"\ntolerance = 1.0\n'
+    Path("m.toml").write_text('variant = "SLIM"\n')
     Path("scenario.toml").write_text(text)
     assert main(["scene", "scenario.toml", "--out", "a.txt", "--quiet"]) == 0
     assert len(load_ideal("a.txt")) == 400
@@ -92,6 +94,39 @@ def test_a_scenario_brings_its_scene(here, capsys):
     assert main(["scene", "scenario.toml", "--out", "c.txt"]) == 2
     assert "scenario.toml:1: the scenario has no scene" in capsys.readouterr().err
     assert not Path("c.txt").exists()
+
+
+def test_a_sensor_is_named_by_itself_by_its_file_by_a_model_or_by_the_scenario(here, capsys):
+    Path("near.toml").write_text(
+        '[[objects]]\nshape = "panel"\nposition_m = [1.5, 0.0, 0.0]\nwidth_m = 9.0\nheight_m = 9.0\nmaterial = 3\n'
+    )
+    zones = resources.files("lidarcheck").joinpath("sensors/TMF8820.toml").read_text(encoding="utf-8")
+    Path("mine.toml").write_text(zones.replace('"TMF8820 map 1"', '"mine"'))
+    Path("m.toml").write_text('variant = "mine.toml"\n')
+    Path("s.toml").write_text('description = "x"\nmodel = "m.toml"\nscene = "near.toml"\n')
+    ways = {
+        "name": ["near.toml", "--sensor", "TMF8820"],
+        "file": ["near.toml", "--sensor", "mine.toml"],
+        "model": ["near.toml", "--model", "m.toml"],
+        "scenario": ["s.toml"],
+    }
+    for name, given in ways.items():
+        assert main(["scene", *given, "--out", f"{name}.csv", "-q"]) == 0
+    made = {name: Path(f"{name}.csv").read_bytes() for name in ways}
+    assert len(set(made.values())) == 1
+    assert made["name"].count(b"\n") == 1 + 9 * 81
+    Path("m.toml").write_text('variant = "mine.toml"\n[sensor.range]\nmax_m = 1.51\n')
+    assert main(["scene", "near.toml", "--model", "m.toml", "--out", "shorter.csv", "-q"]) == 0
+    assert Path("shorter.csv").read_bytes() != made["name"]
+    assert main(["scene", "near.toml", "--sensor", "mine.toml", "--out", "mine.toml"]) == 2
+    assert main(["scene", "near.toml", "--sensor", "TMF8828", "--out", "x.csv"]) == 2
+    assert main(["scene", "near.toml", "--sensor", "TMF8820", "--model", "m.toml", "--out", "x.csv"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 3
+    assert "there is no sensor variant 'TMF8828'; did you mean TMF8820" in said[1]
+    assert "--sensor stands beside --model" in said[2]
+    assert not Path("x.csv").exists()
+    assert Path("mine.toml").read_text().startswith("# A histogram chip")
 
 
 SCENARIO = """\
