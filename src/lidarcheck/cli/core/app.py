@@ -10,6 +10,7 @@ from cyclopts import App
 from lidarcheck import __version__
 from lidarcheck.cli.core.calibration_commands import CALIBRATION_COMMANDS, GROUPS
 from lidarcheck.cli.core.command import Command
+from lidarcheck.cli.core.sensor_commands import SENSOR_COMMANDS
 from lidarcheck.permissions import grant
 
 __all__ = ["COMMANDS", "Command", "make_app"]
@@ -93,6 +94,7 @@ COMMANDS = (
         ("lidarcheck review", 'lidarcheck review background_SMART --accept all --reason "new SPAD"'),
     ),
     *CALIBRATION_COMMANDS,
+    *SENSOR_COMMANDS,
     Command(
         "report",
         "harness.report",

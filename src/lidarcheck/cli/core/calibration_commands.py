@@ -12,6 +12,7 @@ GROUPS: dict[str, str] = {
     "ghosts": "Traffic signs and their ghosts at twice the range.",
     "bloom": "Blooming: profiles real over simulated, and the fit of its tables.",
     "lut": "Blooming tables: show and edit them.",
+    "sensor": "Sensor files: any lidar as data.",
 }
 """What each group of commands is for, as `lidarcheck --help` shows it."""
 

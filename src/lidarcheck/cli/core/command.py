@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextvars import ContextVar
+from keyword import iskeyword
 from typing import NamedTuple
 
 __all__ = ["ARGUMENTS", "Command"]
@@ -36,5 +37,6 @@ class Command(NamedTuple):
 
     @property
     def code(self) -> str:
-        """Where its function is: `lidarcheck.cli.scans.info:info`, `lidarcheck.cli.calibration.lut:show`."""
-        return f"lidarcheck.cli.{self.module}:{self.verb}"
+        """Where its function is: `lidarcheck.cli.scans.info:info`, `lidarcheck.cli.sensor.from_:from_`."""
+        name = f"{self.verb}_" if iskeyword(self.verb) else self.verb
+        return f"lidarcheck.cli.{self.module}:{name}"

@@ -26,10 +26,13 @@ __all__ = [
 STANDARD_OUTPUT = "-"
 
 
-def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Path | None] = ()) -> None:
+def check_writable(
+    path: str | Path, *, option: str, besides: Iterable[str | Path | None] = (), settings: bool = False
+) -> None:
     """Refuse now, with an `InputError`, what could not be written after minutes of work; `option` asked for it.
 
     `besides`: the command's other files, which the output must not replace; None for one that was not given.
+    `settings`: whether the output is TOML itself.
     """
     if str(path) == STANDARD_OUTPUT:
         return
@@ -50,7 +53,7 @@ def check_writable(path: str | Path, *, option: str, besides: Iterable[str | Pat
     others = [other for other in besides if other is not None and str(other) != STANDARD_OUTPUT]
     if not target.is_char_device() and any(same_file(target, other) for other in others):
         raise InputError("would replace another file of this command", file=target, fix=f"name another for {option}")
-    if target.suffix.lower() == ".toml":
+    if target.suffix.lower() == ".toml" and not settings:
         # Scenarios, goldens and models, found by name, are not among the arguments; a report never is TOML.
         raise InputError("is the name of a scenario, golden or model", file=target, fix=f"name another for {option}")
 

@@ -1,0 +1,1 @@
+"""The commands of sensor files, a file each: from."""

@@ -1,0 +1,103 @@
+"""`lidarcheck sensor from`: a sensor file from a vendor's calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from lidarcheck.cli.core.options import Quiet
+from lidarcheck.cli.core.outputs import as_it_was, check_writable, write_result
+from lidarcheck.cli.core.terminal import emit, hush, note
+from lidarcheck.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lidarcheck.formats.sensors import Imported
+
+__all__ = ["from_"]
+
+
+def _positive(_type: Any, tokens: Sequence[Any]) -> float:
+    try:
+        value = float(tokens[0].value)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= 10_000.0:
+        fix = "use a number above 0, up to 10000"
+        raise UsageError(f"{tokens[0].keyword} {tokens[0].value} is out of range", fix=fix)
+    return value
+
+
+def from_(
+    file: Annotated[Path, Parameter(help="The vendor's calibration file.")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(help="The sensor file to write, TOML; printed without it.")] = None,
+    rate: Annotated[
+        float | None, Parameter(converter=_positive, help="Frames a second [Hz], where the file does not say it.")
+    ] = None,
+    azimuth_step: Annotated[
+        float | None, Parameter(converter=_positive, help="From a column to the next [deg], where the file lacks it.")
+    ] = None,
+    model: Annotated[
+        str | None, Parameter(help="The sensor's model, or which of several sensors in the file is meant.")
+    ] = None,
+    firetimes: Annotated[Path | None, Parameter(help="The fire-time CSV beside a Hesai angle CSV.")] = None,
+    state: Annotated[
+        str | None, Parameter(help="Which state of the fire times, as its header names it: even, loop0, or 0,1.")
+    ] = None,
+    pattern: Annotated[
+        Path | None,
+        Parameter(help="A table of Layer, Point, elevation_deg, azimuth_deg for a HELIOS++ scanner without channels."),
+    ] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Make a sensor file from a vendor's calibration."""
+    hush(quiet)
+    from lidarcheck.formats.sensors import Given, document_text, import_sensor
+
+    if out is not None:
+        _check_out(out, (file, firetimes, pattern))
+    imported = import_sensor(file, Given(model, rate, azimuth_step, firetimes, state, pattern))
+    if out is None:
+        if imported.table:
+            raise UsageError("the beams of this sensor are a table", fix="give --out SENSOR.toml; it is written beside")
+        emit(document_text(imported))
+    else:
+        _write(imported, out, (file, firetimes, pattern))
+    if imported.lacking:
+        keys = ", ".join(entry.key for entry in imported.lacking)
+        note(f"{file.name} does not say {keys}: see the lines behind a hash")
+    return 0
+
+
+def _check_out(out: Path, inputs: Sequence[Path | None]) -> None:
+    if out.suffix.lower() != ".toml":
+        raise UsageError(f"--out {out} is no TOML file", fix="end its name in .toml")
+    _check_new(out, inputs)
+
+
+def _check_new(target: Path, inputs: Sequence[Path | None]) -> None:
+    """Refuse to replace a file: a sensor file is edited by hand."""
+    check_writable(target, option="--out", besides=inputs, settings=True)
+    if target.exists():
+        raise InputError("is there already", file=target, fix="name another file for --out, or move this one away")
+
+
+def _write(imported: Imported, out: Path, inputs: Sequence[Path | None]) -> None:
+    """The sensor file, and its table of beams beside it; both or none."""
+    from lidarcheck.formats.sensors import document_text, table_text
+
+    table = out.with_name(f"{out.stem}_beams.csv")
+    if not imported.table:
+        write_result(out, document_text(imported))
+        note(f"{out}: written")
+        return
+    _check_new(table, inputs)
+    with as_it_was([table, out]):
+        write_result(table, table_text(imported))
+        write_result(out, document_text(imported, table_file=table.name))
+    note(f"{out}: written, its beams in {table.name}")
