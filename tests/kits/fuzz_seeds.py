@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
+import sensor_import_kit as calibrations
 from lidarcheck.calibration.blooming.csv import read_profile
 from lidarcheck.cases.case import load_case
 from lidarcheck.formats import load_ideal, load_scan
@@ -19,6 +20,7 @@ from lidarcheck.formats.lut import load_lut
 from lidarcheck.formats.pcd import write_pcd
 from lidarcheck.formats.ply import write_ply
 from lidarcheck.formats.recognise import write_table
+from lidarcheck.formats.sensors import Given, document_text, import_sensor, sensor_of_import, table_text
 from lidarcheck.formats.settings import default_settings, load_settings
 from lidarcheck.formats.table import Table
 from lidarcheck.harness.goldens.file import load_golden
@@ -33,6 +35,10 @@ __all__ = ["Seed", "seeds"]
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = "scenarios/effect_fog_SLIM.toml"
+FIRE_TIMES = "Channel,Even_fire time(ns),Odd_fire time(ns)\n" + "".join(
+    f"{n},{520 * n},{540 * n}\n" for n in range(1, 9)
+)
+PATTERN = "Layer,Point,elevation_deg,azimuth_deg,time_s\n" + "".join(f"0,{n},{n},{-n},0.00{n}\n" for n in range(8))
 LUT = "[Blooming]\nPostPro.LUT_blooming_X = 0, 1, 2.5, 10\nPostPro.LUT_blooming_Y = 1, 0.5, 0.25, 0\n"
 
 
@@ -58,7 +64,7 @@ def seeds(directory: Path) -> list[Seed]:
         _made("binary.ply", lambda path: write_ply(scan, path), read_scan, directory),
         _made("semantic.ply", lambda path: write_ply(_semantic(), path), read_ideal, directory),
     ]
-    return [*made, *_settings(directory), *_meshes(directory)]
+    return [*made, *_settings(directory), *_meshes(directory), *_calibrations(directory)]
 
 
 def read_scan(path: Path) -> None:
@@ -141,6 +147,46 @@ def _settings(directory: Path) -> list[Seed]:
         Seed("Blooming_Calibration_V_SLIM.json", settings, load_settings),
         Seed("check.json", json.dumps(check).encode(), last_check),
         Seed("profile.csv", profile.encode(), lambda path: read_profile(path, sensor, signal_at_1m=1e4)),
+    ]
+
+
+def read_calibration(path: Path, **given: Any) -> None:
+    """As `sensor from`, all that comes before its file is written."""
+    imported = import_sensor(path, Given(**given))
+    sensor_of_import(imported, path)
+    document_text(imported, table_file="beams.csv")
+    table_text(imported)
+
+
+def _calibrations(directory: Path) -> list[Seed]:
+    contents: dict[str, Any] = {
+        "ouster.json": calibrations.ouster(),
+        "velodyne.yaml": calibrations.velodyne(),
+        "velodyne.xml": calibrations.veloview(),
+        "hesai.csv": calibrations.hesai(),
+        "isaac.json": calibrations.isaac(2),
+        "isaac.usda": calibrations.usda(),
+        "lidar.sdf": calibrations.sdf(),
+        "carla.json": calibrations.carla(),
+        "osi.json": calibrations.osi(),
+    }
+    files = [(name, calibrations.written(directory, name, content)) for name, content in contents.items()]
+    scanner = calibrations.written(directory, "helios.xml", calibrations.helios())
+    times = calibrations.written(directory, "firetimes.csv", FIRE_TIMES)
+    pattern = calibrations.written(directory, "pattern.csv", PATTERN)
+    return [
+        *(Seed(name, path.read_bytes(), read_calibration) for name, path in files),
+        Seed("helios.xml", scanner.read_bytes(), lambda path: read_calibration(path, model="turning")),
+        Seed(
+            "firetimes.csv",
+            times.read_bytes(),
+            lambda path: read_calibration(path.with_name("hesai.csv"), firetimes=path, state="even"),
+        ),
+        Seed(
+            "pattern.csv",
+            pattern.read_bytes(),
+            lambda path: read_calibration(path.with_name("helios.xml"), model="risley", pattern=path),
+        ),
     ]
 
 

@@ -57,21 +57,29 @@ def from_(
 ) -> int:
     """Make a sensor file from a vendor's calibration."""
     hush(quiet)
-    from lidarcheck.formats.sensors import Given, document_text, import_sensor
+    from lidarcheck.formats.sensors import Given, document_text, import_sensor, sensor_of_import
 
     if out is not None:
         _check_out(out, (file, firetimes, pattern))
     imported = import_sensor(file, Given(model, rate, azimuth_step, firetimes, state, pattern))
+    sensor_of_import(imported, file)
     if out is None:
         if imported.table:
             raise UsageError("the beams of this sensor are a table", fix="give --out SENSOR.toml; it is written beside")
         emit(document_text(imported))
     else:
         _write(imported, out, (file, firetimes, pattern))
-    if imported.lacking:
-        keys = ", ".join(entry.key for entry in imported.lacking)
-        note(f"{file.name} does not say {keys}: see the lines behind a hash")
+    _note_lacking(imported, file)
     return 0
+
+
+def _note_lacking(imported: Imported, file: Path) -> None:
+    needed = [entry.key for entry in imported.lacking if entry.needed]
+    others = [entry.key for entry in imported.lacking if not entry.needed]
+    if needed:
+        note(f"{file.name} does not say {' and '.join(needed)}: write it before the sensor file is used")
+    if others:
+        note(f"{file.name} does not say {', '.join(others)}: see the lines behind a hash")
 
 
 def _check_out(out: Path, inputs: Sequence[Path | None]) -> None:

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import shown
 
 __all__ = ["Row", "rows_of"]
 

@@ -9,9 +9,18 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from lidarcheck.config.words import nearest
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.config_words import nearest
-from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, is_whole, linear_lacks, rounded
+from lidarcheck.formats.sensors.imported import (
+    Given,
+    Imported,
+    Lacking,
+    is_whole,
+    linear_lacks,
+    rate_lacks,
+    rounded,
+    step_lacks,
+)
 from lidarcheck.formats.sensors.pattern import read_pattern
 from lidarcheck.formats.sensors.values import MOST_CHANNELS, check_degrees
 from lidarcheck.formats.sensors.xml_text import Element
@@ -47,7 +56,7 @@ def import_helios(root: Element, given: Given) -> Imported:
         if given.rate_hz:
             document["frame_rate_hz"] = given.rate_hz
         else:
-            lacking.insert(0, Lacking("frame_rate_hz", 10, "how often the pattern is run through; or give --rate HZ"))
+            lacking.insert(0, rate_lacks("how often a second the pattern is run through"))
     elif not channels:
         optics = scanner.attributes.get("optics", "unknown")
         what = f"the beams of {name} ({optics} optics) follow from a survey's settings, which the file does not have"
@@ -82,7 +91,7 @@ def _numbers(scanner: Element, document: dict[str, Any]) -> list[Lacking]:
     gate = {key: value for key, value in (("min_m", low), ("max_m", high)) if value is not None}
     if gate:
         document["range"] = gate
-    returns = scanner.attribute("maxNOR", low=0, high=64)
+    returns = scanner.attribute("maxNOR", low=0, high=16)
     if returns:
         document["returns"] = int(returns)
     linear: dict[str, Any] = {}
@@ -119,7 +128,7 @@ def _turning(
     turn = scanner.attribute("headRotatePerSecMax_deg", low=0, high=1e6)
     rate_hz = given.rate_hz or (turn / 360.0 if turn else None)
     if rate_hz is None:
-        lacking.insert(0, Lacking("frame_rate_hz", 10, "turns a second of the head; or give --rate HZ"))
+        lacking.insert(0, rate_lacks("turns a second of the head"))
     else:
         document["frame_rate_hz"] = rate_hz
         if given.rate_hz is None:
@@ -143,8 +152,7 @@ def _columns(scanner: Element, rate_hz: float | None, lacking: list[Lacking], gi
         step = rounded(360.0 * rate_hz / pulses, "deg")
     found: dict[str, Any] = {"azimuth_deg": {"first": 0, "last": 360}, "columns_repeat": False}
     if step is None:
-        look_up = f"360 x turns a second / pulses a second of a channel ({text[:60]}); or give --azimuth-step DEG"
-        lacking.append(Lacking("beams.azimuth_step_deg", 0.2, look_up))
+        lacking.append(step_lacks(0.2, f"360 x turns a second / pulses a second of a channel ({text[:60]})"))
         return found
     return {"azimuth_step_deg": step, **found}
 

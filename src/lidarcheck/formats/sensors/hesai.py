@@ -12,11 +12,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.sensors.csv_text import Row, rows_of
 from lidarcheck.formats.sensors.hesai_firetimes import fire_times
-from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks
+from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks, rate_lacks, step_lacks
 from lidarcheck.formats.sensors.values import MOST_CHANNELS, check_degrees
 
 __all__ = ["import_hesai", "is_angle_table", "refuse_other_models"]
@@ -111,7 +111,7 @@ def _sensor(
         state = f", state {given.state}" if given.state else ""
         document["source"].append(f"{given.firetimes.name}: fire times{state}")
     if given.rate_hz is None:
-        lacking.append(Lacking("frame_rate_hz", 10, "turns a second, as the sensor was set up; or give --rate HZ"))
+        lacking.append(rate_lacks("turns a second, as the sensor was set up"))
     else:
         document["frame_rate_hz"] = given.rate_hz
     lacking += [
@@ -147,12 +147,11 @@ def _beams(
         beams["ring"] = kept
     if times is None:
         look_up = "the fire-time correction file of the model: --firetimes FILE"
-        lacking.append(Lacking("beams.fire_time_us", [0.0], look_up))
+        lacking.append(Lacking("beams.fire_time_us", 0.0, look_up))
     else:
         beams["fire_time_us"] = times
     if given.azimuth_step_deg is None:
-        look_up = "the horizontal resolution of the manual at this rate; or give --azimuth-step DEG"
-        lacking.append(Lacking("beams.azimuth_step_deg", 0.18, look_up))
+        lacking.append(step_lacks(0.18, "the horizontal resolution of the manual at this rate"))
     else:
         beams["azimuth_step_deg"] = given.azimuth_step_deg
     return beams | {"azimuth_deg": {"first": 90, "last": -270}}, lacking

@@ -11,8 +11,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.formats.config_words import shown
 from lidarcheck.formats.sensors.csv_text import Row, rows_of
 from lidarcheck.formats.sensors.imported import rounded
 from lidarcheck.formats.sensors.values import MOST_CHANNELS

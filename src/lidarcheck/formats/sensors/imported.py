@@ -8,7 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["SIGNAL", "Given", "Imported", "Lacking", "is_whole", "linear_lacks", "nothing_lost", "rounded"]
+__all__ = [
+    "SIGNAL",
+    "Given",
+    "Imported",
+    "Lacking",
+    "is_whole",
+    "linear_lacks",
+    "nothing_lost",
+    "rate_lacks",
+    "rounded",
+    "step_lacks",
+]
 
 _DIGITS = {"deg": 10, "m": 12, "us": 9}
 """Decimals of what was converted: 1e-10 deg moves a point at 300 m by 3e-10 m."""
@@ -32,11 +43,15 @@ class Given:
 
 @dataclass(frozen=True)
 class Lacking:
-    """A key that the file does not give: `key` with its table (`range.max_m`), an example, where to look it up."""
+    """A key that the file does not give: `key` with its table (`range.max_m`), an example, where to look it up.
+
+    `needed`: whether the sensor file cannot be read without it.
+    """
 
     key: str
     example: Any
     look_up: str
+    needed: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,6 +68,15 @@ class Imported:
     remarks: tuple[str, ...] = ()
     table: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
+    def completed(self, *, all_keys: bool = False) -> dict[str, Any]:
+        """The document with the examples of what is needed and lacking, or with `all_keys` of whatever is lacking."""
+        found = {key: dict(value) if isinstance(value, Mapping) else value for key, value in self.document.items()}
+        for entry in self.lacking:
+            if entry.needed or all_keys:
+                table, _, key = entry.key.rpartition(".")
+                (found.setdefault(table, {}) if table else found)[key] = entry.example
+        return found
+
 
 def rounded(value: float, unit: str) -> float:
     """A number that a conversion made, without the digits that only its rounding has; `unit`: deg, m or us."""
@@ -66,6 +90,16 @@ SIGNAL = Lacking(
     "461 000 is 80 m, P_d 0.9, threshold 5.84, excess 0.02",
 )
 """The signal of a linear detector, which no vendor's calibration says."""
+
+
+def rate_lacks(look_up: str) -> Lacking:
+    """Frames a second, which the user may also say on the command line."""
+    return Lacking("frame_rate_hz", 10, f"{look_up}; or give --rate HZ", needed=True)
+
+
+def step_lacks(example_deg: float, look_up: str) -> Lacking:
+    """From a column to the next, which the user may also say on the command line."""
+    return Lacking("beams.azimuth_step_deg", example_deg, f"{look_up}; or give --azimuth-step DEG", needed=True)
 
 
 def linear_lacks(*, min_m: bool = True, max_m: bool = True) -> tuple[Lacking, ...]:

@@ -6,16 +6,17 @@ lidar fires its emitters at each step of the head, one state after the other; a 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.toml_lines import KeyPath
+from lidarcheck.config.words import dotted
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import dotted
 from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, is_whole, linear_lacks, rounded
 from lidarcheck.formats.sensors.values import MOST_BEAMS, MOST_CHANNELS, Values, check_degrees
-from lidarcheck.formats.toml_lines import KeyPath
 
 __all__ = ["import_isaac", "is_isaac"]
 
@@ -57,7 +58,7 @@ def _as_profile(values: Values) -> Values:
         else:
             profile[own] = values.data[name]
         lines[path] = values.lines.line((name,))
-    data = {"name": values.find("isaac:nameOverride"), "profile": profile}
+    data = {"name": values.find("name"), "profile": profile}
     return Values(data, LineIndex(values.lines.file, lines), as_text=True)
 
 
@@ -141,7 +142,7 @@ def _numbers(values: Values, document: dict[str, Any]) -> tuple[tuple[Lacking, .
     document["range"] = {own: value for own, value in given.items() if value is not None}
     if between is not None:
         document["range"]["min_separation_m"] = between
-    returns = values.maybe("profile", "maxReturns", low=1, high=64)
+    returns = values.maybe("profile", "maxReturns", low=1, high=16)
     if returns:
         document["returns"] = int(returns)
     linear: dict[str, Any] = {}
@@ -234,22 +235,35 @@ def _turn(
         state = states[firing % len(states)]
         turned = first + sense * firing * 360.0 / firings
         _append(table, state, range(emitters), [firing] * emitters, turned, firing / firings / rate_hz)
-    return dict(table)
+    return _without_origin(table)
 
 
-_COLUMNS = ("Layer", "Point", "elevation_deg", "azimuth_deg", "time_s")
+_ORIGIN = ("origin_x_m", "origin_y_m", "origin_z_m")
+_COLUMNS = ("Layer", "Point", "elevation_deg", "azimuth_deg", "time_s", *_ORIGIN)
+
+
+def _without_origin(table: dict[str, list[float]]) -> dict[str, Sequence[float]]:
+    """The table, without the origins where all are 0."""
+    moved = any(any(table[name]) for name in _ORIGIN)
+    return {name: column for name, column in table.items() if moved or name not in _ORIGIN}
 
 
 def _append(
     table: dict[str, list[float]], state: _State, layers: Sequence[int], points: Sequence[int],
     turned_deg: float, start_s: float,
 ) -> None:  # fmt: skip
-    times = state.get("fireTimeNs") or [0.0] * len(state["elevationDeg"])
+    count = len(state["elevationDeg"])
+    times = state.get("fireTimeNs") or [0.0] * count
     table["Layer"] += layers
     table["Point"] += points
     table["elevation_deg"] += state["elevationDeg"]
     table["azimuth_deg"] += [rounded(turned_deg + azimuth, "deg") for azimuth in state["azimuthDeg"]]
     table["time_s"] += [rounded(start_s + time * 1e-9, "m") for time in times]
+    left, up = (state.get(key) or [0.0] * count for key in ("horOffsetM", "vertOffsetM"))
+    sin, cos = math.sin(math.radians(turned_deg)), math.cos(math.radians(turned_deg))
+    table["origin_x_m"] += [rounded(-side * sin, "m") for side in left]
+    table["origin_y_m"] += [rounded(side * cos, "m") for side in left]
+    table["origin_z_m"] += up
 
 
 def _solid(values: Values, states: list[_State], remarks: list[str]) -> dict[str, Sequence[float]]:
@@ -257,7 +271,7 @@ def _solid(values: Values, states: list[_State], remarks: list[str]) -> dict[str
     if len(states) > 1:
         remarks.append(f"A frame fires one of {len(states)} states; the table holds all of them, one after the other.")
     table: dict[str, list[float]] = {key: [] for key in _COLUMNS}
-    points = 0
+    done: dict[int, int] = {}
     if sum(len(state["elevationDeg"]) for state in states) > MOST_BEAMS:
         raise values.fault(("profile", "emitterStates"), f"more than {MOST_BEAMS} beams")
     for state in states:
@@ -269,6 +283,7 @@ def _solid(values: Values, states: list[_State], remarks: list[str]) -> dict[str
             what = f"numRaysPerLine says {sum(lines)} rays, the state has {count}"
             raise values.fault(("profile", "numRaysPerLine"), what)
         layers = [layer for layer, n in enumerate(lines) for _ in range(n)]
-        _append(table, state, layers, [points + at for n in lines for at in range(n)], 0.0, 0.0)
-        points += max(lines)
-    return dict(table)
+        begin = [done.get(layer, 0) for layer in range(len(lines))]
+        _append(table, state, layers, [begin[layer] + at for layer, n in enumerate(lines) for at in range(n)], 0.0, 0.0)
+        done |= {layer: begin[layer] + n for layer, n in enumerate(lines)}
+    return _without_origin(table)

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import NoReturn
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.words import dotted
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import dotted
 from lidarcheck.formats.json_lines import locate_json
 from lidarcheck.formats.sensors.values import Values
 

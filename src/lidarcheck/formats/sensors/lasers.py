@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks, rounded
+from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks, rate_lacks, rounded, step_lacks
 
 __all__ = ["MODELS", "Laser", "VelodyneModel", "channels_of", "model_of"]
 
@@ -102,7 +102,7 @@ def channels_of(
     }
     rate_hz = given.rate_hz
     if rate_hz is None:
-        lacking.append(Lacking("frame_rate_hz", 10, "turns a second, as the sensor was set up; or give --rate HZ"))
+        lacking.append(rate_lacks("turns a second, as the sensor was set up"))
     else:
         document["frame_rate_hz"] = rate_hz
     lacking += [
@@ -175,11 +175,11 @@ def _beams(
         if step is None and rate_hz is not None:
             step = rounded(360.0 * rate_hz * model.cycle_us * 1e-6, "deg")
     else:
-        lacking.append(Lacking("beams.fire_time_us", [0.0], "the time of each laser after the first, from the manual"))
+        lacking.append(Lacking("beams.fire_time_us", 0.0, "the time of each laser after the first, from the manual"))
     if step is None:
         example = rounded(3600.0 * model.cycle_us * 1e-6, "deg") if model else 0.2
-        look_up = "360 x turns a second x the time from a firing to the next; this is 10 Hz"
-        lacking.append(Lacking("beams.azimuth_step_deg", example, look_up if model else look_up.partition(";")[0]))
+        look_up = "360 x turns a second x the time from a firing to the next" + (", here of 10 Hz" if model else "")
+        lacking.append(step_lacks(example, look_up))
     else:
         beams["azimuth_step_deg"] = step
     return beams | {"azimuth_deg": {"first": 0, "last": -360}, "columns_repeat": False}, lacking

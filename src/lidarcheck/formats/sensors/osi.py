@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import dotted
-from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks, rounded
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.words import dotted
+from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, linear_lacks, rate_lacks, rounded
 from lidarcheck.formats.sensors.values import MOST_BEAMS, Values
 
 __all__ = ["import_osi", "is_osi"]
@@ -75,10 +75,10 @@ def import_osi(values: Values, given: Given) -> Imported:
     lacking: list[Lacking] = []
     rate_hz = given.rate_hz or (_rate(view) if view.find("update_cycle_time") else None)
     if rate_hz is None:
-        lacking.append(Lacking("frame_rate_hz", 10, "1 / update_cycle_time; or give --rate HZ"))
+        lacking.append(rate_lacks("1 / update_cycle_time"))
     else:
         document["frame_rate_hz"] = rate_hz
-    echoes = view.maybe("max_number_of_interactions", low=0, high=64)
+    echoes = view.maybe("max_number_of_interactions", low=0, high=16)
     if echoes and echoes > 1:
         lacking.append(Lacking("returns", int(echoes), "max_number_of_interactions of a ray, if each is an echo"))
     remarks: list[str] = []

@@ -65,7 +65,7 @@ def _spinning(
     shifts = meta.shifts(len(altitudes))
     if shifts is None:
         look_up = "pixel_shift_by_row of the metadata that the sensor writes with newer firmware; without it images "
-        lacking.append(Lacking("beams.column_shift", [0] * min(4, channels), look_up + "stay staggered"))
+        lacking.append(Lacking("beams.column_shift", 0, look_up + "stay staggered"))
     else:
         beams["column_shift"] = [shifts[index] for index in fired]
     if len(fired) < len(altitudes):

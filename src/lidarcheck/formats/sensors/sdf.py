@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, nothing_lost
+from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, nothing_lost, rate_lacks
 from lidarcheck.formats.sensors.values import MOST_BEAMS
 from lidarcheck.formats.sensors.xml_text import Element
 
@@ -53,7 +53,7 @@ def import_sdf(root: Element, given: Given) -> Imported:
     if rate_hz:
         document["frame_rate_hz"] = rate_hz
     else:
-        lacking.append(Lacking("frame_rate_hz", 10, "update_rate of the sensor; or give --rate HZ"))
+        lacking.append(rate_lacks("update_rate of the sensor"))
     document["sweep"] = {"order": "flash", "common_receiver": False}
     document["range"] = {key: value for key, value in gate.items() if value is not None}
     document["range"]["step_m"] = lidar.maybe("range", "resolution", low=0, high=1e3) or 0

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.schema import LineIndex
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.sensors.values import Values
 
 __all__ = ["usda_values"]
@@ -15,6 +15,7 @@ __all__ = ["usda_values"]
 _ATTRIBUTE = re.compile(
     r"^[ \t]*(?:\w+[ \t]+){0,3}\w+(?:\[\])?[ \t]+(omni:sensor:Core:[\w:]+)[ \t]*=[ \t]*", re.MULTILINE
 )
+_PRIM = re.compile(r'^[ \t]*def[ \t]+OmniLidar[ \t]+"([^"\n]{1,200})"', re.MULTILINE)
 _LIST = re.compile(r"\[([-+0-9.eE,\s]*)\]")
 _ONE = re.compile(r'"([^"\n]*)"|([-+0-9.eE]+)')
 
@@ -38,7 +39,8 @@ def usda_values(text: str, file: Path) -> Values:
         else:
             raise InputError(f"{name} is no number, text or list", file=file, line=line, fix="write its value out")
         lines[name,] = line
-    return Values(found, LineIndex(file, lines), as_text=True)
+    prim = _PRIM.search(text)
+    return Values({**found, "name": prim[1] if prim else None}, LineIndex(file, lines), as_text=True)
 
 
 def _number(cell: str) -> Any:

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.words import dotted, kind_of, shown
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
-from lidarcheck.formats.config_words import dotted, kind_of, shown
 
 __all__ = ["MOST_BEAMS", "MOST_CHANNELS", "Values", "check_degrees", "check_radians"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+from lidarcheck.config.words import dotted
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import dotted
 from lidarcheck.formats.sensors.imported import Given, Imported
 from lidarcheck.formats.sensors.lasers import Laser, channels_of, model_of
 from lidarcheck.formats.sensors.values import MOST_CHANNELS, Values, check_radians

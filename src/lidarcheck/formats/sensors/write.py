@@ -15,8 +15,8 @@ from lidarcheck.printable import printable
 __all__ = ["document_text", "table_text"]
 
 _HEAD = (
-    "Written by `lidarcheck sensor from`. A key behind a hash is not in the vendor's file: look it up, write its value, "
-    "take the hash away."
+    "Written by `lidarcheck sensor from`. A key behind a hash is not in the vendor's file: look it up, write its value "
+    "and take the hash away."
 )
 _WIDTH = 120
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -36,9 +36,9 @@ def document_text(imported: Imported, *, table_file: str = "") -> str:
     lacking: dict[str, list[Lacking]] = {}
     for entry in imported.lacking:
         lacking.setdefault(entry.key.rpartition(".")[0], []).append(entry)
-    lines = _comment(_HEAD)
+    lines = [f"# {line}" for line in textwrap.wrap(_HEAD, _WIDTH - 2)]
     for remark in imported.remarks:
-        lines += _comment(remark)
+        lines += _words(remark)
     lines += [line for key, value in document.items() for line in _pair(key, value)]
     lines += _lacking_lines(lacking.pop("", []))
     for name in (*_ORDER, *(key for key in tables if key not in _ORDER)):
@@ -60,12 +60,13 @@ def _lacking_lines(entries: Iterable[Lacking]) -> list[str]:
     lines: list[str] = []
     for entry in entries:
         lines += [f"# {line}" for line in _pair(entry.key.rpartition(".")[2], entry.example)]
-        lines += [f"#   {line}" for line in textwrap.wrap(printable(entry.look_up), _WIDTH - 4)]
+        lines += _words(entry.look_up)
     return lines
 
 
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(printable(text), _WIDTH - 2)]
+def _words(text: str) -> list[str]:
+    """A comment that is no key: it stands farther in."""
+    return [f"#   {line}" for line in textwrap.wrap(printable(text), _WIDTH - 4)]
 
 
 def _pair(key: str, value: Any) -> list[str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+from lidarcheck.config.words import shown
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config_words import shown
 from lidarcheck.printable import printable
 
 __all__ = ["Element", "xml_root"]

@@ -6,17 +6,18 @@ import math
 from pathlib import Path
 from typing import Any
 
+from lidarcheck.config.schema import LineIndex
+from lidarcheck.config.toml_lines import KeyPath
 from lidarcheck.errors import InputError
-from lidarcheck.formats.config import LineIndex
 from lidarcheck.formats.limits import check_bytes
 from lidarcheck.formats.sensors.values import Values
-from lidarcheck.formats.toml_lines import KeyPath
 from lidarcheck.printable import printable
 
 __all__ = ["yaml_values"]
 
 YAML_BYTES = 1 << 20
 """The parser takes a second and more for a megabyte; the file of a sensor of 128 lasers has 30 kB."""
+_AS_TEXT = ("timestamp", "merge", "value")
 _PLAIN = ("int", "float", "str", "bool", "null")
 
 
@@ -80,9 +81,11 @@ class _Walk:
         return table
 
     def scalar(self, node: Any, line: int) -> Any:
-        kind = node.tag.rpartition(":")[2]
-        if kind not in _PLAIN:
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        if kind in _AS_TEXT:
             return node.value
+        if kind not in _PLAIN:
+            raise self.fault(f"the tag {printable(node.tag)[:60]} is not read", line)
         if kind in ("int", "float") and len(node.value) > 400:
             raise self.fault("a number of more than 400 digits", line)
         value = self.loader.construct_object(node)
