@@ -46,6 +46,7 @@ for where, path, *more in json.loads(sys.stdin.read()):
     print(json.dumps([path, said, most_kb // 1024]))
 """
 MESH = "lidarcheck.scenes.meshes:load_mesh"
+CALIBRATION = "lidarcheck.formats.sensors:import_sensor"
 TABLE = "lidarcheck.formats.recognise:read_table"
 PCD = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\n"
 PLY = "ply\nformat {1} 1.0\nelement vertex {0}\n" + "".join(f"property float {a}\n" for a in "xyz") + "end_header\n"
@@ -105,6 +106,13 @@ def glb(path: Path, corners: int, nodes: int, *, there: bool = True) -> None:
     text += b" " * (-len(text) % 4)
     head = struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + size, len(text), 0x4E4F534A)
     path.write_bytes(head + text + struct.pack("<II", size, 0x4E4942) + bytes(size))
+
+
+def firings(per_second: float) -> dict[str, object]:
+    """A rotary lidar of two states that fires so often."""
+    state = {"azimuthDeg": [0.0], "elevationDeg": [1.0]}
+    rates = {"scanRateBaseHz": 1.0, "reportRateBaseHz": per_second}
+    return {"profile": {"scanType": "rotary", "emitterStates": [state, state], **rates}}
 
 
 BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
@@ -183,6 +191,36 @@ BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         MESH,
         f": the file has {1 << 30} bytes; the limit is {256 << 20} bytes",
     ),
+    "calibration.json": (
+        lambda path: path.write_text('{"beam_intrinsics": [' + "[]," * (1 << 20) + "[]]}"),
+        CALIBRATION,
+        ": beam_azimuth_angles is missing;",
+    ),
+    "calibration.yaml": (
+        lambda path: path.write_text("lasers: [" + "[]," * 80_000 + "[]]\n"),
+        CALIBRATION,
+        ":1: lasers has 80001 entries, no sensor has more than 4096;",
+    ),
+    "calibration.csv": (
+        lambda path: path.write_text("Channel,Elevation,Azimuth\n" + "1\n" * 500_000),
+        CALIBRATION,
+        ": more than 10000 lines;",
+    ),
+    "calibration.xml": (
+        lambda path: path.write_text("<a>" + "<b/>" * 200_000 + "</a>"),
+        CALIBRATION,
+        ":1: the file has too many elements;",
+    ),
+    "calibration.usda": (
+        lambda path: path.write_text("#usda 1.0\nfloat[] omni:sensor:Core:numRaysPerLine = [" + "1," * 500_000 + "]\n"),
+        CALIBRATION,
+        ":1: profile.emitterStates is missing;",
+    ),
+    "turn.json": (
+        lambda path: path.write_text(json.dumps(firings(1e8))),
+        CALIBRATION,
+        ":1: more than 10000000 beams a turn;",
+    ),
     **{
         name: (
             lambda path: sparse(path, "# nothing\n", 1 << 30),
@@ -197,6 +235,7 @@ BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
             "settings.json": "lidarcheck.formats.settings:load_settings",
             "lut.ini": "lidarcheck.formats.lut:load_lut",
             "check.json": "lidarcheck.harness.review.release:last_check",
+            "large.yaml": CALIBRATION,
         }.items()
     },
 }

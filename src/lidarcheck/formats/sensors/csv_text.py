@@ -12,6 +12,9 @@ from lidarcheck.errors import InputError
 __all__ = ["Row", "rows_of"]
 
 
+_MOST_LINES = 10_000
+
+
 class Row(NamedTuple):
     """The cells of a line, without the blanks around them."""
 
@@ -41,7 +44,9 @@ class Row(NamedTuple):
 
 
 def rows_of(text: str, file: Path) -> list[Row]:
-    """The lines of the text that hold something."""
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    """The lines of the text that hold something; `InputError` where there are more than any sensor has channels."""
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n", _MOST_LINES)
+    if len(lines) > _MOST_LINES and lines[-1].strip():
+        raise InputError(f"more than {_MOST_LINES} lines", file=file, fix="is this a table of a sensor's channels?")
     found = [Row([c.strip(' \t"') for c in line.split(",")], at, file) for at, line in enumerate(lines, 1)]
     return [row for row in found if any(row.cells)]

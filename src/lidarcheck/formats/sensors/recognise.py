@@ -30,8 +30,8 @@ from lidarcheck.formats.source import decode_text, read_source
 
 __all__ = ["FORMATS", "Format", "import_sensor"]
 
-JSON_BYTES = 16 << 20
-"""Bytes of a calibration; the pattern of a solid-state lidar has some megabytes."""
+_MOST_BYTES = 8 << 20
+"""Of a calibration; the pattern of a solid-state lidar has some megabytes."""
 
 
 class Format(NamedTuple):
@@ -78,12 +78,12 @@ def import_sensor(path: str | Path, given: Given | None = None) -> Imported:
     of no known format; `UsageError` where `given` does not fit it.
     """
     file, said = Path(path), given or Given()
-    content = read_source(file, most=JSON_BYTES)
+    content = read_source(file, most=_MOST_BYTES)
     refuse_other_models(content, file, said.model)
     text = decode_text(content, file)
     start = text.lstrip()
     if start.startswith(("{", "[")):
-        values = json_values(text, file, as_text=True)
+        values = json_values(text, file)
         return _with(_JSON, values.data, values, said, file)
     if start.startswith("<"):
         root = xml_root(text, file)

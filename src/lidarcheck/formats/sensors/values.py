@@ -31,6 +31,8 @@ class Values:
 
     def fault(self, path: Sequence[str | int], what: str, fix: str = _EXPORT) -> InputError:
         """The error for a fault at that place, to raise."""
+        if not self.lines.lines:
+            return InputError(what, file=self.lines.file, fix=fix)
         return self.lines.fault(path, what, fix=fix)
 
     def find(self, *path: str | int) -> Any:

@@ -16,7 +16,7 @@ from lidarcheck.printable import printable
 __all__ = ["Element", "xml_root"]
 
 _DEEPEST = 100
-_MOST_ELEMENTS = 500_000
+_MOST_ELEMENTS = 100_000
 
 
 @dataclass

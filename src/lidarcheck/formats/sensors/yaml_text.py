@@ -15,8 +15,8 @@ from lidarcheck.printable import printable
 
 __all__ = ["yaml_values"]
 
-YAML_BYTES = 1 << 20
-"""The parser takes a second and more for a megabyte; the file of a sensor of 128 lasers has 30 kB."""
+YAML_BYTES = 1 << 18
+"""The parser takes some seconds for a megabyte of short values; the file of a sensor of 128 lasers has 30 kB."""
 _AS_TEXT = ("timestamp", "merge", "value")
 _PLAIN = ("int", "float", "str", "bool", "null")
 
