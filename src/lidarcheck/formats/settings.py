@@ -15,7 +15,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NoReturn, Self
+from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -24,6 +24,7 @@ from lidarcheck.config.words import dotted, kind_of, shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.json_lines import locate_json
+from lidarcheck.formats.json_text import json_of, too_deep
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source
 from lidarcheck.sensor import LAYERS, POINTS, VARIANTS
@@ -49,7 +50,6 @@ _NAMES: dict[Axis, tuple[str, ...]] = {
 }
 _ROW_MAX = 3 * LAYERS - 1
 _COLUMN_MAX = 2399
-_CONSTANT = re.compile(r'"(?:[^"\\]++|\\.)*+"|(NaN|Infinity)')
 _FILE_NAME = re.compile(r"Blooming_Calibration_([VH])_", re.IGNORECASE)
 
 _Distance = Field(ge=0.0, le=300.0, json_schema_extra={"unit": "m"})
@@ -203,7 +203,7 @@ def settings_content(settings: Settings, file: Path) -> bytes:
     """The bytes that `save_settings` writes to a file; errors as there."""
     check_settings(settings, file)
     document = settings.document()
-    if settings.content is not None and _values(settings.content.decode("utf-8-sig")) == document:
+    if settings.content is not None and json_of(settings.content.decode("utf-8-sig"), file) == document:
         return settings.content
     return (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
 
@@ -220,17 +220,11 @@ def limits_of(axis: Axis) -> dict[str, tuple[float, float]]:
 
 def _parse(text: str, file: Path) -> tuple[list[Any], LineIndex]:
     """The list in the file and its lines; every key once, every number finite, every text writable."""
+    data = json_of(text, file)
     try:
-        data = _values(text)
         found, repeated = locate_json(text)
-    except json.JSONDecodeError as error:
-        what = f"not valid JSON: {error.msg[:1].lower()}{error.msg[1:]}"
-        raise InputError(what, file=file, line=error.lineno, fix="correct the line") from None
     except RecursionError:
-        raise InputError("lists or objects are nested too deeply", file=file, fix="write it flatter") from None
-    except ValueError as error:
-        line = _line_of_constant(text)
-        raise InputError(f"not valid JSON: {error}", file=file, line=line, fix="use plain numbers and text") from None
+        raise too_deep(file) from None
     if not isinstance(data, list):
         raise InputError(f"the file holds {kind_of(data)}", file=file, line=1, fix="use a list [...] of objects {...}")
     lines = LineIndex(file, {("settings", *path): line for path, line in found.items()})
@@ -242,22 +236,6 @@ def _parse(text: str, file: Path) -> tuple[list[Any], LineIndex]:
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
     return data, lines
-
-
-def _values(text: str) -> Any:
-    return json.loads(text, parse_constant=_refuse_constant)
-
-
-def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a number")
-
-
-def _line_of_constant(text: str) -> int | None:
-    """The line of the first NaN or Infinity outside of quotes; None where there is none."""
-    for match in _CONSTANT.finditer(text):
-        if match[1]:
-            return text.count("\n", 0, match.start()) + 1
-    return None
 
 
 def _unwritable(value: object, path: tuple[str | int, ...], lines: LineIndex) -> list[InputError]:

@@ -17,7 +17,7 @@ from lidarcheck.formats.sensors.hesai import import_hesai, is_angle_table, refus
 from lidarcheck.formats.sensors.hesai_firetimes import is_fire_table
 from lidarcheck.formats.sensors.imported import Given, Imported
 from lidarcheck.formats.sensors.isaac import import_isaac, is_isaac
-from lidarcheck.formats.sensors.json_text import json_values
+from lidarcheck.formats.sensors.json_values import json_values
 from lidarcheck.formats.sensors.osi import import_osi, is_osi
 from lidarcheck.formats.sensors.ouster import import_ouster, is_ouster
 from lidarcheck.formats.sensors.sdf import import_sdf, is_sdf
