@@ -219,7 +219,7 @@ BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "turn.json": (
         lambda path: path.write_text(json.dumps(firings(1e8))),
         CALIBRATION,
-        ":1: more than 10000000 beams a turn;",
+        ":1: 100000000 beams, a table has at most 1000000;",
     ),
     **{
         name: (

@@ -34,6 +34,7 @@ def json_of(text: str, file: Path, *, once: bool = False) -> Any:
         line = _line_of_constant(text)
         raise InputError(f"not valid JSON: {error}", file=file, line=line, fix="use plain numbers and text") from None
     except _TwiceError as error:
+        json_of(text, file)  # what is wrong behind it goes first: lines are found in valid text alone
         [key] = error.args
         repeated = locate_json(text)[1] if len(text) <= LOCATED else []
         line = next((line for path, line in repeated if path[-1] == key), None)

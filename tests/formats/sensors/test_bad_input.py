@@ -131,7 +131,7 @@ def test_sizes_are_limited(tmp_path):
 def test_a_turn_of_many_firings_takes_no_memory(tmp_path):
     document = isaac(2)
     document["profile"]["reportRateBaseHz"] = 1e9
-    with pytest.raises(InputError, match="more than 10000000 beams a turn"):
+    with pytest.raises(InputError, match="beams, a table has at most 1000000"):
         imported(written(tmp_path, "i.json", document))
 
 

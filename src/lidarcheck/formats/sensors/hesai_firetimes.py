@@ -26,6 +26,7 @@ _SILENT = "-"
 _MOST_US = 1000.0
 _MOST_STATES = 64
 _SHOWN_STATES = 12
+_SHOWN_LETTERS = 40
 
 
 def is_fire_table(first: Sequence[str]) -> bool:
@@ -107,7 +108,7 @@ def _column(head: Sequence[Row], body: Sequence[Row], state: str | None, path: P
 
 def _known(names: Sequence[str]) -> str:
     more = f" ... ({len(names)} in all)" if len(names) > _SHOWN_STATES else ""
-    return "one of " + " | ".join(names[:_SHOWN_STATES]) + more
+    return "one of " + " | ".join(name[:_SHOWN_LETTERS] for name in names[:_SHOWN_STATES]) + more
 
 
 def _names(head: Sequence[Row], columns: Sequence[int]) -> list[str]:

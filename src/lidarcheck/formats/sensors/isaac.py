@@ -6,17 +6,20 @@ lidar fires its emitters at each step of the head, one state after the other; a 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray
 from lidarcheck.config.schema import LineIndex
 from lidarcheck.config.toml_lines import KeyPath
 from lidarcheck.config.words import dotted
 from lidarcheck.errors import InputError
 from lidarcheck.formats.sensors.imported import Given, Imported, Lacking, is_whole, linear_lacks, rounded
-from lidarcheck.formats.sensors.values import MOST_BEAMS, MOST_CHANNELS, Values, check_degrees
+from lidarcheck.formats.sensors.values import MOST_CHANNELS, MOST_LISTED, Values, check_degrees
 
 __all__ = ["import_isaac", "is_isaac"]
 
@@ -110,7 +113,7 @@ def _states(values: Values) -> list[_State]:
     rows = values.entries("profile", "emitterStates", most=_MOST_STATES)
     if not rows:
         raise values.fault(("profile", "emitterStates"), "emitterStates is empty: no beam is described")
-    count = values.maybe("profile", "numberOfEmitters", low=1, high=MOST_BEAMS)
+    count = values.maybe("profile", "numberOfEmitters", low=1, high=MOST_LISTED)
     states = []
     for index, row in enumerate(rows):
         at: tuple[str | int, ...] = ("profile", "emitterStates", index)
@@ -228,52 +231,57 @@ def _turn(
         raise values.fault(("profile", "emitterStates"), what, "correct the rates")
     if any(len(state["elevationDeg"]) != emitters for state in states):
         raise values.fault(("profile", "emitterStates"), "states of a rotary lidar have different numbers of emitters")
-    if firings * emitters > MOST_BEAMS:
-        raise values.fault(("profile", "emitterStates"), f"more than {MOST_BEAMS} beams a turn")
-    table: dict[str, list[float]] = {key: [] for key in _COLUMNS}
-    for firing in range(firings):
-        state = states[firing % len(states)]
-        turned = first + sense * firing * 360.0 / firings
-        _append(table, state, range(emitters), [firing] * emitters, turned, firing / firings / rate_hz)
-    return _without_origin(table)
+    _check_count(values, firings * emitters)
+    firing, emitter = np.arange(firings), np.arange(emitters)
+    turned_deg = first + sense * firing * 360.0 / firings
+    return _table(
+        states,
+        firing % len(states),
+        np.broadcast_to(emitter, (firings, emitters)),
+        np.broadcast_to(firing[:, None], (firings, emitters)),
+        turned_deg,
+        firing / firings / rate_hz,
+    )
 
 
 _ORIGIN = ("origin_x_m", "origin_y_m", "origin_z_m")
-_COLUMNS = ("Layer", "Point", "elevation_deg", "azimuth_deg", "time_s", *_ORIGIN)
 
 
-def _without_origin(table: dict[str, list[float]]) -> dict[str, Sequence[float]]:
-    """The table, without the origins where all are 0."""
-    moved = any(any(table[name]) for name in _ORIGIN)
-    return {name: column for name, column in table.items() if moved or name not in _ORIGIN}
+def _check_count(values: Values, beams: int) -> None:
+    if beams > MOST_LISTED:
+        raise values.fault(("profile", "emitterStates"), f"{beams} beams, a table has at most {MOST_LISTED}")
 
 
-def _append(
-    table: dict[str, list[float]], state: _State, layers: Sequence[int], points: Sequence[int],
-    turned_deg: float, start_s: float,
-) -> None:  # fmt: skip
-    count = len(state["elevationDeg"])
-    times = state.get("fireTimeNs") or [0.0] * count
-    table["Layer"] += layers
-    table["Point"] += points
-    table["elevation_deg"] += state["elevationDeg"]
-    table["azimuth_deg"] += [rounded(turned_deg + azimuth, "deg") for azimuth in state["azimuthDeg"]]
-    table["time_s"] += [rounded(start_s + time * 1e-9, "m") for time in times]
-    left, up = (state.get(key) or [0.0] * count for key in ("horOffsetM", "vertOffsetM"))
-    sin, cos = math.sin(math.radians(turned_deg)), math.cos(math.radians(turned_deg))
-    table["origin_x_m"] += [rounded(-side * sin, "m") for side in left]
-    table["origin_y_m"] += [rounded(side * cos, "m") for side in left]
-    table["origin_z_m"] += up
+def _table(
+    states: Sequence[_State], which: npt.ArrayLike, layers: npt.ArrayLike, points: npt.ArrayLike,
+    turned_deg: FloatArray, start_s: FloatArray,
+) -> dict[str, Sequence[float]]:  # fmt: skip
+    """A row an emitter of each firing: its state `which`, and where the head looks and when; (firings, emitters)."""
+    count = len(states[0]["elevationDeg"])
+    zeros = [0.0] * count
+    keys = ("elevationDeg", "azimuthDeg", "fireTimeNs", "horOffsetM", "vertOffsetM")
+    elevation, azimuth, time_ns, left, up = (
+        np.array([state.get(key, zeros) for state in states])[np.asarray(which, np.int64)] for key in keys
+    )
+    sin, cos = (function(np.radians(turned_deg))[:, None] for function in (np.sin, np.cos))
+    origin = (-left * sin, left * cos, up)
+    columns = {
+        "elevation_deg": elevation,
+        "azimuth_deg": np.round(turned_deg[:, None] + azimuth, 10),
+        "time_s": np.round(start_s[:, None] + time_ns * 1e-9, 12),
+        **(dict(zip(_ORIGIN, np.round(origin, 12), strict=True)) if left.any() or up.any() else {}),
+    }
+    whole = {"Layer": np.asarray(layers), "Point": np.asarray(points)}
+    return {name: (column + 0).ravel().tolist() for name, column in (whole | columns).items()}
 
 
 def _solid(values: Values, states: list[_State], remarks: list[str]) -> dict[str, Sequence[float]]:
     """Each state's emitters, in lines where the file counts its rays a line."""
     if len(states) > 1:
         remarks.append(f"A frame fires one of {len(states)} states; the table holds all of them, one after the other.")
-    table: dict[str, list[float]] = {key: [] for key in _COLUMNS}
+    _check_count(values, sum(len(state["elevationDeg"]) for state in states))
     done: dict[int, int] = {}
-    if sum(len(state["elevationDeg"]) for state in states) > MOST_BEAMS:
-        raise values.fault(("profile", "emitterStates"), f"more than {MOST_BEAMS} beams")
+    parts = []
     for state in states:
         count = len(state["elevationDeg"])
         lines = [count]
@@ -282,8 +290,10 @@ def _solid(values: Values, states: list[_State], remarks: list[str]) -> dict[str
         if sum(lines) != count or min(lines) < 1:
             what = f"numRaysPerLine says {sum(lines)} rays, the state has {count}"
             raise values.fault(("profile", "numRaysPerLine"), what)
-        layers = [layer for layer, n in enumerate(lines) for _ in range(n)]
-        begin = [done.get(layer, 0) for layer in range(len(lines))]
-        _append(table, state, layers, [begin[layer] + at for layer, n in enumerate(lines) for at in range(n)], 0.0, 0.0)
-        done |= {layer: begin[layer] + n for layer, n in enumerate(lines)}
-    return _without_origin(table)
+        layers = np.repeat(np.arange(len(lines)), lines)
+        points = np.concatenate([done.get(layer, 0) + np.arange(n) for layer, n in enumerate(lines)])
+        done |= {layer: done.get(layer, 0) + n for layer, n in enumerate(lines)}
+        parts.append(_table([state], [0], layers, points, np.zeros(1), np.zeros(1)))
+    moved = {name for part in parts for name in part if name in _ORIGIN}
+    names = [*parts[0]] + [name for name in _ORIGIN if name in moved and name not in parts[0]]
+    return {name: [value for part in parts for value in part.get(name, [0.0] * len(part["Layer"]))] for name in names}

@@ -105,7 +105,7 @@ def _rate(view: Values) -> float | None:
 
 
 def _directions(view: Values) -> dict[str, Sequence[float]]:
-    rows = view.entries("directions", most=MOST_BEAMS)
+    rows = view.entries("directions")
     count = view.maybe("num_of_pixels", low=0)
     if count is not None and count != len(rows):
         raise view.fault(("num_of_pixels",), f"num_of_pixels = {count:g}, there are {len(rows)} directions")

@@ -9,7 +9,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.recognise import read_table
-from lidarcheck.formats.sensors.values import MOST_BEAMS
+from lidarcheck.formats.sensors.values import MOST_LISTED
 
 __all__ = ["read_pattern"]
 
@@ -26,13 +26,13 @@ def read_pattern(path: Path) -> dict[str, Sequence[float]]:
         raise InputError(f"the column {missing[0]} is missing", file=path, fix=fix)
     found = {name: np.asarray(columns[name], np.float64) for name in (*_NEEDED, *_MORE) if name in columns}
     count = len(found["Layer"])
-    if not 0 < count <= MOST_BEAMS:
-        raise InputError(f"the table has {count} beams", file=path, fix=f"1 to {MOST_BEAMS} are read")
+    if not 0 < count <= MOST_LISTED:
+        raise InputError(f"the table has {count} beams", file=path, fix=f"1 to {MOST_LISTED} are read")
     for name, column in found.items():
         if not np.isfinite(column).all():
             raise InputError(f"a number of {name} is not finite", file=path, fix="write all of them")
     beams = np.stack([found["Layer"], found["Point"]], axis=-1)
-    if (beams < 0).any() or (beams != np.floor(beams)).any() or (beams > MOST_BEAMS).any():
+    if (beams < 0).any() or (beams != np.floor(beams)).any() or (beams > MOST_LISTED).any():
         raise InputError("Layer and Point are whole numbers from 0", file=path, fix="number the beams")
     if len(np.unique(beams, axis=0)) < count:
         raise InputError("a beam (Layer, Point) stands twice", file=path, fix="remove one")

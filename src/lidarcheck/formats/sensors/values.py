@@ -12,12 +12,14 @@ from lidarcheck.config.schema import LineIndex
 from lidarcheck.config.words import dotted, kind_of, shown
 from lidarcheck.errors import InputError
 
-__all__ = ["MOST_BEAMS", "MOST_CHANNELS", "Values", "check_degrees", "check_radians"]
+__all__ = ["MOST_BEAMS", "MOST_CHANNELS", "MOST_LISTED", "Values", "check_degrees", "check_radians"]
 
 MOST_CHANNELS = 4096
 """Channels of a sensor: ten times those of any that is sold."""
 MOST_BEAMS = 10_000_000
-"""Beams of a sensor's table or grid."""
+"""Beams of a grid."""
+MOST_LISTED = 1_000_000
+"""Beams of a table, and entries of a list: twice those of the reference sensor."""
 _EXPORT = "export the file from the sensor again"
 
 
@@ -80,7 +82,7 @@ class Values:
             raise self.fault(path, f"{dotted(path)} has {len(values)} numbers, {count} are needed")
         return [self._finite(value, (*path, index)) for index, value in enumerate(values)]
 
-    def entries(self, *path: str | int, most: int = MOST_BEAMS) -> list[Any]:
+    def entries(self, *path: str | int, most: int = MOST_LISTED) -> list[Any]:
         """The list there; `InputError` where there is none, or more than `most` entries."""
         value = self.find(*path)
         if value is None:

@@ -52,8 +52,8 @@ def document_text(imported: Imported, *, table_file: str = "") -> str:
 
 def table_text(imported: Imported) -> str:
     """The table of beams as CSV."""
-    rows = zip(*imported.table.values(), strict=True)
-    return ",".join(imported.table) + "\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows)
+    rows = zip(*(map(repr, column) for column in imported.table.values()), strict=True)
+    return "\n".join([",".join(imported.table), *map(",".join, rows)]) + "\n"
 
 
 def _lacking_lines(entries: Iterable[Lacking]) -> list[str]:
