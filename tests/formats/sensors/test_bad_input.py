@@ -113,6 +113,20 @@ def test_entities_are_never_expanded(tmp_path, text, head):
         imported(file)
 
 
+def test_a_document_is_utf_8_whatever_it_says_of_itself(tmp_path):
+    for encoding in ("UTF-1", "latin-1", "UTF-16"):
+        text = veloview().replace("UTF-8", encoding)
+        assert imported(written(tmp_path, "f.xml", text)) == imported(written(tmp_path, "f.xml", veloview()))
+
+
+def test_broken_json_in_which_a_key_stands_twice(tmp_path):
+    text = json.dumps(osi(), indent=1).replace('"numOfPixels"', '"directions": 1, "numOfPixels"')
+    with pytest.raises(InputError, match=r':[0-9]+: "directions" stands twice in one object; remove one'):
+        imported(written(tmp_path, "o.json", text))
+    with pytest.raises(InputError, match="not valid JSON: expecting"):
+        imported(written(tmp_path, "o.json", text[:-3]))
+
+
 def test_sizes_are_limited(tmp_path):
     file = tmp_path / "a.json"
     with file.open("wb") as stream:

@@ -107,6 +107,20 @@ def test_a_unit_of_16_in_a_body_of_64_keeps_its_rings(tmp_path):
     assert {"beams.origin_m", "beams.range_offset_m", "beams.column_shift", "features.REFLECTIVITY"} <= lacking
 
 
+def test_old_firmware_in_the_nested_form_has_no_data_format(tmp_path):
+    meta = ouster() | {"lidar_data_format": "error: Command not recognized."}
+    del meta["beam_intrinsics"]["beam_to_lidar_transform"], meta["beam_intrinsics"]["lidar_origin_to_beam_origin_mm"]
+    meta["config_params"]["azimuth_window"] = [0, 36000]
+    meta["sensor_info"] |= {"prod_line": "OS-1-64", "build_rev": "v1.13.0"}
+    meta["beam_intrinsics"]["beam_altitude_angles"] = [16.0 - row / 2 for row in range(64)]
+    meta["beam_intrinsics"]["beam_azimuth_angles"] = [3.0] * 64
+    own = sensor(imported(written(tmp_path, "m.json", meta)))
+    assert (own.beams.layers, own.beams.points) == (64, 512)
+    meta["sensor_info"]["build_rev"] = "v2.3.0"
+    with pytest.raises(InputError, match="pixels_per_column is missing"):
+        imported(written(tmp_path, "m.json", meta))
+
+
 def changed(path, value):
     meta = at = ouster()
     for part in path[:-1]:

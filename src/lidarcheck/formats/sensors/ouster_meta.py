@@ -40,11 +40,18 @@ class Metadata:
 
     def profile(self) -> str | None:
         """None only of firmware before 2, which has no data format; the first that has none to choose is LEGACY."""
-        form = self.form()
-        if self.values.find(form) is None:
-            version = self.version()
-            return "LEGACY" if version is not None and version < (2, 0) else None
-        return self.values.text(form, "udp_profile_lidar") or "LEGACY"
+        if not self.has_form():
+            return "LEGACY" if self.is_before_2() else None
+        return self.values.text(self.form(), "udp_profile_lidar") or "LEGACY"
+
+    def is_before_2(self) -> bool:
+        """Whether the firmware is known to be older than 2.0, which has no data format."""
+        version = self.version()
+        return version is not None and version < (2, 0)
+
+    def has_form(self) -> bool:
+        """Whether there is a data format; old firmware answers "error: Command not recognized." in its place."""
+        return isinstance(self.values.find(self.form()), dict)
 
     def form(self) -> str:
         """The group of the data format."""
@@ -75,7 +82,7 @@ class Metadata:
     def channels(self, listed: int) -> int:
         """How many channels there are, by the data format; without one, by the longer list or the product's name."""
         form = self.form()
-        if self.values.find(form) is not None or self.nested:
+        if self.has_form() or (self.nested and not self.is_before_2()):
             return self.values.whole(form, "pixels_per_column", low=1, high=MOST_CHANNELS)
         named = _LINE.search(self.text("prod_line") or "")
         return max(listed, int(named[1])) if named else listed
@@ -192,10 +199,11 @@ class Metadata:
         if self.values.find(*path) is None:
             return 0, columns
         low, high = self.values.numbers(*path, count=2)
-        if not (0 <= low <= 360_000 and 0 <= high <= 360_000):
-            raise self.values.fault(path, "azimuth_window is in thousandths of a degree, 0 to 360000")
-        if (high - low) % 360_000 == 0:
+        turn = 36_000 if self.is_before_2() else 360_000  # hundredths of a degree, then thousandths
+        if not (0 <= low <= turn and 0 <= high <= turn):
+            raise self.values.fault(path, f"azimuth_window {low:g} to {high:g} is no part of 0 to {turn}, a turn")
+        if (high - low) % turn == 0:
             return 0, columns
-        first = math.ceil((360_000 - high) * columns / 360_000)
-        last = math.floor((360_000 - low) * columns / 360_000)
+        first = math.ceil((turn - high) * columns / turn)
+        last = math.floor((turn - low) * columns / turn)
         return first % columns, (last - first) % columns + 1
