@@ -105,6 +105,9 @@ def test_saturation_clips_the_amplitude_and_lengthens_the_pulse():
     assert found.amplitude.tolist() == [100.0]
     plain = 2.0 * 5.0 / 2.3548 * np.sqrt(2.0 * np.log(10.0))
     assert found.features["WIDTH"] == pytest.approx([plain + 6.0], rel=1e-12)
+    false = linear_echoes(same(5000, 0.0, 0.0), sensor(threshold=3.0, saturation=3.2), threads=1)
+    assert np.mean(false.amplitude == 3.2) == pytest.approx(np.exp(-(3.2**2 - 3.0**2) / 2.0), abs=0.08)
+    assert false.amplitude.max() == 3.2
 
 
 def test_the_background_feature_is_poisson_and_the_same_for_a_shots_echoes():
