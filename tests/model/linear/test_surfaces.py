@@ -10,7 +10,8 @@ import slow_linear
 from any_detector_kit import light, same, sensor
 from lidarcheck.model.linear.echoes import linear_echoes
 from lidarcheck.model.picks import KEEP_CODES, pick
-from lidarcheck.scan import PulseShape
+from lidarcheck.scan import PulseShape, light_of_beams
+from lidarcheck.sensor.feature import Feature
 
 EXACT = {"range_floor_m": 0.0, "edge_factor": 0.0, "noise": 0.0, "threshold": 5.0, "range_resolution_m": 0.0}
 
@@ -120,7 +121,7 @@ def test_echoes_are_those_of_a_slow_simulator(numbers, surfaces, ambient):
 
 
 def test_threads_chunks_and_the_order_of_beams_change_nothing():
-    detector = sensor(threshold=3.5, max_echoes=2)
+    detector = sensor(threshold=3.5, max_echoes=2, features=(Feature("AMBIENT", "background"),))
     rng = np.random.default_rng(1)
     n = 20_000
     ranges, signals = rng.uniform(5.0, 200.0, (n, 2)), rng.uniform(0.0, 20.0, (n, 2))
@@ -128,12 +129,12 @@ def test_threads_chunks_and_the_order_of_beams_change_nothing():
     one, several = (linear_echoes(asked, detector, seed=3, frame=2, threads=threads) for threads in (1, 3))
     assert one.range_m.tobytes() == several.range_m.tobytes()
     assert one.amplitude.tobytes() == several.amplitude.tobytes()
+    assert one.features["AMBIENT"].tobytes() == several.features["AMBIENT"].tobytes()
     part = slice(9000, 9100)
-    from lidarcheck.scan import light_of_beams
-
     alone = linear_echoes(light_of_beams(asked, np.isin(np.arange(n), np.arange(n)[part])), detector, seed=3, frame=2)
     rows = (one.beam >= part.start) & (one.beam < part.stop)
     assert alone.range_m.tobytes() == one.range_m[rows].tobytes()
+    assert alone.features["AMBIENT"].tobytes() == one.features["AMBIENT"][rows].tobytes()
     assert linear_echoes(asked, detector, seed=4, frame=2).range_m[:50].tobytes() != one.range_m[:50].tobytes()
     assert linear_echoes(asked, detector, seed=3, frame=1).range_m[:50].tobytes() != one.range_m[:50].tobytes()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray
 from lidarcheck.model import streams
 from lidarcheck.model.detector_echoes import (
     DetectorEchoes,
@@ -15,7 +14,7 @@ from lidarcheck.model.detector_echoes import (
     new_rows,
 )
 from lidarcheck.model.linear.kernel import Surfaces, detect, new_draws
-from lidarcheck.model.linear.numbers import LinearLight, LinearNumbers, linear_light, linear_numbers
+from lidarcheck.model.linear.numbers import linear_light, linear_numbers
 from lidarcheck.model.many_trials import INVERSES, poisson_numbers
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.scan import Light
@@ -49,6 +48,9 @@ def linear_echoes(
     seen, stream = linear_light(light, sensor), streams.new_stream(seed, "linear", frame)
     room = _most(light) + 2
     starts = range(0, n, _CHUNK)
+    # Light from elsewhere is counted as well: a Poisson number a shot, whose mean is its variance.
+    background = np.empty(n if any(feature.law == "background" for feature in sensor.features) else 0)
+    background_key = streams.new_stream(seed, "linear background", frame).key
     parts, held = [new_rows(0)] * len(starts), [0] * len(starts)
 
     def run(start: int) -> None:
@@ -58,16 +60,17 @@ def linear_echoes(
         found = new_candidates(room)
         found_rows = detect(numbers, gate, seen, stream, start, stop, new_draws(), surfaces, found, rows)
         parts[start // _CHUNK], held[start // _CHUNK] = rows, found_rows
+        if len(background) > 0:
+            some = slice(start, stop)
+            mean, beams = numbers.noise2 + seen.ambient[some], seen.beams[some]
+            poisson_numbers(mean, background_key, stream.counter[2], beams, INVERSES, background[some])
 
     share(run, starts, threads, lambda done: progress and progress(min(done * _CHUNK, n), n))
     rows = joined(parts, held)
-    background = None
-    if any(feature.law == "background" for feature in sensor.features):
-        background = _background(numbers, seen, seed, frame)[rows.beam]
     about = EchoNumbers(
         rows.amplitude,
         rows.range_m - seen.offset[rows.beam],
-        background=background,
+        background=background[rows.beam] if len(background) > 0 else None,
         longer_ns=rows.more if numbers.recovery_ns > 0.0 else None,
         fwhm_ns=None if light.shape is None else light.shape.fwhm_ns,
     )
@@ -78,11 +81,3 @@ def _most(light: Light) -> int:
     """The most surfaces that a beam may have, the air's among them."""
     pulses = int(np.diff(light.first_pulse).max(initial=0))
     return pulses + (0 if light.haze is None else int(np.diff(light.haze.first_row).max(initial=0)))
-
-
-def _background(numbers: LinearNumbers, light: LinearLight, seed: int, frame: int) -> FloatArray:
-    """Counts of the light from elsewhere, one number a shot: Poisson, its mean the variance in the dark. Shape (n,)."""
-    counts = np.empty(len(light.beams))
-    key = streams.new_stream(seed, "linear background", frame).key
-    poisson_numbers(numbers.noise2 + light.ambient, key, np.uint64(frame), light.beams, INVERSES, counts)
-    return counts
