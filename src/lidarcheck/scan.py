@@ -6,7 +6,7 @@ values must build a new table.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
@@ -29,6 +29,7 @@ __all__ = [
     "PulseShape",
     "Scan",
     "beams_of",
+    "joined",
     "light_of_beams",
 ]
 
@@ -342,6 +343,17 @@ def _take(table: _Rows, rows: npt.NDArray[Any]) -> _Rows:
         else:
             parts[f.name] = value[rows]
     return type(table)(**parts)
+
+
+def joined(scans: Sequence[Scan]) -> Scan:
+    """The rows of all scans of one sensor, one below the other, with the features and extra columns that all have."""
+    first = scans[0]
+    columns: dict[str, Any] = {name: np.concatenate([getattr(scan, name) for scan in scans]) for name in ECHO_COLUMNS}
+    for mapping in ("features", "made", "extra"):
+        shared = [name for name in getattr(first, mapping) if all(name in getattr(scan, mapping) for scan in scans)]
+        columns[mapping] = {name: np.concatenate([getattr(scan, mapping)[name] for scan in scans]) for name in shared}
+    defaulted = tuple(dict.fromkeys(name for scan in scans for name in scan.defaulted))
+    return Scan(**columns, defaulted=defaulted, beams=first.beams)
 
 
 def beams_of(

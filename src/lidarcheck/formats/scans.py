@@ -136,7 +136,8 @@ def read_scan(
         beams=_of_frame(own, beams, np.column_stack([x_m, y_m, z_m])),
     )
     lacking = [name for name, column in features.items() if column is None]
-    defaulted = _log_defaults(echoes, scan, lacking, told=beams.told)
+    expected = lacking if sensor is None else [f.name for f in sensor.features if f.name in lacking]
+    defaulted = (*_log_defaults(echoes, scan, expected, told=beams.told), *(n for n in lacking if n not in expected))
     scan = replace(scan, defaulted=defaulted, geometry=checked_geometry(scan, as_read, placement))
     counts = RowCounts(len(table) - len(echoes), unplaced, numbering.copies, numbering.renumbered)
     _log_counts(table, counts)

@@ -6,16 +6,15 @@ Random numbers are keyed by the beam, so that beams whose light is the same give
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.shared.ranges import reported
 from lidarcheck.model.chain import echoes_of
+from lidarcheck.model.reported import as_reported
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, run_and_light
-from lidarcheck.scan import ECHO_COLUMNS, IdealScan, Light, Scan, light_of_beams
+from lidarcheck.scan import IdealScan, Light, Scan, joined, light_of_beams
 
 __all__ = ["DetectedFrame", "simulate_detected"]
 
@@ -36,7 +35,7 @@ class DetectedFrame:
         scan, run = self.scan, replace(self.run, model=model)
         for effect in of_stage("readout", model.effects):
             scan = effect.readout(scan, run.of(effect))
-        return reported(scan, run.sensor)
+        return as_reported(scan, run.sensor)
 
 
 def simulate_detected(
@@ -89,6 +88,5 @@ def _merged(old: Scan, new: Scan, light: Light, differs: npt.NDArray[np.bool_]) 
     keys = light.layer.astype(np.int64) << 32 | light.point
     changed = keys[differs]
     kept = old.take(~np.isin(old.layer.astype(np.int64) << 32 | old.point, changed))
-    columns: dict[str, Any] = {name: np.concatenate([getattr(kept, name), getattr(new, name)]) for name in ECHO_COLUMNS}
-    order = np.lexsort((columns["echo_number"], columns["point"], columns["layer"]))
-    return Scan(**{name: column[order] for name, column in columns.items()}, beams=light.beams)
+    both = joined([kept, new])
+    return both.take(np.lexsort((both.echo_number, both.point, both.layer)))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +11,8 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.find import Panel
 from lidarcheck.calibration.panels.image import strongest
 from lidarcheck.formats.geometry import pooled
-from lidarcheck.scan import ECHO_COLUMNS, Scan
+from lidarcheck.scan import Scan
+from lidarcheck.scan import joined as rows_of_all
 
 __all__ = ["MOST_ECHOES", "PanelSamples", "Sampler", "joined"]
 
@@ -120,9 +120,4 @@ def joined(scans: Sequence[Scan]) -> Scan:
     if not scans:
         nothing = np.zeros(0, dtype=np.int32)
         return Scan.from_beams(nothing, nothing, np.zeros(0))
-    shared = [name for name in scans[0].extra if all(name in scan.extra for scan in scans)]
-    columns: dict[str, Any] = {name: np.concatenate([getattr(scan, name) for scan in scans]) for name in ECHO_COLUMNS}
-    defaulted = tuple(dict.fromkeys(name for scan in scans for name in scan.defaulted))
-    extra = {name: np.concatenate([scan.extra[name] for scan in scans]) for name in shared}
-    geometry = pooled(scan.geometry for scan in scans)
-    return Scan(**columns, extra=extra, defaulted=defaulted, geometry=geometry)
+    return replace(rows_of_all(scans), geometry=pooled(scan.geometry for scan in scans))
