@@ -73,8 +73,13 @@ def validate(data: object, lines: LineIndex, model: type[_ModelT]) -> _ModelT:
     except RecursionError:
         raise InputError("lists or tables are nested too deeply", file=lines.file, fix="write it flatter") from None
     faults: dict[tuple[KeyPath, str], InputError] = {}
-    for entry in found:
-        path = _path_in(data, entry["loc"])
+    paths = [_path_in(data, entry["loc"]) for entry in found]
+    for entry, path in zip(found, paths, strict=True):
+        # A union says of a list that it is no table, though an entry of it is what is wrong.
+        if entry["type"].endswith("_type") and any(
+            len(path) < len(other) and other[: len(path)] == path for other in paths
+        ):
+            continue
         missing = str(entry["loc"][-1]) if entry["type"] == "missing" else ""
         what, fix = _words(entry, path, model)
         # One fault per place: a union reports each of its branches.

@@ -17,6 +17,8 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.table import Column, Table, quoted
+from lidarcheck.sensor.beam_table_checks import TABLE_COLUMNS
+from lidarcheck.sensor.channels import Channels
 
 __all__ = ["canonical", "is_needed", "leave_out", "usable_names", "with_known_names", "writable_names"]
 
@@ -29,6 +31,8 @@ NEEDED = frozenset(
         *("WIDTH", "AREA", "PEAK", "INTENSITY", "SIGNAL", "REFLECTIVITY"),
         *("Distance", "MaterialID", "IncidenceAngle", "ObjectID", "Time", "Share", "Reflectance", "ReflectanceError"),
         *("DistanceError", "Azimuth0", "Edge", "CosAngle", "ObjIdx", "ObjTag"),
+        *TABLE_COLUMNS,
+        *Channels.__dataclass_fields__,
     )
 )
 """Columns with a meaning of their own: without one of them a file would be read as something else."""

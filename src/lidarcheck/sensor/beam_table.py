@@ -13,17 +13,11 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
-from lidarcheck.errors import UsageError
+from lidarcheck.sensor.beam_table_checks import ORIGIN, TABLE_COLUMNS, checked_numbers
 from lidarcheck.sensor.beams import Beams
 from lidarcheck.sensor.sweep import Sweep
 
 __all__ = ["TABLE_COLUMNS", "TableBeams"]
-
-TABLE_COLUMNS = ("Layer", "Point", "elevation_deg", "azimuth_deg")
-"""What a beam table must have."""
-_ORIGIN = ("origin_x_m", "origin_y_m", "origin_z_m")
-_MOST_EMPTY = 4
-"""Cells of (layer, point) that a table may leave empty, times its rows: lines may have different lengths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +47,11 @@ class TableBeams(Beams):
     def of_columns(
         cls, sweep: Sweep, columns: Mapping[str, npt.NDArray[Any]], *, from_scan: bool = False
     ) -> TableBeams:
-        """The beams of a table's columns, a row each, in any order; `UsageError` names the row that is wrong, from 1.
+        """The beams of a table's columns, a row each, in any order; `RowFault` names the row that is wrong.
 
         Every line from 0 on must have its points from 0 on, each once.
         """
-        for name in TABLE_COLUMNS:
-            if name not in columns:
-                raise UsageError(f"the beam table has no column {name}", fix=f"it needs {', '.join(TABLE_COLUMNS)}")
-        layer, point = (np.asarray(columns[name], dtype=np.int64) for name in TABLE_COLUMNS[:2])
-        _check(layer, point, columns)
+        layer, point = checked_numbers(columns)
         shape = (int(layer.max()) + 1, int(point.max()) + 1)
         angles = np.full((*shape, 2), np.nan)
         for k, name in enumerate(TABLE_COLUMNS[2:]):
@@ -69,9 +59,9 @@ class TableBeams(Beams):
         times_s, origins = np.zeros(shape), None
         if "time_s" in columns:
             times_s[layer, point] = columns["time_s"]
-        if any(name in columns for name in _ORIGIN):
+        if any(name in columns for name in ORIGIN):
             origins = np.zeros((*shape, 3))
-            for k, name in enumerate(_ORIGIN):
+            for k, name in enumerate(ORIGIN):
                 origins[layer, point, k] = columns.get(name, 0.0)
         return cls(sweep, angles, times_s, origins, from_scan)
 
@@ -166,56 +156,3 @@ class TableBeams(Beams):
         off_deg = np.rad2deg(2.0 * elementary.arcsin(np.minimum(0.5 * chord, 1.0)))
         outside = ~(off_deg <= np.nan_to_num(self._spacing[layer, point], nan=180.0))
         return np.where(outside, -1, layer).astype(np.int32), np.where(outside, -1, point).astype(np.int32)
-
-
-def _check(layer: IndexArray, point: IndexArray, columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    if not len(layer):
-        raise UsageError("the beam table is empty", fix="write a row for each beam")
-    for name, values in columns.items():
-        wrong = np.flatnonzero(~np.isfinite(np.asarray(values, dtype=np.float64)))
-        if len(wrong):
-            raise UsageError(f"row {wrong[0] + 1}: {name} is no number", fix="correct or remove the row")
-    low = np.flatnonzero((layer < 0) | (point < 0))
-    if len(low):
-        raise UsageError(f"row {low[0] + 1}: Layer or Point is below 0", fix="number lines and points from 0")
-    if (int(layer.max()) + 1) * (int(point.max()) + 1) > max(_MOST_EMPTY * len(layer), 1000):
-        raise UsageError("the beam table has more holes than beams", fix="number lines and points without gaps")
-    cell = layer * (int(point.max()) + 1) + point
-    order = np.argsort(cell, kind="stable")
-    same = np.flatnonzero(np.diff(cell[order]) == 0)
-    if len(same):
-        first, second = sorted(order[[same[0], same[0] + 1]])
-        what = f"rows {first + 1} and {second + 1} are both Layer {layer[first]}, Point {point[first]}"
-        raise UsageError(what, fix="keep one row a beam")
-    _check_holes(layer, point)
-    steep = np.flatnonzero(np.abs(np.asarray(columns["elevation_deg"], dtype=np.float64)) > 90.0)
-    if len(steep):
-        value = columns["elevation_deg"][steep[0]]
-        raise UsageError(f"row {steep[0] + 1}: elevation_deg = {value:g}", fix="use -90 to 90 degrees")
-    _check_unit(columns)
-
-
-def _check_holes(layer: IndexArray, point: IndexArray) -> None:
-    """Lines from 0 on, and in each its points from 0 on."""
-    beams = np.bincount(layer)
-    if not beams.all():
-        missing = int(np.flatnonzero(beams == 0)[0])
-        raise UsageError(f"the beam table has no row of Layer {missing}", fix="number the lines from 0 without gaps")
-    last = np.zeros(len(beams), dtype=np.int64)
-    np.maximum.at(last, layer, point)
-    short = np.flatnonzero(last + 1 != beams)
-    if len(short):
-        line = int(short[0])
-        there = np.zeros(last[line] + 1, dtype=np.bool_)
-        there[point[layer == line]] = True
-        hole = int(np.flatnonzero(~there)[0])
-        what = f"the beam table has no row of Layer {line}, Point {hole}, but of Point {last[line]}"
-        raise UsageError(what, fix="add the row, or number the line's points from 0 without gaps")
-
-
-def _check_unit(columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Angles in radians: all within one turn of 2 pi, though hundreds of beams."""
-    widest = [float(np.ptp(np.asarray(columns[name], dtype=np.float64))) for name in TABLE_COLUMNS[2:]]
-    if len(columns["Layer"]) >= 1000 and 3.0 < widest[1] < 6.3 and widest[0] < 3.2:
-        what = f"azimuth_deg spans {widest[1]:.3g} and elevation_deg {widest[0]:.3g}: these look like radians"
-        raise UsageError(what, fix="write degrees")

@@ -221,13 +221,14 @@ class ChannelBeams(Beams):
     def phase_of(self, layer: npt.ArrayLike, point: npt.ArrayLike, xyz: FloatArray) -> float:
         """How far past the first azimuth Point 0 looks [deg]: the median over echoes of what is left of a turn.
 
-        Beams begin beside the axis, which the phase itself turns: three steps leave less than a float's last bits.
+        Beams begin beside the axis, which the phase itself turns: of the error each step leaves as large a part as that
+        is of the range.
         """
         layer, point = np.asarray(layer), np.asarray(point)
         if self.repeats_columns or not len(xyz):
             return 0.0
         turned = replace(self, phase_deg=0.0)
-        for _ in range(1 if self.central else 3):
+        for _ in range(1 if self.central else 6):
             origins = turned.origins_m(layer, point)
             x, y, _z = (xyz if origins is None else xyz - origins).T
             off = np.rad2deg(elementary.arctan2(y, x)) - turned.angles_deg(layer, point)[1]

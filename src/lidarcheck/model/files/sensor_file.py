@@ -15,8 +15,11 @@ from lidarcheck.config.schema import LineIndex, validate
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.recognise import read_table
+from lidarcheck.formats.table import Table
 from lidarcheck.sensor import Sensor, sensor_of, shipped, shipped_names
-from lidarcheck.sensor.document import Columns, overridden
+from lidarcheck.sensor.faults import KeyFault, RowFault
+from lidarcheck.sensor.overrides import overridden, place_of_number, whole_tables
+from lidarcheck.sensor.sensor import RANGE_KEYS
 from lidarcheck.trust.places import named_file
 
 __all__ = ["is_sensor_file", "load_sensor", "sensor_of_model"]
@@ -38,7 +41,7 @@ def load_sensor(variant: str | os.PathLike[str]) -> Sensor:
         return shipped(name)
     file = Path(name)
     document, lines = _read(file)
-    return _with_itself(_built(document, lines, file.name, _columns_of(file)), file)
+    return _with_itself(_built(document, lines, file.name, _Tables(file)), file)
 
 
 def sensor_of_model(variant: str, overrides: Mapping[str, Any], lines: LineIndex) -> Sensor:
@@ -50,13 +53,15 @@ def sensor_of_model(variant: str, overrides: Mapping[str, Any], lines: LineIndex
             raise _fault(error, overrides, variant, lines) from None
     file = named_file(lines.file.absolute(), variant, lines.line(("variant",)))
     document, own_lines = _read(file)
-    plain = _with_itself(_built(document, own_lines, variant, _columns_of(file)), file)
+    tables = _Tables(file)
+    plain = _with_itself(_built(document, own_lines, variant, tables), file)
     if not overrides:
         return plain
     try:
         changed = overridden(document, overrides)
-        tables = {name: overrides[name] for name in ("beams", "sweep", "features") if overrides.get(name)}
-        found = sensor_of(changed, variant, columns=_columns_of(file), tables=tables)
+        found = sensor_of(changed, variant, columns=tables, tables=whole_tables(overrides))
+    except RowFault as error:
+        raise tables.fault(error) from None
     except UsageError as error:
         raise _fault(error, overrides, variant, lines) from None
     return replace(found, file=str(file), plain=plain)
@@ -75,42 +80,54 @@ def _read(file: Path) -> tuple[dict[str, Any], LineIndex]:
     return document, lines
 
 
-def _built(document: Mapping[str, Any], lines: LineIndex, variant: str, columns: Columns) -> Sensor:
+def _built(document: Mapping[str, Any], lines: LineIndex, variant: str, tables: _Tables) -> Sensor:
     try:
-        return sensor_of(document, variant, columns=columns)
+        return sensor_of(document, variant, columns=tables)
+    except RowFault as error:
+        raise tables.fault(error) from None
     except UsageError as error:
-        raise ConfigError([lines.fault(_place(error.what, document), error.what, fix=error.fix)]) from None
+        what = re.sub("|".join(RANGE_KEYS.values()), _in_file, error.what)
+        raise ConfigError([lines.fault(_place(error, document), what, fix=error.fix)]) from None
 
 
-def _columns_of(file: Path) -> Columns:
-    """Reads a table that the sensor file names, CSV or Parquet, from the project of the sensor file."""
+def _in_file(name: re.Match[str]) -> str:
+    return ".".join(place_of_number(name[0], ""))
 
-    def columns(name: str) -> Mapping[str, npt.NDArray[Any]]:
-        table = read_table(named_file(file.absolute(), name))
+
+def _place(error: UsageError, document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The key of the file that holds what is wrong; a number out of its bounds begins the message."""
+    if isinstance(error, KeyFault):
+        return error.at
+    return place_of_number(error.what.split(" ", 1)[0], str(document.get("detector")))
+
+
+class _Tables:
+    """Reads the tables that a sensor file names, CSV or Parquet, from the sensor file's project."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.read: dict[str, Table] = {}
+
+    def __call__(self, name: str) -> Mapping[str, npt.NDArray[Any]]:
+        """The columns of a table."""
+        table = self.read[name] = read_table(named_file(self.file.absolute(), name))
         if not len(table):
             raise InputError("has no rows", file=table.path, fix="write a row for each entry")
         return table.columns
 
-    return columns
-
-
-def _place(what: str, document: Mapping[str, Any]) -> tuple[str, ...]:
-    """The key of the file that a message names: the longest one, else the table that it belongs to."""
-    named: list[tuple[str, ...]] = []
-
-    def look(table: Mapping[str, Any], at: tuple[str, ...]) -> None:
-        for key, value in table.items():
-            if re.search(rf"(?<![\w-]){re.escape(key)}(?![\w-])", what):
-                named.append((*at, key))
-            if isinstance(value, Mapping):
-                look(value, (*at, key))
-
-    look(document, ())
-    return max(named, key=len, default=())
+    def fault(self, error: RowFault) -> InputError:
+        """The same with the line of the table; of a fault of its header the first."""
+        table = self.read[error.table]
+        if error.row is not None:
+            return table.fault(error.plain, row=error.row, fix=error.fix)
+        return InputError(error.plain, file=table.path, line=None if table.layout is None else 1, fix=error.fix)
 
 
 def _fault(error: UsageError, overrides: Mapping[str, Any], variant: str, lines: LineIndex) -> ConfigError:
-    """The fault at the override that the error names, else at the variant."""
+    """The fault at the override that the error is about, else at `[sensor]` or the variant."""
+    word = error.what.split(" ", 1)[0]
+    at = error.at if isinstance(error, KeyFault) else place_of_number(word, "")
     named = [name for name in overrides if re.search(rf"\b{re.escape(name)}\b", error.what)]
-    place = ("sensor", *named[:1]) if overrides and (named or "variant" not in error.what) else ("variant",)
+    places = [("sensor", *at), ("sensor", at[-1]), ("sensor", word), *(("sensor", name) for name in named)]
+    place = next((place for place in places if place in lines.lines), ("sensor",) if overrides else ("variant",))
     return ConfigError([lines.fault(place, error.what, fix=error.fix)])
