@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from lidarcheck.errors import ConfigError, InputError
+from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.model import load_model
+from lidarcheck.model.chain import check_complete
 from lidarcheck.model.files.sensor_file import load_sensor
 
 GOOD = """\
@@ -74,7 +75,6 @@ def test_without_a_fault_the_file_is_read(tmp_path, text):
         ('"linear"', '"lineer"', 3, 'did you mean "linear"?'),
         # What does not fit together.
         ("columns = 100", "columns = 100\nazimuth_step_deg = 1", 15, "azimuth_step_deg, and has both"),
-        ("columns = 100\n", "", 11, "beams needs columns or azimuth_step_deg"),
         ("columns = 100", "azimuth_step_deg = 0.7", 15, "gives 514.286 columns"),
         ("columns = 100", "columns = 100\nazimuth_deg = {first = 0, last = -360}", 16, "let last be 360"),
         ("columns = 100", "columns = 100\nazimuth_deg = {first = 0, last = 400}", 16, "spans 400 degrees"),
@@ -246,3 +246,12 @@ def test_a_fault_of_the_sensor_file_is_named_there_when_a_model_is_read(tmp_path
         load_model(model)
     (found,) = caught.value.lines()
     assert found.startswith(f"error: {tmp_path / 'mine.toml'}:14: ")
+
+
+def test_what_a_calibration_does_not_say_is_missing_until_something_is_simulated(tmp_path):
+    text = GOOD.replace("columns = 100\n", "").replace("frame_rate_hz = 10\n", "")
+    (tmp_path / "sensor.toml").write_text(text, encoding="utf-8")
+    sensor = load_sensor(tmp_path / "sensor.toml")
+    assert set(sensor.missing) >= {"beams.columns", "frame_rate_hz"}
+    with pytest.raises(UsageError, match="lacks .*frame_rate_hz"):
+        check_complete(sensor)

@@ -17,7 +17,7 @@ from lidarcheck.sensor.faults import KeyFault, RowFault
 from lidarcheck.sensor.grid import Axis, GridBeams
 from lidarcheck.sensor.sweep import Sweep
 
-__all__ = ["Columns", "beams_of_table", "read_columns"]
+__all__ = ["Columns", "beams_missing", "beams_of_table", "read_columns"]
 
 Columns = Callable[[str], Mapping[str, npt.NDArray[Any]]]
 """What reads a table that a sensor file names: its columns by their names."""
@@ -29,6 +29,8 @@ _OF_KIND: Mapping[str, tuple[str, ...]] = {
     ),
     "table": ("file", "direction"),
 }  # fmt: skip
+_STEP_DEG = 1.0
+"""Stands for the step of columns of a file that does not say it; `beams_missing` does."""
 _OF_ALL = ("kind", "footprint_deg", "footprint", "sub_rays")
 
 
@@ -147,10 +149,10 @@ def _turning(table: Any, channels: Channels, sweep: Sweep) -> ChannelBeams:
     if span * way < 0.0:
         what = f'beams.azimuth_deg goes {"left" if span > 0 else "right"}, sweep.direction is "{sweep.direction}"'
         raise _fault(what, f"let last be {first + way * abs(span):g}, or direction the other one", "azimuth_deg")
-    if (table.columns is None) == (table.azimuth_step_deg is None):
-        what = "beams needs columns or azimuth_step_deg" + ("" if table.columns is None else ", and has both")
+    if table.columns is not None and table.azimuth_step_deg is not None:
+        what = "beams needs columns or azimuth_step_deg, and has both"
         raise _fault(what, "give one of them", *(() if table.columns is None else ("columns",)))
-    step = span / table.columns if table.columns is not None else np.copysign(table.azimuth_step_deg, span)
+    step = span / table.columns if table.columns is not None else np.copysign(table.azimuth_step_deg or _STEP_DEG, span)
     repeats = True if table.columns_repeat is None else table.columns_repeat
     columns = span / step
     if repeats and abs(columns - round(columns)) > 1e-3:
@@ -170,3 +172,9 @@ def _table(table: Any, sweep: Sweep, columns: Columns | None) -> Beams:
         return TableBeams.of_columns(sweep, read, from_scan=table.direction == "from_scan")
     except RowFault as fault:
         raise fault.of_table(table.file) from None
+
+
+def beams_missing(table: Any) -> tuple[str, ...]:
+    """What of `[beams]` must be known before anything is simulated, and is not."""
+    unknown = table.kind == "channels" and table.columns is None and table.azimuth_step_deg is None
+    return ("beams.columns",) if unknown else ()

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor.beams_document import Columns, beams_of_table, read_columns
+from lidarcheck.sensor.beams_document import Columns, beams_missing, beams_of_table, read_columns
 from lidarcheck.sensor.faults import KeyFault
 from lidarcheck.sensor.feature import LAWS, Feature
 from lidarcheck.sensor.overrides import overridden, whole_tables
@@ -25,6 +25,8 @@ from lidarcheck.sensor.sweep import Sweep
 __all__ = ["own", "sensor_of", "shipped", "shipped_names"]
 
 _DEFAULTS = {"min_range_m": 0.0, "max_range_m": 300.0, "range_resolution_m": 0.01, "range_offset_m": 0.0}
+_RATE_HZ = 10.0
+"""Stands for the rate of a file that does not say it; the sensor's `missing` does."""
 _PULSE_NS = {"spad_array": 5.0, "linear": 5.0, "photon_histogram": 1.0}
 
 
@@ -106,7 +108,7 @@ def sensor_of(
         beams=beams,
         sweep=sweep,
         features=tuple(_feature(name, entry, columns) for name, entry in table.features.items()),
-        frame_rate_hz=table.frame_rate_hz,
+        frame_rate_hz=table.frame_rate_hz or _RATE_HZ,
         max_echoes=table.returns,
         **{name: getattr(table, name) for name in ("keep", "strength", "return_order", "duplicate_return")},
         **{name: getattr(table, name) for name in ("handedness", "time_unit", "time_zero", "deskewed")},
@@ -114,7 +116,7 @@ def sensor_of(
         footprint=table.beams.footprint,
         sub_rays=(1, 1) if narrow else (rays.horizontal, rays.vertical),
         tables=dict(tables or {}),
-        missing=missing,
+        missing=(*missing, *beams_missing(table.beams)),
         **numbers,
     )
 
@@ -145,7 +147,11 @@ def _numbers(table: Any, kind: type[Sensor], columns: Columns | None) -> tuple[d
     missing = tuple(f.name for f in required if f.name not in values and f.name not in ("frame_rate_hz", "max_echoes"))
     law = {"power": "range_at_threshold_m", "distance": "range_base_m"}.get(values.get("range_law", ""), "")
     missing += (law,) if law and law not in values else ()
-    return {**{name: _stand_in(kind, name) for name in missing if name != law}, **values}, missing
+    missing += () if table.frame_rate_hz is not None else ("frame_rate_hz",)
+    return {
+        **{name: _stand_in(kind, name) for name in missing if name not in (law, "frame_rate_hz")},
+        **values,
+    }, missing
 
 
 _NO_DEFAULT = Sensor.__dataclass_fields__["variant"].default
@@ -171,7 +177,7 @@ def _sweep(table: Any) -> Sweep:
     flash = sweep.order == "flash"
     return Sweep(
         order=sweep.order,
-        duration_s=sweep.duration_s if sweep.duration_s is not None else 1.0 / table.frame_rate_hz,
+        duration_s=sweep.duration_s if sweep.duration_s is not None else 1.0 / (table.frame_rate_hz or _RATE_HZ),
         direction=sweep.direction,
         common_receiver=flash if sweep.common_receiver is None else sweep.common_receiver,
         fire_time_in_azimuth=sweep.fire_time_in_azimuth,

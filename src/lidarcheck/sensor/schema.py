@@ -152,7 +152,7 @@ class _Own(Config):
     name: str
     source: str | tuple[str, ...] = ()
     detector: Literal["spad_array", "linear", "photon_histogram"]
-    frame_rate_hz: Annotated[float, Field(ge=0.001, le=10_000.0, json_schema_extra={"unit": "Hz"})]
+    frame_rate_hz: Annotated[float, Field(ge=0.001, le=10_000.0, json_schema_extra={"unit": "Hz"})] | None = None
     returns: Annotated[int, Field(ge=1, le=16)] = 1
     keep: Keep = "strongest"
     strength: str = ""
