@@ -253,5 +253,5 @@ def test_what_a_calibration_does_not_say_is_missing_until_something_is_simulated
     (tmp_path / "sensor.toml").write_text(text, encoding="utf-8")
     sensor = load_sensor(tmp_path / "sensor.toml")
     assert set(sensor.missing) >= {"beams.columns", "frame_rate_hz"}
-    with pytest.raises(UsageError, match="lacks .*frame_rate_hz"):
+    with pytest.raises(UsageError, match=r"lacks .*frame_rate_hz"):
         check_complete(sensor)
