@@ -18,7 +18,8 @@ class Geometry(NamedTuple):
 
     Of the `rows` that were looked at so many could be `judged`, so many of these `passed`, and so many of all lie
     `outside` their bound.
-    `unit_checked`: whether a RANGE beside X, Y, Z says that they are in metres.
+    `unit_checked`: whether a RANGE beside X, Y, Z says that they are in metres. `yaw_checked`: not where columns do not
+    repeat, since each is then turned onto its own.
     """
 
     verdict: str = "not checked"
@@ -28,6 +29,7 @@ class Geometry(NamedTuple):
     outside: int = 0
     note: str = "the echoes were not read from a file"
     unit_checked: bool = False
+    yaw_checked: bool = True
 
 
 NOT_READ = Geometry()

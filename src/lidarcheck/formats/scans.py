@@ -138,7 +138,7 @@ def read_scan(
     lacking = [name for name, column in features.items() if column is None]
     expected = lacking if sensor is None else [f.name for f in sensor.features if f.name in lacking]
     defaulted = (*_log_defaults(echoes, scan, expected, told=beams.told), *(n for n in lacking if n not in expected))
-    scan = replace(scan, defaulted=defaulted, geometry=checked_geometry(scan, as_read, placement))
+    scan = replace(scan, defaulted=defaulted, geometry=checked_geometry(scan, as_read, placement, sensor))
     counts = RowCounts(len(table) - len(echoes), unplaced, numbering.copies, numbering.renumbered)
     _log_counts(table, counts)
     return scan if numbering.kept is None else scan.take(numbering.kept), counts

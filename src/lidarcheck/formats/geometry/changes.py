@@ -10,6 +10,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.formats.geometry.check import angle_errors
+from lidarcheck.formats.geometry.columns import on_columns
 from lidarcheck.formats.geometry.lattice import Beams, Lattice
 from lidarcheck.formats.geometry.pose import angles_of, fit_pose
 
@@ -56,6 +57,16 @@ class Echoes:
         beams = self.lattice.beams(self.layer, self.point)
         return beams if self.direction is None else replace(beams, direction=self.direction)
 
+    def placed(self) -> tuple[FloatArray, Beams]:
+        """The points as their beams see them, shape (n, 3): from where the beams start; and the beams.
+
+        Where columns do not repeat, each is turned onto its own first.
+        """
+        beams = self.beams
+        if not self.lattice.repeats:
+            return on_columns(self.position, self.point, beams, self.lattice.column_deg), beams
+        return self.position if beams.origin_m is None else self.position - beams.origin_m, beams
+
     def take(self, rows: slice) -> Echoes:
         """Those rows."""
         direction = None if self.direction is None else self.direction[rows]
@@ -78,7 +89,7 @@ class Change:
     apply: Callable[[Echoes], Echoes]
 
 
-def axis_orders() -> list[Change]:
+def axis_orders(lattice: Lattice) -> list[Change]:
     """Every order of the axes with every sign but the one that there is: mirrors first."""
     matrices = []
     for order in itertools.permutations(range(3)):
@@ -86,12 +97,12 @@ def axis_orders() -> list[Change]:
             matrix = np.zeros((3, 3))
             matrix[range(3), list(order)] = signs
             matrices.append(matrix)
-    changes = [_axes(matrix) for matrix in matrices if not np.array_equal(matrix, np.eye(3))]
+    changes = [_axes(matrix, lattice) for matrix in matrices if not np.array_equal(matrix, np.eye(3))]
     first = ("Y is mirrored", "X is mirrored", "Z is mirrored")
     return sorted(changes, key=lambda change: first.index(change.said) if change.said in first else len(first))
 
 
-def _axes(matrix: FloatArray) -> Change:
+def _axes(matrix: FloatArray, lattice: Lattice) -> Change:
     """Points times a matrix of one ±1 a row."""
 
     def apply(echoes: Echoes) -> Echoes:
@@ -102,9 +113,13 @@ def _axes(matrix: FloatArray) -> Change:
     straight = all(name.endswith(axis) for axis, name in zip("XYZ", names, strict=True))
     if straight and len(mirrored) == 1:
         axis = mirrored[0]
-        return Change(f"{axis} is mirrored", f"{axis} negated", f"give --mirror {axis.lower()}", apply)
+        fix = lattice.line(f"mirror {axis.lower()}") or f"give --mirror {axis.lower()}"
+        return Change(f"{axis} is mirrored", f"{axis} negated", fix, apply)
     turn, mirror = (matrix, "") if np.linalg.det(matrix) > 0.0 else (matrix @ _MIRROR_Y, "--mirror y ")
-    fix = f'give {mirror}--pose "0,0,0,{",".join(f"{angle + 0.0:g}" for angle in angles_of(turn))}"'
+    angles = angles_of(turn)
+    fix = f'give {mirror}--pose "0,0,0,{",".join(f"{angle + 0.0:g}" for angle in angles)}"'
+    if not mirror and angles[:2] == (0.0, 0.0):
+        fix = lattice.line("yaw", -angles[2]) or fix
     if straight:
         said = f"{', '.join(mirrored[:-1])} and {mirrored[-1]} are mirrored"
         return Change(said, f"{' and '.join(mirrored)} negated", fix, apply)
@@ -120,7 +135,7 @@ def renumbered(lattice: Lattice) -> list[Change]:
             layer, point = by(echoes.layer, echoes.point)
             return replace(echoes, layer=layer, point=point)
 
-        return Change(said, how, f"renumber: {how}", apply)
+        return Change(said, how, lattice.line(said) or f"renumber: {how}", apply)
 
     return [
         change("layers count from the other end", f"Layer = {last_layer} - Layer", lambda i, j: (last_layer - i, j)),
@@ -151,50 +166,74 @@ def angle_units() -> list[Change]:
 
 def one_number(echoes: Echoes) -> Iterator[Change]:
     """A turn about Z, a shift of the elevations and a scale of them, each fitted; alone, then after a mirror."""
-    for first in (None, *axis_orders()[:3]):
-        position = echoes.position if first is None else first.apply(echoes).position
-        before, mirror = ("", "") if first is None else (f"{first.said} and ", f"{first.fix.removeprefix('give ')} ")
-        azimuth, elevation = _angles(position)
-        own_azimuth, own = _angles(echoes.beams.direction)
-        yaw = float(np.rad2deg(_circular_median(own_azimuth - azimuth)))
-        yield _turned(position, f"{before}the points are turned by {-yaw:.4g} deg about Z", mirror, yaw)
+    lattice = echoes.lattice
+    for first in (None, *axis_orders(lattice)[:3]):
+        changed = echoes if first is None else first.apply(echoes)
+        position = changed.position
+        before, then = ("", "") if first is None else (f"{first.said} and ", first.fix)
+        yaw = _yaw_deg(changed)
+        said = f"{before}the points are turned by {-yaw:.4g} deg about Z"
+        yield _turned(position, said, then, yaw, lattice.line("yaw", -yaw))
+        relative, beams = changed.placed()
+        (_, elevation), (_, own) = _angles(relative), _angles(beams.direction)
         shift = float(np.median(elevation - own))
         said = f"{before}elevations are {np.rad2deg(shift):+.4g} deg off"
-        yield _elevated(position, said, lambda e, by=shift: e + by)  # type: ignore[misc]
+        fix = lattice.line("elevation shift", float(np.rad2deg(shift)))
+        yield _elevated(position, said, fix, lambda e, by=shift: e + by)  # type: ignore[misc]
         steep = np.abs(own) > np.median(np.abs(own))
         scale = float(np.median(elevation[steep] / own[steep])) if steep.any() else 1.0
         said = f"{before}elevations are {scale:.4g} times as large as they should be"
-        yield _elevated(position, said, lambda e, by=scale: e * by)  # type: ignore[misc]
+        fix = lattice.line("elevation scale", scale)
+        yield _elevated(position, said, fix, lambda e, by=scale: e * by)  # type: ignore[misc]
 
 
-def _turned(position: FloatArray, said: str, mirror: str, yaw_deg: float) -> Change:
+def _yaw_deg(echoes: Echoes) -> float:
+    """The turn about Z that brings the points onto their beams."""
+    yaw, turned = 0.0, echoes
+    # A beam that starts elsewhere than at 0 is seen right only once the points are turned.
+    for _ in range(1 if echoes.beams.origin_m is None else 3):
+        relative, beams = turned.placed()
+        azimuth, own = _angles(relative)[0], _angles(beams.direction)[0]
+        yaw += float(np.rad2deg(_circular_median(own - azimuth)))
+        turned = replace(echoes, position=_about_z(echoes.position, yaw))
+    return (yaw + 180.0) % 360.0 - 180.0 if abs(yaw) > 180.0 else yaw
+
+
+def _about_z(position: FloatArray, yaw_deg: float) -> FloatArray:
     cosine, sine = np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))
-    placed = position @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    fix = f'give {mirror}--pose "0,0,0,0,0,{round(yaw_deg, 5):g}"'
+    return np.asarray(position @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]))
+
+
+def _turned(position: FloatArray, said: str, then: str, yaw_deg: float, line: str) -> Change:
+    placed = _about_z(position, yaw_deg)
+    pose = f'--pose "0,0,0,0,0,{round(yaw_deg, 5):g}"'
+    mirror = f"{then.removeprefix('give ')} " if then.startswith("give --") else ""
+    fix = " and ".join(part for part in (then, line) if part) if line else f"give {mirror}{pose}"
     return Change(said, "that taken out", fix, lambda echoes: replace(echoes, position=placed))
 
 
-def _elevated(position: FloatArray, said: str, change: Callable[[FloatArray], FloatArray]) -> Change:
+def _elevated(position: FloatArray, said: str, line: str, change: Callable[[FloatArray], FloatArray]) -> Change:
     """Beams with other elevations [rad]."""
 
     def apply(echoes: Echoes) -> Echoes:
         azimuth, elevation = _angles(echoes.beams.direction)
         return replace(echoes, position=position, direction=_direction(azimuth, change(elevation)))
 
-    return Change(said, "that taken out", "make X, Y, Z again with the sensor's own elevations", apply)
+    return Change(said, "that taken out", line or "make X, Y, Z again with the sensor's own elevations", apply)
 
 
 def per_layer(echoes: Echoes) -> Iterator[Change]:
     """Each layer's own constants: another order of the layers, or another unit's calibration."""
     if len(echoes.layer) < _FEWEST_IN_LAYER * len(np.unique(echoes.layer)):
         return
-    around, up = (layer_medians(error, echoes.layer) for error in angle_errors(echoes.position, echoes.beams.direction))
-    layers = np.rint(echoes.layer + up / echoes.lattice.step_deg[1])
+    relative, beams = echoes.placed()
+    around, up = (layer_medians(error, echoes.layer) for error in angle_errors(relative, beams.direction))
+    layers = echoes.lattice.layers_beside(echoes.layer, up)
     if np.any(layers != echoes.layer) and layers.min() >= 0 and layers.max() < echoes.lattice.layers:
         yield Change(
             "layers are in another order",
             "each layer at the elevation of its points",
-            "give each echo the Layer of its beam",
+            echoes.lattice.line("layer order") or "give each echo the Layer of its beam",
             lambda e: replace(e, layer=layers.astype(np.int32)),
         )
     if float(np.max(np.abs(up))) <= _MOST_CALIBRATION_DEG and float(np.max(np.abs(around))) <= _MOST_CALIBRATION_DEG:
@@ -204,8 +243,11 @@ def per_layer(echoes: Echoes) -> Iterator[Change]:
             level = np.cos(elevation)
             return replace(e, direction=_direction(azimuth + np.deg2rad(around / level), elevation + np.deg2rad(up)))
 
+        most = max(float(np.max(np.abs(up))), float(np.max(np.abs(around))))
+        line = echoes.lattice.line("calibration", most)
         said = "each layer is off by a constant of its own, as with another unit's calibration"
-        yield Change(said, "the constants taken out", "make X, Y, Z again with this unit's angles", apply)
+        said += f": up to {most:.2g} deg" if line else ""
+        yield Change(said, "the constants taken out", line or "make X, Y, Z again with this unit's angles", apply)
 
 
 def layer_medians(error: FloatArray, layer: IntArray) -> FloatArray:
@@ -226,7 +268,7 @@ def poses(echoes: Echoes) -> Iterator[Change]:
     for mirror, layers in ((False, False), (True, False), (False, True)):
         sign = _MIRROR_Y if mirror else np.eye(3)
         beams = other_end.apply(some).beams if layers else some.beams
-        turn, move = fit_pose(beams.direction, some.position @ sign)
+        turn, move = fit_pose(beams.direction, some.position @ sign, beams.origin_m)
         said = "Y is mirrored and " * mirror + f"{other_end.said} and " * layers + "the cloud stands in another frame"
         numbers = ",".join(f"{round(float(value), 5) + 0.0:g}" for value in (*move, *angles_of(turn)))
         fix = "give " + "--mirror y " * mirror + f'--pose "{numbers}"' + f", and {other_end.fix}" * layers

@@ -1,7 +1,8 @@
 """What would make points and beams agree: the smallest set of changes that brings 99 % of them together.
 
-Tried in order: axes mirrored or exchanged, beams numbered otherwise, angles in the wrong unit; a turn, a shift or a
-scale; two of the first kind; constants of each layer; last a rigid pose.
+Tried in order: axes mirrored or exchanged, beams numbered otherwise, keys of the sensor's file that are one of two,
+angles in the wrong unit; a turn, a shift or a scale; two of the first kind; such a key and a turn; constants of each
+layer, alone and after one change; a rigid pose; last one that changes over the sweep.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from lidarcheck.formats.geometry.changes import (
     renumbered,
 )
 from lidarcheck.formats.geometry.check import FEWEST_JUDGED, PASSED, angle_errors, outside
+from lidarcheck.formats.geometry.sensor_changes import deskewed, fitted_changes, sensor_changes
+from lidarcheck.formats.geometry.sensor_lattice import HeadLattice
 
 __all__ = ["MOST_ROWS", "Mismatch", "search"]
 
@@ -71,12 +74,30 @@ def search(echoes: Echoes) -> Mismatch:
 
 
 def _stages(echoes: Echoes) -> Iterator[Iterator[tuple[Change, ...]]]:
-    axes, numbers = axis_orders(), renumbered(echoes.lattice)
-    yield ((change,) for change in [*axes, *numbers, *angle_units()])
-    yield ((change,) for change in one_number(echoes))
-    yield _pairs(echoes, axes, numbers)
+    axes, numbers, own = axis_orders(echoes.lattice), renumbered(echoes.lattice), sensor_changes(echoes.lattice)
+    yield ((change,) for change in [*axes, *numbers, *own, *angle_units()])
+    yield ((change,) for change in [*one_number(echoes), *fitted_changes(echoes)])
+    yield _pairs(echoes, axes, [*numbers, *own])
+    yield _with_a_turn(echoes, own)
     yield ((change,) for change in per_layer(echoes))
+    yield _of_another_unit(echoes, [*axes[:1], *numbers[:1], *own])
     yield ((change,) for change in poses(echoes))
+    yield ((change,) for change in deskewed(echoes))
+
+
+def _with_a_turn(echoes: Echoes, own: list[Change]) -> Iterator[tuple[Change, ...]]:
+    """What the sensor's file may have otherwise, and then one number."""
+    for change in own:
+        for fitted in [*one_number(change.apply(echoes))][:3]:
+            yield change, fitted
+
+
+def _of_another_unit(echoes: Echoes, first: list[Change]) -> Iterator[tuple[Change, ...]]:
+    """A change of a sensor's file or a turn, and then each layer's own constants."""
+    if isinstance(echoes.lattice, HeadLattice):
+        for change in [*first, next(one_number(echoes))]:
+            for constants in per_layer(change.apply(echoes)):
+                yield change, constants
 
 
 def _pairs(echoes: Echoes, axes: list[Change], numbers: list[Change]) -> Iterator[tuple[Change, ...]]:
@@ -94,12 +115,13 @@ def _changed(echoes: Echoes, changes: tuple[Change, ...]) -> Echoes:
 
 def _share(echoes: Echoes) -> float:
     """How many of the rows that can be judged pass; of all rows, where hardly any can be judged."""
-    wide, clear = outside(echoes.position, echoes.beams, echoes.error_m)
+    wide, clear = outside(*echoes.placed(), echoes.error_m)
     enough = np.count_nonzero(clear) >= min(FEWEST_JUDGED, max(len(wide) // 2, 1))
     use: BoolArray = clear if enough else np.ones_like(clear)
     return float(np.mean(~wide[use])) if use.any() else 0.0
 
 
 def _residuals(echoes: Echoes) -> tuple[float, float]:
-    off = np.hypot(*angle_errors(echoes.position, echoes.beams.direction))
+    relative, beams = echoes.placed()
+    off = np.hypot(*angle_errors(relative, beams.direction))
     return float(np.median(off)), float(np.quantile(off, PASSED))

@@ -8,13 +8,15 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 
-__all__ = ["METRES", "UNITS", "UnitFound", "unit_of"]
+__all__ = ["BEYOND_GATE_M", "METRES", "UNITS", "UnitFound", "unit_of"]
 
 METRES = {"m": 1.0, "mm": 0.001, "cm": 0.01, "ft": 0.3048, "in": 0.0254, "hm": 100.0, "km": 1000.0}
 """How many metres each unit has. A free factor is no unit: a moved cloud would be one."""
 UNITS = tuple(METRES)
-GATE_M = (0.0, 301.0)
-"""Where the reference sensor's ranges lie, with a metre for an offset of them."""
+BEYOND_GATE_M = 1.0
+"""An offset of all ranges may carry them so far beyond the sensor's gate."""
+GATE_M = (0.0, 300.0 + BEYOND_GATE_M)
+"""Where the reference sensor's ranges lie."""
 _IN_GATE, _BEFORE = 0.95, 0.5
 """A unit is named where so many ranges lie in the gate after it, and fewer than the second before."""
 _FEWEST_ROWS = 4
@@ -40,13 +42,17 @@ class UnitFound:
 
 
 def unit_of(
-    distance: FloatArray, range_m: FloatArray | None, error: float = 0.0, range_step_m: float = 0.01
+    distance: FloatArray,
+    range_m: FloatArray | None,
+    error: float = 0.0,
+    range_step_m: float = 0.01,
+    gate_m: tuple[float, float] = GATE_M,
 ) -> UnitFound:
     """The unit that distances from the beams' origin, shape (n,), are in.
 
     `range_m`: ranges of the same rows in metres, where the file has them; else the sensor's gate tells, and among
     several units that fit the one whose ranges are multiples of `range_step_m`. `error`: how far rounding may have
-    moved a point, in the distances' unit.
+    moved a point, in the distances' unit. `gate_m`: where the sensor's ranges lie.
     """
     rows = slice(None, None, max(1, len(distance) // _LOOKED_AT))
     distance = distance[rows]
@@ -58,9 +64,9 @@ def unit_of(
         both = use & (ranges > 0.0)
         ratio = float(np.median(ranges[both] / distance[both])) if both.any() else 0.0
         named = [unit for unit, metres in METRES.items() if abs(ratio / metres - 1.0) <= _SAME]
-        if named and _shares(ranges[both], ("m",))["m"] >= _IN_GATE:
+        if named and _shares(ranges[both], ("m",), gate_m)["m"] >= _IN_GATE:
             return UnitFound(tuple(unit for unit in named if unit != "m"), checked=True)
-    shares = _shares(distance[use], UNITS)
+    shares = _shares(distance[use], UNITS, gate_m)
     if shares["m"] >= _BEFORE:
         return UnitFound()
     fitting = [unit for unit in UNITS if shares[unit] >= _IN_GATE]
@@ -68,15 +74,17 @@ def unit_of(
     return UnitFound(tuple(sorted(fitting, key=lambda unit: not on_step[unit])))
 
 
-def _shares(distance: FloatArray, units: tuple[str, ...]) -> dict[str, float]:
+def _shares(distance: FloatArray, units: tuple[str, ...], gate_m: tuple[float, float]) -> dict[str, float]:
     """How many of the distances lie in the gate, were they in each unit."""
-    low, high = GATE_M
+    low, high = gate_m
     in_m = {unit: distance * METRES[unit] for unit in units}
     return {unit: float(np.mean((m >= low) & (m <= high))) if len(m) else 0.0 for unit, m in in_m.items()}
 
 
 def _on_step(distance: FloatArray, error: float, step: float) -> bool:
     """Whether the distances are multiples of a step, all in one unit, as far as their error lets it be seen."""
+    if not step:
+        return False
     off = _OFF_STEP + error / step
     cells = distance / step
     near = np.abs(cells - np.rint(cells)) <= off + 2.0**-22 * cells

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.beams import Geometry
 from lidarcheck.formats.geometry.changes import Change, Echoes
@@ -15,17 +13,13 @@ from lidarcheck.formats.geometry.drift import drift_of
 from lidarcheck.formats.geometry.lattice import REFERENCE, Lattice
 from lidarcheck.formats.geometry.mismatch import MOST_ROWS, Mismatch, search
 from lidarcheck.formats.geometry.placement import POSE_NAMES
+from lidarcheck.formats.geometry.sensor_changes import column_step_deg
 from lidarcheck.formats.geometry.unit import METRES, UnitFound
 
 __all__ = ["geometry_of", "refusal", "unit_fault"]
 
 _OTHER_STEP = 0.05
 """Columns whose step differs by more than this part from the sensor's are another sensor's."""
-_STEADY = 0.25
-"""Steps between columns lie so near their median, as a part of it, or they are none."""
-_FEWEST_STEPS = 3
-_NEIGHBOURS = 64
-"""Columns so near to each other give a step, where nearer ones have no echoes: fewer than half a turn."""
 _MOST_OTHERS = 2
 """Sets of changes that fit as well and are named."""
 
@@ -51,24 +45,25 @@ def geometry_of(
 
     `error_m`: how far rounding may have moved a point. `unit`: what the ranges tell. A `Refusal` where they disagree.
     """
-    beams = lattice.beams(layer, point)
-    found = agreement(position[:, 0], position[:, 1], position[:, 2], beams, error_m)
+    relative, beams = Echoes(position, layer, point, error_m, lattice).placed()
+    found = agreement(relative[:, 0], relative[:, 1], relative[:, 2], beams, error_m)
     if refuses(found) or unit.units:
         refused = _refused(position, layer, point, error_m, unit, lattice, found)
         if isinstance(refused, Refusal):
             return refused
-        return _geometry(found, "not checked", refused, unit)
+        return _geometry(found, "not checked", refused, unit, lattice)
     if found.judged < FEWEST_JUDGED:
-        return _geometry(found, "not checked", _too_few(found), unit)
+        return _geometry(found, "not checked", _too_few(found), unit, lattice)
     some = slice(None, None, max(1, -(-found.rows // MOST_ROWS)))
-    few, their = position[some], beams.take(some)
+    few, their = relative[some], beams.take(some)
     wide, clear = outside(few, their, error_m)
     drift = drift_of(few, their, layer[some], clear & ~wide, error_m)
-    return _geometry(found, "warning" if drift else "ok", drift.words if drift else "", unit)
+    return _geometry(found, "warning" if drift else "ok", drift.words if drift else "", unit, lattice)
 
 
-def _geometry(found: Agreement, verdict: str, note: str, unit: UnitFound) -> Geometry:
-    return Geometry(verdict, found.rows, found.judged, found.passed, found.outside, note, unit.checked)
+def _geometry(found: Agreement, verdict: str, note: str, unit: UnitFound, lattice: Lattice) -> Geometry:
+    numbers = (found.rows, found.judged, found.passed, found.outside)
+    return Geometry(verdict, *numbers, note, unit.checked, lattice.repeats)
 
 
 def _too_few(found: Agreement) -> str:
@@ -152,24 +147,9 @@ def _other_sensor(position: FloatArray, layer: IntArray, point: IntArray, lattic
     """That the columns are another sensor's, in words; empty where they are this one's, or no columns at all."""
     if len(layer) < FEWEST_ROWS:
         return ""
-    step = _column_step(position, layer, point)
-    own = lattice.step_deg[0]
+    step = column_step_deg(position, layer, point)
+    own = abs(lattice.column_deg)
     beyond = int(layer.max()) > lattice.layers or int(point.max()) > lattice.points
     if step is None or (abs(abs(step) / own - 1.0) <= _OTHER_STEP and not beyond):
         return ""
     return f"the beams are another sensor's: columns of {abs(step):.3g} deg, {own:g} deg here"
-
-
-def _column_step(position: FloatArray, layer: IntArray, point: IntArray) -> float | None:
-    """The azimuth from one column to the next within a layer [deg]; None where there is no steady one."""
-    order = np.lexsort((point, layer))
-    azimuth = np.arctan2(position[order, 1], position[order, 0])
-    columns = np.diff(point[order])
-    near = (np.diff(layer[order]) == 0) & (columns > 0) & (columns <= _NEIGHBOURS)
-    near &= columns <= np.median(columns[near]) if near.any() else False
-    if np.count_nonzero(near) < _FEWEST_STEPS:
-        return None
-    turned = (np.diff(azimuth)[near] + np.pi) % (2.0 * np.pi) - np.pi
-    steps = np.rad2deg(turned) / columns[near]
-    middle = float(np.median(steps))
-    return middle if float(np.median(np.abs(steps - middle))) <= _STEADY * abs(middle) else None
