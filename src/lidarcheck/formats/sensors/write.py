@@ -23,8 +23,8 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _ORDER = ("sweep", "range", "linear", "beams", "features")
 
 
-def document_text(imported: Imported, *, table_file: str = "") -> str:
-    """The sensor file as text.
+def document_text(imported: Imported, *, table_file: str = "", head: str = _HEAD) -> str:
+    """The sensor file as text; `head`: the comment that it begins with.
 
     `table_file`: the name of the file that holds `imported.table`, for a sensor that has one. Keys without a table come
     first; every table holds what is known, then what is lacking with a value as an example and what to look up.
@@ -36,7 +36,7 @@ def document_text(imported: Imported, *, table_file: str = "") -> str:
     lacking: dict[str, list[Lacking]] = {}
     for entry in imported.lacking:
         lacking.setdefault(entry.key.rpartition(".")[0], []).append(entry)
-    lines = [f"# {line}" for line in textwrap.wrap(_HEAD, _WIDTH - 2)]
+    lines = [f"# {line}" for line in textwrap.wrap(head, _WIDTH - 2)]
     for remark in imported.remarks:
         lines += _words(remark)
     lines += [line for key, value in document.items() for line in _pair(key, value)]

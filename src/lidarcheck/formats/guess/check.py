@@ -1,0 +1,256 @@
+"""How well a scan fits the beams of a sensor's file: share, residuals, each layer, and what would make it fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.arrays import BoolArray, FloatArray, IntArray
+from lidarcheck.errors import UsageError
+from lidarcheck.formats.assign import Assigned, Known, Rows, assign
+from lidarcheck.formats.assign.clock import frame_time
+from lidarcheck.formats.geometry.changes import Echoes
+from lidarcheck.formats.geometry.check import FEWEST_JUDGED, PASSED, angle_errors, outside
+from lidarcheck.formats.geometry.head import Head
+from lidarcheck.formats.geometry.lattice import Beams, Lattice
+from lidarcheck.formats.geometry.pooled import words
+from lidarcheck.formats.geometry.reader import evenly
+from lidarcheck.formats.geometry.sensor_lattice import lattice_of
+from lidarcheck.formats.geometry.unit import BEYOND_GATE_M, UnitFound, unit_of
+from lidarcheck.formats.geometry.verdict import Refusal, geometry_of
+from lidarcheck.formats.guess.cloud import Cloud
+from lidarcheck.sensor.channels import ChannelBeams
+from lidarcheck.sensor.sensor import Sensor
+
+__all__ = ["LayerFit", "ScanCheck", "check_scan"]
+
+Verdict = Literal["fits", "warning", "elevations fit", "not checked", "does not fit"]
+
+_OF_SPACING = 0.1
+"""A direction alone confirms a layer's elevation within this part of the spacing: half of it always fits."""
+_RANGE_OFF_M = 0.001
+"""By so much, and half a step, a RANGE may differ from the way from the beam's origin."""
+
+
+@dataclass(frozen=True)
+class LayerFit:
+    """One layer: its rows, the medians of what they lie off their beams [deg], and the share outside the bound."""
+
+    layer: int
+    elevation_deg: float
+    rows: int
+    azimuth_off_deg: float
+    elevation_off_deg: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class ScanCheck:
+    """How a scan fits. `said`: the verdict in words; `fix`: what would make it fit; `notes`: what else to know.
+
+    `by`: how the rows' beams were found. `share`: of the judged rows, within their bound. `median_deg`, `most_deg`:
+    median and 99 % of the angle between points and beams.
+    """
+
+    verdict: Verdict
+    said: str
+    fix: str
+    by: str
+    rows: int
+    judged: int
+    share: float
+    median_deg: float
+    most_deg: float
+    layers: tuple[LayerFit, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def fits(self) -> bool:
+        """Whether nothing speaks against the sensor's file."""
+        return self.verdict in ("fits", "warning", "elevations fit")
+
+
+def check_scan(cloud: Cloud, sensor: Sensor) -> ScanCheck:
+    """How one frame fits a sensor. `UsageError` where nothing tells the beams of its rows."""
+    cloud = _thinned(cloud, sensor.beams.size)
+    mirror = np.array([1.0, -1.0 if sensor.handedness == "left" else 1.0, 1.0])
+    position = cloud.position * mirror
+    lattice = lattice_of(sensor.beams, handedness=sensor.handedness)
+    assigned = _assigned(cloud, position, sensor)
+    # Numbers that the file says are held against the points whatever they are; those that were found name beams.
+    known = sensor.beams.has(assigned.layer, assigned.point) | (assigned.layers_told and assigned.points_told)
+    found = _Found(position[known], assigned.layer[known], assigned.point[known], cloud.error, lattice)
+    unit = _unit(found, None if cloud.range is None else cloud.range[known], sensor)
+    notes = [*assigned.notes, *_unclaimed(assigned.layer)]
+    if assigned.layers_told:
+        verdict, said, fix = _by_numbers(found, unit, assigned)
+    else:
+        verdict, said, fix = _by_direction(found, unit, int(np.count_nonzero(assigned.layer < 0)))
+    off, off_said, off_fix = _range_offset(found, cloud, known, sensor, unit)
+    notes += off_said
+    if off and verdict in ("fits", "warning", "elevations fit"):
+        verdict, said, fix = "does not fit", off_said[-1], off_fix
+    share, judged, median, most = found.figures()
+    by = assigned.by
+    return ScanCheck(verdict, said, fix, by, len(cloud), judged, share, median, most, found.by_layer(), tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Rows with their beams."""
+
+    position: FloatArray
+    layer: IntArray
+    point: IntArray
+    error_m: float
+    lattice: Lattice
+
+    def placed(self) -> tuple[FloatArray, Beams]:
+        return Echoes(self.position, self.layer, self.point, self.error_m, self.lattice).placed()
+
+    def judged(self) -> tuple[BoolArray, BoolArray]:
+        return outside(*self.placed(), self.error_m)
+
+    def errors(self) -> tuple[FloatArray, FloatArray]:
+        relative, beams = self.placed()
+        return angle_errors(relative, beams.direction)
+
+    def figures(self) -> tuple[float, int, float, float]:
+        """Share of the judged rows within their bound, how many, and median and 99 % of the angle off [deg]."""
+        if not len(self.layer):
+            return 0.0, 0, float("nan"), float("nan")
+        wide, clear = self.judged()
+        off = np.hypot(*self.errors())
+        share = float(np.mean(~wide[clear])) if clear.any() else 0.0
+        return share, int(np.count_nonzero(clear)), float(np.median(off)), float(np.quantile(off, PASSED))
+
+    def by_layer(self) -> tuple[LayerFit, ...]:
+        """Every layer with rows, ascending."""
+        if not len(self.layer):
+            return ()
+        around, up = self.errors()
+        wide, _ = self.judged()
+        elevation = self.lattice.angles_deg(self.layer, self.point)[1]
+        order = np.argsort(self.layer, kind="stable")
+        fits = []
+        for rows in np.split(order, np.flatnonzero(np.diff(self.layer[order])) + 1):
+            layer = int(self.layer[rows[0]])
+            medians = (float(np.median(values[rows])) for values in (elevation, around, up))
+            height, aside, above = medians
+            fits.append(LayerFit(layer, height, len(rows), aside, above, float(np.mean(wide[rows]))))
+        return tuple(fits)
+
+
+def _thinned(cloud: Cloud, beams: int) -> Cloud:
+    """Evenly taken rows, as many as a scan is judged by where it is read."""
+    some = evenly(len(cloud), beams)
+    columns = ("position", "layer", "point", "ring", "column", "time", "range", "kind", "cell")
+    taken: dict[str, Any] = {name: None if (own := getattr(cloud, name)) is None else own[some] for name in columns}
+    return Cloud(**taken, height=cloud.height, width=cloud.width, error=cloud.error)
+
+
+def _assigned(cloud: Cloud, position: FloatArray, sensor: Sensor) -> Assigned:
+    head = Head.of(sensor.beams)
+    if head is None:
+        if cloud.layer is not None and cloud.point is not None:
+            told = (cloud.layer.astype(np.int32), cloud.point.astype(np.int32))
+            return Assigned(*told, "Layer and Point", layers_told=True, points_told=True)
+        layer, point = sensor.beams.nearest(position)
+        return Assigned(layer, point, "direction alone", layers_told=False, points_told=False)
+    channels = sensor.beams.channels if isinstance(sensor.beams, ChannelBeams) else None
+    rows = Rows(
+        position, cloud.layer, cloud.point, cloud.ring, cloud.column, _time(cloud, sensor), cloud.kind, cloud.cell,
+        cloud.height, cloud.width,
+    )  # fmt: skip
+    known = Known(
+        head,
+        () if channels is None else channels.ring,
+        np.zeros(0, dtype=np.int64) if channels is None else np.asarray(channels.column_shift),
+        sensor.deskewed,
+    )
+    return assign(rows, known)
+
+
+def _time(cloud: Cloud, sensor: Sensor) -> FloatArray | None:
+    if cloud.time is None or sensor.sweep.order == "flash":
+        return None
+    rate_s = 1.0 / sensor.frame_rate_hz
+    unit, zero = sensor.time_unit, sensor.time_zero
+    try:
+        return frame_time(cloud.time, rate_s, unit=unit, zero=zero, duration_s=sensor.sweep.duration_s).time_s
+    except UsageError:
+        # Part of a frame spans too little to show its unit; then the azimuth tells the column.
+        if sensor.time_unit == "auto":
+            return None
+        raise
+
+
+def _unclaimed(layer: IntArray) -> list[str]:
+    lost = int(np.count_nonzero(layer < 0))
+    return [f"{lost} of {len(layer)} rows belong to no channel"] if lost else []
+
+
+def _unit(found: _Found, ranges: FloatArray | None, sensor: Sensor) -> UnitFound:
+    origin = found.lattice.beams(found.layer, found.point).origin_m
+    relative = found.position if origin is None else found.position - origin
+    distance = np.linalg.norm(relative, axis=1)
+    told = None if ranges is None else ranges - sensor.beams.range_offset_m(np.maximum(found.layer, 0))
+    gate = (0.0, sensor.max_range_m + BEYOND_GATE_M)
+    return unit_of(distance, told, found.error_m, sensor.range_resolution_m, gate)
+
+
+def _by_numbers(found: _Found, unit: UnitFound, assigned: Assigned) -> tuple[Verdict, str, str]:
+    """The verdict where the file says the layers."""
+    judged = geometry_of(found.position, found.layer, found.point, found.error_m, unit, found.lattice)
+    if isinstance(judged, Refusal):
+        return "does not fit", judged.what, judged.fix
+    verdicts: dict[str, Verdict] = {"ok": "fits", "warning": "warning", "not checked": "not checked"}
+    said = words(judged).removeprefix("geometry checked: ").removeprefix("geometry not checked: ")
+    if not assigned.points_told:
+        said += "; azimuths not checked: the columns were made from them"
+    return verdicts[judged.verdict], said, ""
+
+
+def _by_direction(found: _Found, unit: UnitFound, nowhere: int) -> tuple[Verdict, str, str]:
+    """The verdict where only directions tell the beams: elevations alone can be told from chance."""
+    if unit.units:
+        return "does not fit", f"X, Y, Z are not in m: the ranges fit in {' or '.join(unit.units)}", "write them in m"
+    relative, beams = found.placed()
+    _, up = angle_errors(relative, beams.direction)
+    with np.errstate(divide="ignore"):
+        blur = np.rad2deg(np.minimum(found.error_m / np.linalg.norm(relative, axis=1), 1.0))
+    spacing = 2.0 * np.broadcast_to(beams.half_elevation_deg, up.shape)
+    clear = blur <= _OF_SPACING * spacing
+    near = int(np.count_nonzero(np.abs(up[clear]) <= (_OF_SPACING * spacing + blur)[clear]))
+    judged = int(np.count_nonzero(clear)) + nowhere
+    if judged < FEWEST_JUDGED:
+        return "not checked", f"{judged} of {len(up) + nowhere} rows can be judged, {FEWEST_JUDGED} are needed", ""
+    share = 100.0 * near / judged
+    said = f"{share:.1f} % of {judged} rows lie within a tenth of the spacing of a layer's elevation"
+    if near < PASSED * judged:
+        fix = "take this sensor's own angles, or try `lidarcheck sensor guess`"
+        return "does not fit", said, fix
+    return "elevations fit", f"{said}; geometry not checked: the beams were made from X, Y, Z", ""
+
+
+def _range_offset(
+    found: _Found, cloud: Cloud, known: npt.NDArray[np.bool_], sensor: Sensor, unit: UnitFound
+) -> tuple[bool, list[str], str]:
+    """Whether RANGE is the way from the beam's origin and the sensor's `range_offset_m`; what to say, and the key."""
+    if cloud.range is None or unit.units or not len(found.layer):
+        return False, [], ""
+    ranges = cloud.range[known]
+    use = sensor.beams.has(found.layer, found.point) & (ranges > 0.0)
+    if not use.any():
+        return False, [], ""
+    layer, point = found.layer[use], found.point[use]
+    off = ranges[use] - sensor.beams.ranges_m(layer, point, found.position[use])
+    middle = float(np.median(off))
+    if abs(middle) <= _RANGE_OFF_M + 0.5 * sensor.range_resolution_m:
+        return False, [], ""
+    own = float(np.median(np.broadcast_to(sensor.beams.range_offset_m(layer), len(layer))))
+    said = f"RANGE is {middle:+.4f} m off the way from the beam's origin and range_offset_m = {own:g}"
+    return True, [said], f"set range_offset_m = {own + middle:.4f}"

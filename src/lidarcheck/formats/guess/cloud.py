@@ -1,0 +1,112 @@
+"""The columns of a scan that tell its beams, by whatever name a driver gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.arrays import FloatArray
+from lidarcheck.formats.columns import missing
+from lidarcheck.formats.geometry.steps import coordinate_steps, direction_error_m
+from lidarcheck.formats.returns import no_returns
+from lidarcheck.formats.table import Table
+from lidarcheck.formats.times import TIME_COLUMNS, frame_of
+
+__all__ = ["RING_NAMES", "Cloud", "clouds_of"]
+
+Column = npt.NDArray[Any]
+
+RING_NAMES = ("ring", "channel", "line", "laser_id")
+"""What drivers call the number of a row's laser."""
+_AXES = ("X", "Y", "Z")
+_KINDS = ("ReturnType", "return_type", "EchoNumber")
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """One frame's rows with an echo; columns of shape (n,), None where the file has none.
+
+    `position` (n, 3), as in the file; `layer`, `point`; `ring` by whatever name; `column`; `time` as it is written;
+    `range` as it is written; `kind`: return kind or echo number. `cell` (n,), `height`, `width`: the place in an
+    organised cloud. `error`: how far rounding may have moved a point, in the position's unit.
+    """
+
+    position: FloatArray
+    layer: Column | None = None
+    point: Column | None = None
+    ring: Column | None = None
+    column: Column | None = None
+    time: Column | None = None
+    range: FloatArray | None = None
+    kind: Column | None = None
+    cell: Column | None = None
+    height: int = 1
+    width: int = 0
+    error: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+def clouds_of(table: Table, *, ring: str | None = None) -> list[Cloud]:
+    """The frames of a table. `ring`: the column of the rings, where it has another name than drivers give it.
+
+    Frames are told apart by a column `Frame`. `InputError` without X, Y, Z, or without that column.
+    """
+    if missing(table, _AXES):
+        lacking = ", ".join(missing(table, _AXES))
+        raise table.fault(f"no column {lacking}: the beams are checked by X, Y, Z", fix="give a scan with X, Y, Z")
+    if ring is not None and table.get(ring) is None:
+        raise table.fault(f"no column {ring!r} with the rings", fix=f"its columns are {', '.join(table.names)}")
+    frame = frame_of(table.columns)
+    rows = np.arange(len(table))
+    parts = [rows] if frame is None else [rows[frame == one] for one in np.unique(frame)]
+    found = [_cloud(table, part, ring) for part in parts]
+    if not any(len(cloud) for cloud in found):
+        raise table.fault("no row has an echo", fix="give a scan with echoes")
+    return [cloud for cloud in found if len(cloud)]
+
+
+def _cloud(table: Table, rows: npt.NDArray[np.intp], ring: str | None) -> Cloud:
+    part = table if len(rows) == len(table) else table.take(rows)
+    empty = no_returns(part)
+    kept = np.arange(len(part)) if empty is None else np.flatnonzero(~empty)
+    echoes = part if empty is None else part.take(kept)
+    position = np.stack([_floats(echoes, name) for name in _AXES], axis=-1)
+    names = (ring,) if ring is not None else RING_NAMES
+    ranges = echoes.get("RANGE")
+    organised = part.height > 1
+    return Cloud(
+        position=position,
+        layer=echoes.get("Layer"),
+        point=echoes.get("Point"),
+        ring=_first(echoes, names),
+        column=echoes.get("column"),
+        time=_time(echoes),
+        range=None if ranges is None else ranges.astype(np.float64),
+        kind=_first(echoes, _KINDS),
+        cell=kept if organised else None,
+        height=part.height,
+        width=len(part) // part.height,
+        error=direction_error_m(coordinate_steps(list(position.T))),
+    )
+
+
+def _floats(table: Table, name: str) -> FloatArray:
+    column = table.get(name)
+    assert column is not None, "asked for above"
+    return column.astype(np.float64)
+
+
+def _first(table: Table, names: Sequence[str]) -> Column | None:
+    return next((column for name in names if (column := table.get(name)) is not None), None)
+
+
+def _time(table: Table) -> Column | None:
+    """The time of each row, whole numbers before others; none where every row has the same."""
+    found = [column for name in TIME_COLUMNS if (column := table.get(name)) is not None and len(np.unique(column)) > 1]
+    return min(found, key=lambda column: column.dtype.kind not in "iu") if found else None
