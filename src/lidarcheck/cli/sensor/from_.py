@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from lidarcheck.cli.core.options import Quiet
-from lidarcheck.cli.core.outputs import as_it_was, check_writable, write_result
+from lidarcheck.cli.core.outputs import as_it_was, write_result
 from lidarcheck.cli.core.terminal import emit, hush, note
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.cli.sensor.options import check_new, check_out, positive
+from lidarcheck.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,27 +21,16 @@ if TYPE_CHECKING:
 __all__ = ["from_"]
 
 
-def _positive(_type: Any, tokens: Sequence[Any]) -> float:
-    try:
-        value = float(tokens[0].value)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value <= 10_000.0:
-        fix = "use a number above 0, up to 10000"
-        raise UsageError(f"{tokens[0].keyword} {tokens[0].value} is out of range", fix=fix)
-    return value
-
-
 def from_(
     file: Annotated[Path, Parameter(help="The vendor's calibration file.")],
     /,
     *,
     out: Annotated[Path | None, Parameter(help="The sensor file to write, TOML; printed without it.")] = None,
     rate: Annotated[
-        float | None, Parameter(converter=_positive, help="Frames a second [Hz], where the file does not say it.")
+        float | None, Parameter(converter=positive, help="Frames a second [Hz], where the file does not say it.")
     ] = None,
     azimuth_step: Annotated[
-        float | None, Parameter(converter=_positive, help="From a column to the next [deg], where the file lacks it.")
+        float | None, Parameter(converter=positive, help="From a column to the next [deg], where the file lacks it.")
     ] = None,
     model: Annotated[
         str | None, Parameter(help="The sensor's model, or which of several sensors in the file is meant.")
@@ -60,7 +50,7 @@ def from_(
     from lidarcheck.formats.sensors import Given, document_text, import_sensor, sensor_of_import
 
     if out is not None:
-        _check_out(out, (file, firetimes, pattern))
+        check_out(out, (file, firetimes, pattern))
     imported = import_sensor(file, Given(model, rate, azimuth_step, firetimes, state, pattern))
     sensor_of_import(imported, file)
     if out is None:
@@ -82,19 +72,6 @@ def _note_lacking(imported: Imported, file: Path) -> None:
         note(f"{file.name} does not say {', '.join(others)}: see the lines behind a hash")
 
 
-def _check_out(out: Path, inputs: Sequence[Path | None]) -> None:
-    if out.suffix.lower() != ".toml":
-        raise UsageError(f"--out {out} is no TOML file", fix="end its name in .toml")
-    _check_new(out, inputs)
-
-
-def _check_new(target: Path, inputs: Sequence[Path | None]) -> None:
-    """Refuse to replace a file: a sensor file is edited by hand."""
-    check_writable(target, option="--out", besides=inputs, settings=True)
-    if target.exists():
-        raise InputError("is there already", file=target, fix="name another file for --out, or move this one away")
-
-
 def _write(imported: Imported, out: Path, inputs: Sequence[Path | None]) -> None:
     """The sensor file, and its table of beams beside it; both or none."""
     from lidarcheck.formats.sensors import document_text, table_text
@@ -104,7 +81,7 @@ def _write(imported: Imported, out: Path, inputs: Sequence[Path | None]) -> None
         write_result(out, document_text(imported))
         note(f"{out}: written")
         return
-    _check_new(table, inputs)
+    check_new(table, inputs)
     with as_it_was([table, out]):
         write_result(table, table_text(imported))
         write_result(out, document_text(imported, table_file=table.name))
