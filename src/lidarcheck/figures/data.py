@@ -31,13 +31,17 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Curve:
-    """`y` over `x`, shapes (n,), NaN for a gap; `low` and `high`, where given, are an interval around `y`."""
+    """`y` over `x`, shapes (n,), NaN for a gap; `low` and `high`, where given, are an interval around `y`.
+
+    `dots`: the points alone, which no line joins.
+    """
 
     name: str
     x: FloatArray
     y: FloatArray
     low: FloatArray | None = None
     high: FloatArray | None = None
+    dots: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)

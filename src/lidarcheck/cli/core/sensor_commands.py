@@ -8,6 +8,27 @@ __all__ = ["SENSOR_COMMANDS"]
 
 SENSOR_COMMANDS: tuple[Command, ...] = (
     Command(
+        "sensor list",
+        "sensor.list",
+        "[OPTIONS]",
+        "List the sensors that come with lidarcheck.",
+        "By these names a model's variant, `scene --sensor` and `sensor show` know them.",
+        ("lidarcheck sensor list",),
+    ),
+    Command(
+        "sensor show",
+        "sensor.show",
+        "NAME|FILE [OPTIONS]",
+        "Show what a sensor file says.",
+        "Beams, times of firing, gate, detector, features and sources, with the pattern of a block of columns and of a "
+        "whole frame; and what is missing for simulate.",
+        (
+            "lidarcheck sensor show OS1-128",
+            "lidarcheck sensor show mine.toml --out mine.png",
+            "lidarcheck sensor show mine.toml --json",
+        ),
+    ),
+    Command(
         "sensor from",
         "sensor.from_",
         "FILE [--out SENSOR.toml] [OPTIONS]",

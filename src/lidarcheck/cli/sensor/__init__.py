@@ -1,1 +1,1 @@
-"""The commands of sensor files, a file each: from."""
+"""The commands of sensor files, a file each: from, list, show."""

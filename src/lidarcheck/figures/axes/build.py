@@ -119,8 +119,8 @@ def _course(figure: Course) -> Subplot:
 
     for number, curve in enumerate(figure.curves):
         x = across(curve.x)
-        lines.append(Line(number, x, up(curve.y)))
-        dots += [Dots(number, x, up(curve.y))] if len(x) <= _FEW else []
+        lines += [] if curve.dots else [Line(number, x, up(curve.y))]
+        dots += [Dots(number, x, up(curve.y))] if curve.dots or len(x) <= _FEW else []
         if curve.low is not None and curve.high is not None:
             bands.append(Band(number, x, up(curve.low), up(curve.high)))
     return Subplot(
