@@ -80,17 +80,17 @@ def draw_counts(
     Draws: a block a bin.
     """
     left = numbers.trials
-    last_rate, fires = -1.0, 0.0
+    last_rate, fires, busy = -1.0, 0.0, 0.0
     for k in range(len(rates)):
         if rates[k] != last_rate:
             last_rate, fires = rates[k], fired(rates[k])
         chance = fires
         if numbers.dead > 1:
-            busy = 0.0
-            for i in range(max(k - numbers.dead + 1, 0), k):
-                busy += chances[i]
-            chance = fires * max(1.0 - busy, 0.0)
+            if k >= numbers.dead:
+                busy -= chances[k - numbers.dead]
+            chance = fires * min(max(1.0 - busy, 0.0), 1.0)
             chances[k] = chance
+            busy += chance
         count = binomial_number(left, chance, key[0], key[1], np.uint64(k), beam, frame, inverse)
         if numbers.dead == 0:
             left -= count
