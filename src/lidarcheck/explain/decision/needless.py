@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from lidarcheck.effects import with_role
 from lidarcheck.explain.decision.closure import closure
 from lidarcheck.explain.decision.model_check import Open, carries_over
 from lidarcheck.explain.search.refine import Judged, judged
 from lidarcheck.explain.search.related import are_related, is_special_case
 from lidarcheck.explain.search.search import DOUBTFUL, without
-from lidarcheck.explain.search.second_look import closes_what_others_left, worth_by_beams
+from lidarcheck.explain.search.second_look import SURE, closes_what_others_left, worth_by_beams
 from lidarcheck.explain.search.selection import Search, SearchData, start_fit
 from lidarcheck.explain.search.substitution import is_within_another
 from lidarcheck.inference.effect_fit import Fit
@@ -80,7 +82,7 @@ def without_any(bench: SearchData, seen: Scale, search: Search, seed: int) -> Se
     case = bench.simulator.model
     own = search.own or judged(seen, case, search.fit, seed)
     alone = judged(seen, case, off, seed)
-    if _may_be(alone.last.nuisance, names) and alone.left <= own.left and _closes_all(seen, case, alone):
+    if _may_be(alone.last.nuisance, names) and not _nearer(seen, case, own, alone) and _closes_all(seen, case, alone):
         return Search(off, off, search.trials, alone)
     return replace(search, own=own)
 
@@ -90,6 +92,18 @@ def _is_all_of_a_part(seen: Scale, case: Model, own: Judged, fewer: Judged) -> b
     whole, _ = seen.excess_by_part(case)
     before, after = (seen.excess_by_part(one.last.model(case), one.last.nuisance) for one in (fewer, own))
     return closes_what_others_left(whole, before, after)
+
+
+def _nearer(seen: Scale, case: Model, own: Judged, alone: Judged) -> bool:
+    """Whether a fit comes nearer beam by beam than another, and some part of the gap by more than chance: of two that
+    are equally near, the noise of the rarest echoes alone makes either one the nearer."""
+    if own.left >= alone.left:
+        return False
+    (open_, noise), (left, noise_left) = (
+        seen.excess_by_part(one.last.model(case), one.last.nuisance) for one in (alone, own)
+    )
+    chance = np.maximum(noise.std(axis=0, ddof=1), noise_left.std(axis=0, ddof=1))
+    return bool((open_ - left > SURE * chance).any())
 
 
 def _may_be(off: Nuisance, names: Sequence[str]) -> bool:

@@ -30,6 +30,7 @@ from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.workers import WorkerPool
 
 __all__ = [
+    "SURE",
     "Look",
     "closes_what_others_left",
     "joint_trials",
@@ -48,7 +49,7 @@ _LEAST_PART = 0.33
 effect of its own, several explain a little."""
 _LIKELY = 0.08
 """Before it is fitted, some start of it must explain this part: fits made three or four times as much of a start."""
-_LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, _SURE = 0.15, 0.03, 0.5, 4.0
+_LEAST_CLOSED, _LEAST_OF_ALL, _MOST_OF_LEFT, SURE = 0.15, 0.03, 0.5, 4.0
 """Beam by beam it must close this part of the gap that the others leave, this one of the gap that there was or else
 most of what the others leave, and so many standard deviations of chance."""
 _UNTOUCHED, _LARGE_PART, _PART_LEFT = 0.4, 0.05, 0.4
@@ -255,7 +256,7 @@ def _closes(own: Judged, one: FittedCandidate, left: float, whole: float, *, set
 def _beams_cannot_tell(own: Judged) -> bool:
     """Whether less is left beam by beam than the chance that is asked of one more effect: noise hides it there, from
     which summaries tell it."""
-    return own.left < _SURE * own.chance
+    return own.left < SURE * own.chance
 
 
 def _explains_most(own: Judged, one: FittedCandidate) -> bool:
@@ -267,7 +268,7 @@ def _explains_most(own: Judged, one: FittedCandidate) -> bool:
 
 def worth_by_beams(left: float, whole: float, chance: float) -> float:
     """How much of the gap beam by beam an effect must close beside others that leave so much of the whole one."""
-    return max(_LEAST_CLOSED * left, min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * left), _SURE * chance)
+    return max(_LEAST_CLOSED * left, min(_LEAST_OF_ALL * whole, _MOST_OF_LEFT * left), SURE * chance)
 
 
 def closes_what_others_left(whole: FloatArray, before: Parts, after: Parts) -> bool:
@@ -276,5 +277,5 @@ def closes_what_others_left(whole: FloatArray, before: Parts, after: Parts) -> b
     (open_, noise), (left, noise_left) = before, after
     chance = np.maximum(noise.std(axis=0, ddof=1), noise_left.std(axis=0, ddof=1))
     untouched = (open_ > _UNTOUCHED * whole) & (open_ > _LARGE_PART)
-    closed = (left < _PART_LEFT * open_) & (open_ - left > _SURE * chance)
+    closed = (left < _PART_LEFT * open_) & (open_ - left > SURE * chance)
     return bool((untouched & closed).any() and left.mean() < open_.mean())
