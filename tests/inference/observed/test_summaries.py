@@ -12,6 +12,7 @@ from explain_core_kit import MATERIALS, PANEL, SIGN, at_ranges, frames, model, s
 from lidarcheck.cases.frame import Frame
 from lidarcheck.cases.split import Split, split_frames
 from lidarcheck.errors import UsageError
+from lidarcheck.inference import optimiser
 from lidarcheck.inference.observed.beam_table import beams_of
 from lidarcheck.inference.observed.expectation import _smooth_probability
 from lidarcheck.inference.observed.observations import observations_of
@@ -360,3 +361,25 @@ def test_a_beam_is_as_likely_to_see_its_surface_as_beams_about_as_bright() -> No
     assert found[2000:3000].mean() == pytest.approx(1.0 / 32.0, abs=0.01)
     assert found[2000:3000].min() > 0.0
     assert not found[3000:].any()
+
+
+@pytest.mark.parametrize(
+    ("area", "peak", "width_ns"), [(10.0, 10.0, 1.0), (3000.0, 135.0, 24.0)], ids=["just detected", "a sign's bloom"]
+)
+def test_one_echo_more_is_seen_and_is_no_slope_however_weak_or_strong(
+    simulator: Simulator, area: float, peak: float, width_ns: float
+) -> None:
+    """A descent takes a difference for a slope where any summary changes by more than single beams make."""
+    beams, measured = simulator.beams, simulator.measured_observations
+    beam = np.flatnonzero((beams.bright[:, 1] > 0) & ~beams.retro & (beams.distance_m > 0.0))[:1]
+    extra = {
+        "extra_beam": beam, "extra_m": beams.bright_m[beam, 1], "extra_side": np.array([-1]),
+        "extra_area": np.log([area]), "extra_peak": np.log([peak]), "extra_width": np.array([width_ns]),
+    }  # fmt: skip
+    one, none = (
+        simulator.summaries.plain(dataclasses.replace(measured, **{n: c[:count] for n, c in extra.items()}))
+        for count in (1, 0)
+    )
+    for feature in ("strength of other echoes", "area of bloom", "peak of bloom", "width of bloom"):
+        of = [name.feature == feature for name in simulator.summaries.names]
+        assert 0.3 < np.abs(one - none)[of].max() < optimiser._SEEN

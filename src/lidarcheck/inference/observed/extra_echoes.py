@@ -24,12 +24,10 @@ _STRAY = 0.15
 _GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
 _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
 """Bins of how far an echo lies behind its surface, and of its range over its surface's: a ghost lies at twice that."""
-_USUAL_LOG_AREA = (4.8, 0.6)
-"""Mean and spread of ln AREA of false echoes, about: strengths are counted in these."""
-
-
-_USUAL = np.array([[4.8, 2.8, 9.0], [0.6, 0.4, 3.0]])
-"""The same of ln AREA, ln PEAK and WIDTH [ns] of an echo of bloom."""
+_USUAL = np.array([[5.1, 3.4, 9.0], [1.7, 1.1, 5.4]])
+"""Mean and spread of ln AREA, ln PEAK and WIDTH [ns], about, of all other echoes: blooms of a sign (6.5, 4.4, 12.9) and
+false alarms (3.8, 2.5, 5.1). A spread of one kind alone makes one echo of another worth up to five: single beams that
+flip are then taken for slopes, and chance counts five times."""
 
 
 class FalseEchoes:
@@ -105,7 +103,7 @@ def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
     """How strong echoes are, over range; a mean that counts as much as the number behind it."""
     place = range_bin(range_m)
     n = len(RANGE_EDGES_M)
-    standard = (log_area - _USUAL_LOG_AREA[0]) / _USUAL_LOG_AREA[1]
+    standard = (log_area - _USUAL[0, 0]) / _USUAL[1, 0]
     count = np.bincount(place, minlength=n)
     return np.asarray(np.bincount(place, standard, n) / np.sqrt(np.maximum(count, 1)))
 
