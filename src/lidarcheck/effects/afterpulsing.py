@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
 from lidarcheck.errors import UsageError
 from lidarcheck.sensor import Sensor, SpadArray
 
@@ -24,6 +24,10 @@ class Afterpulsing(DetectorEffect):
     """
 
     name = "afterpulsing"
+    unfit = unfit_for(
+        linear="its SPADs are not read one by one; what follows a bright echo is `recovery_ns` of the sensor file",
+        photon_histogram="afterpulses of a histogram are not simulated",
+    )
 
     probability: float = parameter(
         "",

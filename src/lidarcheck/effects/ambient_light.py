@@ -23,7 +23,7 @@ _DIGITS = 2
 class AmbientLight(LightEffect):
     """Sunlight: extra background that follows the reflectance of what the beam meets.
 
-    b' = b + rate sum_i share_i rho_i over the beam's rows, rho the reflectance of the row's material, without
+    b' = b + rate sum_i share_i rho_i over the beam's rows, rho the reflectance of the row or of its material, without
     retro-reflection, which returns nothing to the sensor but the sensor's own light; `sky` stands in for rho where a
     row meets nothing. A Lambertian surface that fills a pixel looks equally bright from any distance and angle, so the
     background is constant along the trace. 110 klux are 0.82 W / m^2 / nm at 905 nm (ASTM G173): a SPAD of 10 um behind
@@ -36,7 +36,9 @@ class AmbientLight(LightEffect):
     Normals are those of the planes through neighbouring beams' hits. Of a clear day's 110 klux, 10 come from the sky: a
     `direct` of 0.9; under clouds it is 0.
 
-    Valid without shadows, and with no sun in the field of view. Identity at rate 0.
+    Of a linear detector the light is noise alone: its amplitude's variance in the dark grows, in the square of the
+    amplitude's unit, by what `rate_per_ns` says for a white surface. Valid without shadows, and with no sun in the
+    field of view. Identity at rate 0.
     """
 
     name = "ambient_light"
@@ -45,7 +47,7 @@ class AmbientLight(LightEffect):
     rate_per_ns: float = parameter(
         "1/ns",
         low=0.0,
-        high=10.0,
+        high=1000.0,
         typical=0.0005,
         noticeable=0.000125,
         meaning="avalanches per armed SPAD and ns from a white surface",
@@ -81,6 +83,9 @@ class AmbientLight(LightEffect):
             return light
         rows = BeamRows.of(light, around.ideal)
         whiteness = by_material(around.ideal, around.materials, lambda material: material.reflectance, self.sky)
+        own = around.ideal.reflectance
+        if own is not None:
+            whiteness = np.where((around.ideal.distance_m > 0.0) & np.isfinite(own), np.round(own, _DIGITS), whiteness)
         if self.direct > 0.0:
             whiteness = whiteness * np.where(around.ideal.distance_m > 0.0, self._lit(around), 1.0)
         mixture = rows.total(rows.share * whiteness[rows.row])

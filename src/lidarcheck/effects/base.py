@@ -22,6 +22,7 @@ import itertools
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -42,9 +43,10 @@ from lidarcheck.effects.plugins import plugins
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Material, Sensor
+from lidarcheck.sensor import Linear, Material, PhotonHistogram, Sensor, SpadArray
 
 __all__ = [
+    "DETECTORS",
     "STAGES",
     "AimEffect",
     "ChoiceParameter",
@@ -57,6 +59,7 @@ __all__ = [
     "Parameter",
     "ReadoutEffect",
     "Surroundings",
+    "beams_in",
     "catalogue",
     "check_order",
     "choice_parameter",
@@ -66,10 +69,13 @@ __all__ = [
     "list_parameter",
     "make",
     "parameter",
+    "unfit_for",
     "with_role",
 ]
 
 STAGES = ("aim", "light", "detector", "readout")
+DETECTORS = (SpadArray.detector, Linear.detector, PhotonHistogram.detector)
+"""The kinds of detector that there are."""
 
 
 class Surroundings(Protocol):
@@ -102,6 +108,20 @@ class Surroundings(Protocol):
         """Uniform numbers in [0, 1), shape (n, draws): the same for a beam, whatever other effects there are."""
 
 
+def unfit_for(**reasons: str) -> Mapping[str, str]:
+    """Declare for which kinds of detector an effect means nothing, each with the reason, as `Effect.unfit`."""
+    if unknown := sorted(reasons.keys() - set(DETECTORS)):
+        raise ValueError(f"there is no detector {unknown[0]}")
+    return MappingProxyType(reasons)
+
+
+def beams_in(sensor: Sensor) -> dict[str, int]:
+    """The largest value of a parameter that counts beams, by the words of `COUNTS`."""
+    layers, points = sensor.beams.layers, sensor.beams.points
+    lines = sensor.beams.size if sensor.detector == "photon_histogram" else layers
+    return {"layer": layers - 1, "point": points - 1, "line": lines - 1, "layers": layers, "points": points}
+
+
 @dataclass(frozen=True)
 class Effect(abc.ABC):
     """A configured effect. Derive from one of the stage classes below, not from this one."""
@@ -116,6 +136,8 @@ class Effect(abc.ABC):
     """Whether it only describes data that no effect explains; it is then not in the catalogue."""
     hash_word: ClassVar[str] = ""
     """What the hash of a model's parameters calls it; empty: its name, spelled as BeamGrid for beam_grid."""
+    unfit: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """The kinds of detector for which it means nothing, and why; see `unfit_for`."""
 
     def __post_init__(self) -> None:
         for words in self.choices():
@@ -125,6 +147,34 @@ class Effect(abc.ABC):
             object.__setattr__(self, numbers.name, checked)  # an array or a list becomes a tuple
         for number in self.parameters():
             number.check(self.name, getattr(self, number.name))
+
+    @classmethod
+    def why_not(cls, sensor: Sensor) -> str:
+        """Why the effect means nothing for this sensor; empty where it means something. Derive from `needs`."""
+        return cls.unfit.get(sensor.detector) or cls.needs(sensor)
+
+    @classmethod
+    def detectors(cls) -> tuple[str, ...]:
+        """The kinds of detector for which it means something, or may: `needs` says what else it takes."""
+        return tuple(kind for kind in DETECTORS if kind not in cls.unfit)
+
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """What the effect needs and a sensor with one of its detectors lacks; empty where it lacks nothing."""
+        return ""
+
+    def check(self, sensor: Sensor) -> None:
+        """Refuse a sensor for which it means nothing, and parameters beyond the sensor's beams."""
+        reason = self.why_not(sensor)
+        if reason:
+            what = f"{self.name} means nothing for {sensor.name}: {reason}"
+            raise UsageError(what, fix=f"take {self.name} out of the model")
+        numbers = beams_in(sensor)
+        for one in self.parameters():
+            value, most = getattr(self, one.name), one.most(numbers)
+            if value > most:
+                what = f"{self.name}: {one.name} = {value:g} lies beyond the beams of {sensor.name}"
+                raise UsageError(what, fix=f"use {one.low:g} to {most:g}")
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -214,6 +264,10 @@ class ReadoutEffect(Effect):
     @abc.abstractmethod
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """The echoes with the effect."""
+
+    def before(self, light: Light, sensor: Sensor) -> tuple[Light, Sensor]:
+        """Light and sensor with what it does before echoes are found, of a detector that shows more than echoes."""
+        return light, sensor
 
 
 @functools.cache

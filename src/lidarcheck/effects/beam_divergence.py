@@ -10,11 +10,20 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import AimEffect, Surroundings, parameter
-from lidarcheck.effects.geometry.aiming import moving_of, rank_in_beam, rays_of, redirected, second_rows
+from lidarcheck.effects.geometry.aiming import (
+    moving_of,
+    rank_in_beam,
+    rays_of,
+    redirected,
+    second_rows,
+    with_met_reflectance,
+)
 from lidarcheck.effects.geometry.footprint import Spans, offsets_rad, spans_of, spread_rays
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
+from lidarcheck.effects.geometry.zones import widened
 from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import Linear, PhotonHistogram, Sensor
 
 __all__ = ["BeamDivergence"]
 
@@ -32,7 +41,8 @@ class BeamDivergence(AimEffect):
     what the profile's faint flanks meet. Beams all of whose rays meet one material of one object at ranges that spread
     by at most `least_m` keep their one row. Without a scene, what lies between two beams is
     taken from these: an edge is anywhere between them, at a place of its own for each pair. Where a surface goes on
-    evenly along one axis, rays are then spread along the other only; with a scene all rays are cast. Pulsed edge
+    evenly along one axis, rays are then spread along the other only; with a scene all rays are cast. A zone of a
+    histogram chip is its footprint: the zone's own rays are spread over a zone that is wider by the widths. Pulsed edge
     emitters diverge by 0.05 to 0.5 deg. Identity at both widths 0.
     """
 
@@ -50,10 +60,18 @@ class BeamDivergence(AimEffect):
         "m", low=0.0, high=10.0, typical=0.1, noticeable=0.02, meaning="spread of ranges that is worth rays"
     )
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """A footprint of the sensor file, for a detector that merges what lies in it."""
+        narrow = isinstance(sensor, Linear) and not any(sensor.footprint_deg)
+        return "its file gives beams no footprint_deg" if narrow else ""
+
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
         """What the rays of the footprints meet."""
         if self.vertical_deg == self.horizontal_deg == 0.0:
             return ideal
+        if isinstance(around.sensor, PhotonHistogram):
+            return widened(ideal, *self._times(around.sensor), around)
         up, left = (offsets_rad(width, int(self.rays)) for width in (self.vertical_deg, self.horizontal_deg))
         own, axis = rays_of(ideal), np.zeros(1)
         spans = _equal_in_beams(ideal, self._spans(own, around, up, left))
@@ -72,6 +90,13 @@ class BeamDivergence(AimEffect):
             for block in blocks if behind.any() else ():
                 _keep(block, behind[block.row], ideal)
         return _subdivided(ideal, own, blocks, around)
+
+    def _times(self, sensor: PhotonHistogram) -> tuple[float, float]:
+        """How many times as high and as wide zones are."""
+        wide, high = sensor.footprint_deg
+        both = (self.vertical_deg, high), (self.horizontal_deg, wide)
+        up, aside = (1.0 + more / own if own > 0.0 else 1.0 for more, own in both)
+        return up, aside
 
     def _spans(self, own: Rays, around: Surroundings, up: FloatArray, left: FloatArray) -> Spans:
         caster = around.caster
@@ -165,4 +190,5 @@ def _subdivided(ideal: IdealScan, own: Rays, blocks: list[_Block], around: Surro
             column[place] = values.reshape(-1, *values.shape[2:])
     rays = redirected(rays, columns.pop("direction"))
     share = None if table.share is None else table.share / count[source]
-    return replace(table, rays=rays, share=share, **columns)  # type: ignore[arg-type]
+    spread = replace(table, rays=rays, share=share, **columns)  # type: ignore[arg-type]
+    return with_met_reflectance(spread, table, rays, around)

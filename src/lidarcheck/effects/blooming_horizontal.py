@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidarcheck.effects.base import Curve, LightEffect, Surroundings, file_parameter, parameter
-from lidarcheck.effects.shared.blooming import HORIZONTAL, Side, bloom, curve_profile, profile
+from lidarcheck.effects.shared.blooming import Direction, Side, bloom, curve_profile, profile
 from lidarcheck.scan import Light
 
 __all__ = ["BloomingHorizontal"]
@@ -26,6 +26,9 @@ class BloomingHorizontal(LightEffect):
     each side with heights of its own. The bright beam itself gains nothing. Scattered light does not
     scatter again. Pulses of fewer than 0.1 expected avalanches are left out, and sources within 0.15 m of range share
     one.
+
+    Of detectors other than SPAD arrays x counts points of the layer, and a pulse blooms whose expected
+    amplitude is `bright_signal`; typical values are those of a SPAD array.
 
     Typical values follow the measured profile of a traffic sign at 25 m: halos of a few tens of avalanches over about
     half a metre to either side. Identity at strength 0.
@@ -84,4 +87,5 @@ class BloomingHorizontal(LightEffect):
         y = profile(left, right, self.core_columns, self.skirt_power, self.reach_columns)
         if self.lut is not None:
             y = curve_profile(self.lut, mirrored=True)
-        return bloom(light, around, HORIZONTAL, lambda x: self.strength * y(x), self.bright_signal)
+        along = Direction.of(around.sensor, light.beams, vertical=False)
+        return bloom(light, around, along, lambda x: self.strength * y(x), self.bright_signal)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lidarcheck.effects.base import Curve, LightEffect, Surroundings, file_parameter, parameter
-from lidarcheck.effects.shared.blooming import VERTICAL, Side, bloom, curve_profile, profile
+from lidarcheck.effects.shared.blooming import Direction, Side, bloom, curve_profile, profile
 from lidarcheck.scan import Light
+from lidarcheck.sensor import Linear, Sensor
 
 __all__ = ["BloomingVertical"]
 
@@ -24,6 +25,9 @@ class BloomingVertical(LightEffect):
 
     each side with heights of its own. The bright beam itself gains nothing. Scattered light does not scatter
     again. Pulses of fewer than 0.1 expected avalanches are left out, and sources within 0.15 m of range share one.
+
+    Of detectors other than SPAD arrays x counts layers up the column of the image, and a pulse blooms whose expected
+    amplitude is `bright_signal`; typical values are those of a SPAD array.
 
     Typical values follow the measured profile of a traffic sign at 157 m: a core within 20 rows, a skirt above the
     sign that ends near +160 rows, and a fainter one below; the line-shaped illumination stands along the column, so
@@ -74,6 +78,12 @@ class BloomingVertical(LightEffect):
     )
     lut: Curve | None = file_parameter("lut.vertical", meaning="INI file with PostPro.LUT_blooming_X and _Y")  # noqa: RUF009
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """Beams that hear each other's light."""
+        alone = isinstance(sensor, Linear) and not sensor.sweep.common_receiver
+        return "each of its beams has a receiver of its own (common_receiver is false)" if alone else ""
+
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the pulses of the bloom."""
         if self.strength == 0.0:
@@ -83,4 +93,5 @@ class BloomingVertical(LightEffect):
         y = profile(up, down, self.core_rows, self.skirt_power, self.reach_rows)
         if self.lut is not None:
             y = curve_profile(self.lut)
-        return bloom(light, around, VERTICAL, lambda x: self.strength * y(x), self.bright_signal)
+        along = Direction.of(around.sensor, light.beams, vertical=True)
+        return bloom(light, around, along, lambda x: self.strength * y(x), self.bright_signal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import DetectorEffect, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
 from lidarcheck.errors import UsageError
 from lidarcheck.sensor import Sensor, SpadArray
 
@@ -26,6 +26,10 @@ class Crosstalk(DetectorEffect):
 
     name = "crosstalk"
     tree = (84,)
+    unfit = unfit_for(
+        linear="it adds avalanches into one amplitude; its scatter is in `excess` of the sensor file",
+        photon_histogram="among so many shots it only widens the counts' scatter; vendors call the cover glass so",
+    )
 
     sides: float = parameter(
         "",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.base import LightEffect, Surroundings, parameter, unfit_for
 from lidarcheck.scan import Light
 
 __all__ = ["DarkCounts"]
@@ -20,6 +20,7 @@ class DarkCounts(LightEffect):
 
     name = "dark_counts"
     tree = (101,)
+    unfit = unfit_for(linear="its dark noise is one number with `noise` of the sensor file: fit that")
 
     rate_per_ns: float = parameter(
         "1/ns",

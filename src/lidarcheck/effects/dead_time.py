@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 from lidarcheck import elementary
-from lidarcheck.effects.base import DetectorEffect, parameter
+from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
 from lidarcheck.errors import UsageError
-from lidarcheck.sensor import Sensor, SpadArray
+from lidarcheck.sensor import PhotonHistogram, Sensor, SpadArray
 
 __all__ = ["DeadTime"]
 
@@ -24,10 +24,12 @@ class DeadTime(DetectorEffect):
     pulse lasts fires once more: AREA and WIDTH of bright echoes follow the dead time, those of weak ones do not.
     Quenching circuits, active and passive: Cova et al., Appl. Opt. 35 (1996) 1956; published dead times are 7 ns and
     more. A shift that makes the dead time shorter than the ON time is refused. Of several such effects shifts and
-    recoveries add up, and the squares of spreads. Identity at shift, spread and recovery 0.
+    recoveries add up, and the squares of spreads. A histogram of many shots shows the mean dead time alone, dead +
+    shift + recovery. Identity at shift, spread and recovery 0.
     """
 
     name = "dead_time"
+    unfit = unfit_for(linear="its SPADs are not read one by one; what follows a bright echo is `recovery_ns`")
 
     shift_ns: float = parameter(
         "ns", low=-1000.0, high=1000.0, typical=-2.0, noticeable=1.0, meaning="added to the dead time"
@@ -50,8 +52,16 @@ class DeadTime(DetectorEffect):
         option=True,
     )
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """A readout that counts more than one photon of a SPAD and shot."""
+        first = isinstance(sensor, PhotonHistogram) and sensor.readout == "first"
+        return 'its readout = "first" counts one photon a SPAD and shot' if first else ""
+
     def detector(self, sensor: Sensor) -> Sensor:
         """Change the dead time and let it vary."""
+        if isinstance(sensor, PhotonHistogram):
+            return self._of_histogram(sensor)
         sensor = SpadArray.narrow(sensor)
         shift = math.floor(self.shift_ns / sensor.bin_ns + 0.5)
         if shift == 0 and self.spread_ns == self.recovery_ns == 0.0:
@@ -69,3 +79,18 @@ class DeadTime(DetectorEffect):
             )
         real = replace(sensor.nonideal, dead_spread_ns=spread_ns, dead_recovery_ns=recovery_ns)
         return replace(sensor, dead_bins=dead, nonideal=real)
+
+    def _of_histogram(self, sensor: PhotonHistogram) -> PhotonHistogram:
+        """A histogram counts so many avalanches that the mean of the dead time alone shows."""
+        shift = math.floor((self.shift_ns + self.recovery_ns) / sensor.bin_ns + 0.5)
+        if shift == 0:
+            return sensor
+        dead, most = sensor.dead_bins + shift, int(PhotonHistogram.bounds["dead_bins"].high)
+        if not 1 <= dead <= most:
+            low, high = ((bins - sensor.dead_bins) * sensor.bin_ns for bins in (1, most))
+            raise UsageError(
+                f"dead_time: shift_ns = {self.shift_ns} makes a dead time of {dead * sensor.bin_ns:g} ns, which must "
+                f"be a bin of {sensor.bin_ns:g} ns at least",
+                fix=f"use a shift_ns from {low:g} to {high:g} ns",
+            )
+        return replace(sensor, dead_bins=dead)

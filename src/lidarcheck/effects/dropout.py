@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
+from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter, unfit_for
 from lidarcheck.scan import Scan
 
 __all__ = ["Dropout"]
@@ -20,6 +20,7 @@ class Dropout(ReadoutEffect):
     """
 
     name = "dropout"
+    unfit = unfit_for(photon_histogram="a zone always has a histogram")
 
     share: float = parameter(
         "", low=0.0, high=1.0, typical=0.02, noticeable=0.005, meaning="probability that a beam loses its echoes"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +12,11 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.shared.draws import check_interval, normals, poisson_counts
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, PhotonHistogram
 
 __all__ = ["Interference"]
+
+_SHORTEST_NS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,9 @@ class Interference(LightEffect):
     `column_span_m`, from a range on that is uniform again and the column's own. Kim, Eom and Park, "Occurrence and
     characteristics of mutual interference between LIDAR scanners", Proc. SPIE 9504, 2015.
 
-    Valid for foreign pulses as short as the sensor's own, which they share the shape of. Identity at share 0.
+    A histogram chip sums many shots: pulses on another clock raise the background of the zones that are hit, those that
+    lie together in all shots make a peak. Valid for foreign pulses as short as the sensor's own, which they share the
+    shape of. Identity at share 0.
     """
 
     name = "interference"
@@ -73,6 +77,8 @@ class Interference(LightEffect):
         """Add the foreign pulses."""
         if self.share == 0.0:
             return light
+        if around.sensor.detector == PhotonHistogram.detector and not self._in_step:
+            return self._floor(light, around)
         lit = np.flatnonzero(self._hit(light, around))
         first = around.uniforms(light.layer[lit], light.point[lit])[:, 0]
         count = poisson_counts(first, self.share / self.columns)
@@ -87,6 +93,19 @@ class Interference(LightEffect):
         signal = self.signal * elementary.power(10.0, self.spread_decades * normals(uniform[:, 1::2][used]))
         return light.with_pulses(beam, range_m, signal)
 
+    @property
+    def _in_step(self) -> bool:
+        """Whether the pulses of a column lie together."""
+        return self.column_span_m < self.farthest_m - self.nearest_m
+
+    def _floor(self, light: Light, around: Surroundings) -> Light:
+        """Foreign pulses among many shots: each of these sees others, and all together raise the background."""
+        spread = elementary.log(10.0) * self.spread_decades
+        mean = self.signal * elementary.exp(0.5 * spread**2)
+        window_ns = max(2.0 * (self.farthest_m - self.nearest_m) / LIGHT_SPEED_M_PER_NS, _SHORTEST_NS)
+        more = np.where(self._hit(light, around), self.share / self.columns * mean / window_ns, 0.0)
+        return replace(light, background_per_ns=light.background_per_ns + more)
+
     def _hit(self, light: Light, around: Surroundings) -> npt.NDArray[np.bool_]:
         """Whether each beam's point column is hit, shape (n_beams,)."""
         if self.columns == 1.0:
@@ -97,7 +116,7 @@ class Interference(LightEffect):
     def _ranges(self, uniform: FloatArray, point: npt.NDArray[np.integer], around: Surroundings) -> FloatArray:
         """Where each pulse of a beam in column `point` seems to come from, shape (n_pulses,)."""
         whole = self.farthest_m - self.nearest_m
-        if self.column_span_m >= whole:
+        if not self._in_step:
             return self.nearest_m + whole * uniform
         start = (whole - self.column_span_m) * self._of_columns(point, around)[:, 1][point]
         return np.asarray(self.nearest_m + start + self.column_span_m * uniform)
@@ -105,5 +124,6 @@ class Interference(LightEffect):
     def _of_columns(self, point: npt.NDArray[np.integer], around: Surroundings) -> FloatArray:
         """What all beams of a column share: whether it is hit, and from where, shape (n_columns, 2)."""
         # A layer beyond the sensor's own, drawn apart from what each beam draws.
-        columns = np.arange(max(POINTS, int(point.max(initial=0)) + 1))
-        return around.uniforms(np.full(len(columns), LAYERS), columns, 2)
+        beams = around.ideal.beams
+        columns = np.arange(max(beams.points, int(point.max(initial=0)) + 1))
+        return around.uniforms(np.full(len(columns), beams.layers), columns, 2)

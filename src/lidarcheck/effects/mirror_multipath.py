@@ -16,7 +16,7 @@ from lidarcheck.effects.geometry.reflections import GROUND_M, ground_of, march, 
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.effects.shared.draws import normals
 from lidarcheck.rays import Hits, Rays
-from lidarcheck.scan import IdealScan, Light, beams_of
+from lidarcheck.scan import IdealScan, Light
 
 __all__ = ["MirrorMultipath"]
 
@@ -103,12 +103,15 @@ class MirrorMultipath(LightEffect):
             hits.material_id[met],
             hits.incidence_deg[met],
             file=ideal.file,
+            beams=ideal.beams,
         )
+        source = _rows_at(ideal, onward, hits, met)
+        if ideal.reflectance is not None:
+            image = image.with_reflectance(np.where(source >= 0, ideal.reflectance[source], np.nan))
         cosine = np.abs(np.einsum("ij,ij->i", rays.direction[row], mirror.normal[met]))
         signal = self._passage(cosine) * around.signal(image) * ideal.shares()[row]
         signal *= elementary.exp(-2.0 * light.extinction_per_m * way[met])
         lit = signal > 0.0
-        source = _rows_at(ideal, onward, hits, met)
         return light.with_pulses(beam[met][lit], way[met][lit], signal[lit], source[lit])
 
     def _passage(self, cosine: FloatArray) -> FloatArray:
@@ -188,7 +191,7 @@ def _beams(light: Light, ideal: IdealScan, row: IndexArray) -> IndexArray:
 def _rows_at(ideal: IdealScan, onward: Rays, hits: Hits, met: IndexArray) -> IndexArray:
     """A row of the ideal scan that sees what those rays meet, from the sensor: the same material there; -1: none."""
     at = onward.origin_m[met] + hits.distance_m[met, None] * onward.direction[met]
-    layer, point = beams_of(at[:, 0], at[:, 1], at[:, 2])
+    layer, point = ideal.beams.nearest(at)
     keys = ideal.layer.astype(np.int64) << 32 | ideal.point
     order = np.argsort(keys, kind="stable")
     wanted = layer.astype(np.int64) << 32 | point

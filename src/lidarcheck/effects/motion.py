@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lidarcheck.effects.base import AimEffect, Surroundings, list_parameter, parameter
+from lidarcheck.effects.base import AimEffect, Surroundings, list_parameter, parameter, unfit_for
 from lidarcheck.effects.geometry.aiming import rays_of, recast, turned
 from lidarcheck.errors import UsageError
-from lidarcheck.rays import Velocity, sweep_time_s
+from lidarcheck.rays import Velocity
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["Motion"]
 
@@ -19,7 +20,8 @@ __all__ = ["Motion"]
 class Motion(AimEffect):
     """The scene or the sensor moves while the frame is swept.
 
-    Point column p is fired t = 30 ms p / 959 after the frame's start. With `object_id` -1 the sensor moves: its
+    Each beam is fired t after the frame's start, as the sensor's sweep says: point column p of the built-in sensors at
+    t = 30 ms p / 959. With `object_id` -1 the sensor moves: its
     beams start at v t and are turned to the left by yaw rate times t, v in the sensor's frame at the start. With
     `object_id` 0 or more the sensor stands, and the object of that number moves by v t; the yaw rate has no part
     then. Besides, objects that have velocities of their own move by `objects` times those: the scene's, and those
@@ -33,6 +35,7 @@ class Motion(AimEffect):
 
     name = "motion"
     tree = (102,)
+    unfit = unfit_for(photon_histogram="the shots of all zones last the whole frame: it shows between frames only")
 
     forward_m_s: float = parameter(
         "m/s", low=-100.0, high=100.0, typical=10.0, noticeable=1.0, meaning="velocity along X"
@@ -67,15 +70,23 @@ class Motion(AimEffect):
             counts = f"{len(self.movers)} movers and {len(self.movers_forward_m_s)} velocities"
             raise UsageError(f"{self.name}: {counts}", fix="give movers_forward_m_s a number for each of movers")
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """Beams that are fired one after the other, and files that keep what moves."""
+        if sensor.deskewed:
+            return "its files are compensated for motion"
+        return "all its beams are fired at once: it shows between frames only" if sensor.sweep.order == "flash" else ""
+
     def aim(self, ideal: IdealScan, around: Surroundings) -> IdealScan:
-        """What each point column meets at its time."""
+        """What each beam meets at its time."""
         velocity: Velocity = (self.forward_m_s, self.left_m_s, self.up_m_s)
         sensor_moves = self.object_id < 0
         moving = self._moving(velocity, ideal, around)
         if not moving and not (sensor_moves and (any(velocity) or self.yaw_deg_s)):
             return ideal
         rays = rays_of(ideal)
-        remaining_s = sweep_time_s(ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
+        fired_s = ideal.beams.fire_time_s(ideal.layer, ideal.point)
+        remaining_s = fired_s - (0.0 if ideal.time_s is None else ideal.time_s)
         if not np.any(remaining_s):
             return ideal
         if sensor_moves:
@@ -83,7 +94,7 @@ class Motion(AimEffect):
             direction = turned(rays.direction, self.yaw_deg_s * remaining_s, 0.0)
             rays = replace(rays, origin_m=origin, direction=direction)
         # A scene moves on from the frame's start, the scan's own surfaces from the time that they were seen at.
-        time_s = remaining_s if around.scene is None else sweep_time_s(ideal.point)
+        time_s = remaining_s if around.scene is None else fired_s
         return recast(ideal, replace(rays, time_s=time_s), around, moving)
 
     def _moving(self, velocity: Velocity, ideal: IdealScan, around: Surroundings) -> dict[int, Velocity]:

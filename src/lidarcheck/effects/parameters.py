@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,8 @@ import numpy as np
 from lidarcheck.errors import UsageError
 
 __all__ = [
+    "COUNTS",
+    "MOST_BEAMS",
     "ChoiceParameter",
     "Curve",
     "FileParameter",
@@ -44,10 +46,19 @@ __all__ = [
     "parameter",
 ]
 
+MOST_BEAMS = 1_000_000
+"""No sensor has so many layers, points or zones."""
+COUNTS = ("layer", "point", "line", "layers", "points")
+"""What a parameter may count of a sensor's beams: the number of a layer, of a point, or of what has a gain of its own
+(a layer, or a zone), from 0; how many layers, points."""
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter of an effect: its unit, the closed interval it may lie in, a typical value, a noticeable change."""
+    """One parameter of an effect: its unit, the closed interval it may lie in, a typical value, a noticeable change.
+
+    `counts`: what of the sensor's beams it counts, see `parameter`; the interval is that of any sensor then.
+    """
 
     name: str
     unit: str
@@ -58,6 +69,7 @@ class Parameter:
     meaning: str
     option: bool = False
     noticeable: float = 0.0
+    counts: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -84,6 +96,10 @@ class Parameter:
                 f"{effect}: {self.name} = {value!r} is {wrong}",
                 fix=f"use {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip(),
             )
+
+    def most(self, numbers: Mapping[str, int]) -> float:
+        """The largest value with a sensor that has so many of what it counts, by the words of `COUNTS`."""
+        return min(self.high, numbers[self.counts]) if self.counts else self.high
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,16 +230,21 @@ def parameter(
     noticeable: float | None = None,
     whole: bool = False,
     option: bool = False,
+    counts: str = "",
 ) -> Any:
     """Declare a parameter as a dataclass field; it takes its typical value when a model leaves it out.
 
     `noticeable`: the change that a user would notice (see above); None: a tenth of the typical value, or of the range
     where that is 0. `option`: with the typical value the effect is what it was before there was the parameter, so that
-    hashes of models that do not use it stay.
+    hashes of models that do not use it stay. `counts`: one of `COUNTS`, where the sensor's beams say how large it may
+    be.
     """
+    if counts not in ("", *COUNTS):
+        raise ValueError(f"counts = {counts!r} is none of {', '.join(COUNTS)}")
     if noticeable is None:
         noticeable = 1.0 if whole else 0.1 * (abs(typical) or high - low)
     facts = {"unit": unit, "low": low, "high": high, "whole": whole, "meaning": meaning, "option": option}
+    facts |= {"counts": counts} if counts else {}
     return dataclasses.field(default=int(typical) if whole else typical, metadata={**facts, "noticeable": noticeable})
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.scan import Light, PulseShape
+from lidarcheck.sensor import Linear, Sensor
 
 __all__ = ["BroadPulse"]
 
@@ -43,6 +44,16 @@ class BroadPulse(LightEffect):
     tail_delay_ns: float = parameter(
         "ns", low=0.0, high=200.0, typical=0.0, noticeable=1.0, meaning="how much later the tail begins", option=True
     )
+
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """Something that depends on the pulse's length: a width, surfaces that merge, or the slope of its edge."""
+        if not isinstance(sensor, Linear) or sensor.max_echoes > 1:
+            return ""
+        if any(feature.law == "width_above_threshold" for feature in sensor.features):
+            return ""
+        by_edge = sensor.range_law == "physical" and sensor.edge_factor > 0.0
+        return "" if by_edge else "it reports no width, one echo a beam, and ranges that scatter by no edge"
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Give the light that shape."""

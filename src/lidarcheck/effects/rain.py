@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import LightEffect, Surroundings, parameter
+from lidarcheck.effects.base import LightEffect, Surroundings, parameter, unfit_for
 from lidarcheck.effects.geometry.beam_rows import BeamRows
 from lidarcheck.effects.geometry.own_rays import shares_that_end
 from lidarcheck.effects.shared.air import ends_of
@@ -51,6 +51,7 @@ class Rain(LightEffect):
     """
 
     name = "rain"
+    unfit = unfit_for(photon_histogram="a zone is wide and near: drops are no echoes of their own in it")
     tree = (87, 89)
 
     rate_mm_h: float = parameter("mm/h", low=0.0, high=300.0, typical=25.0, noticeable=5.0, meaning="rate of rain")

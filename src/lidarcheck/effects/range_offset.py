@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
 from lidarcheck.effects.shared.ranges import StageByWhat, at_range, moved_light, what_moves
 from lidarcheck.scan import Light, Scan
+from lidarcheck.sensor import PhotonHistogram, Sensor
 
 __all__ = ["RangeOffset"]
 
@@ -31,8 +32,17 @@ class RangeOffset(ReadoutEffect):
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Move all light."""
+        return self.light_of(light)
+
+    def light_of(self, light: Light) -> Light:
+        """All light, moved."""
         return light if self.offset_m == 0.0 else moved_light(light, 1.0, self.offset_m)
+
+    def before(self, light: Light, sensor: Sensor) -> tuple[Light, Sensor]:
+        """Move the surfaces' light of a histogram, whose bins show it; the cover glass stays."""
+        return (self.light_of(light), sensor) if isinstance(sensor, PhotonHistogram) else (light, sensor)
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move every echo along its beam."""
-        return scan if self.offset_m == 0.0 else at_range(scan, scan.range_m + self.offset_m)
+        still = self.offset_m == 0.0 or isinstance(around.sensor, PhotonHistogram)
+        return scan if still else at_range(scan, scan.range_m + self.offset_m)

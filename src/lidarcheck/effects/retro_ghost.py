@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.scan import Light
+from lidarcheck.sensor import Linear, Sensor
 
 __all__ = ["RetroGhost"]
 
@@ -58,6 +59,12 @@ class RetroGhost(LightEffect):
     retro_only: int = parameter(
         "", low=0, high=1, typical=1, whole=True, noticeable=-1, meaning="1: retro-reflectors alone, 0: any surface"
     )
+
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """Room for an echo behind the target's."""
+        one = isinstance(sensor, Linear) and sensor.max_echoes < 2 and sensor.keep != "last"
+        return "the target takes the beam's one echo (returns = 1)" if one else ""
 
     def light(self, light: Light, around: Surroundings) -> Light:
         """Add the ghosts' pulses."""

@@ -75,6 +75,8 @@ def _plain_frame(
 
     if of_stage("aim", model.effects) or of_stage("light", model.effects) or not isinstance(model.sensor, SpadArray):
         return None, None
+    if ideal.reflectance is not None:
+        return None, None
     run = run_of(ideal, model, how["seed"], how["frame"], scene, None).after_stage("detector", model.effects)
     return run, fast_frame(ideal, model, SpadArray.narrow(run.sensor), Task(rounded=rounded, **how))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,16 @@ _MOST_MATERIALS = 65536
 
 
 def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> FloatArray:
+    """S of each row of the ideal scan, as `_by_materials`; with the row's own reflectance where it has one."""
+    signal, reflectance = _by_materials(ideal, model, share), ideal.reflectance
+    if reflectance is None or not np.isfinite(reflectance).any():
+        return signal
+    white = {number: replace(material, reflectance=1.0) for number, material in model.materials.items()}
+    own = _by_materials(ideal, replace(model, materials=white), share) * reflectance
+    return np.where(np.isfinite(reflectance), own, signal)
+
+
+def _by_materials(ideal: IdealScan, model: Model, share: Share) -> FloatArray:
     """S of each row of the ideal scan: primary avalanches per SPAD and shot, 0 where the row meets nothing.
 
     S = K rho cos(iota) / R^2 for a Lambertian surface, K rho gain / R^2 for a retro-reflector (lidar range equation of

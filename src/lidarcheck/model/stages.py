@@ -133,7 +133,9 @@ def aimed(
 def run_of(
     ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None
 ) -> Run:
-    """A frame before any effect."""
+    """A frame before any effect; `UsageError` for an effect that means nothing for the model's sensor."""
+    for effect in model.effects:
+        effect.check(model.sensor)
     return Run(seed, frame, model, model.sensor, ideal, scene, surfaces or Surfaces(ideal))
 
 
@@ -154,7 +156,11 @@ def run_and_light(
     light = light_of(run.ideal, model, functools.partial(share, threads=threads))
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
-    return run.after_stage("detector", model.effects), light
+    run = run.after_stage("detector", model.effects)
+    sensor = run.sensor
+    for effect in of_stage("readout", model.effects):
+        light, sensor = effect.before(light, sensor)
+    return replace(run, sensor=sensor), light
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from lidarcheck.effects.empirical.echoes import renumbered
 from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import SpadArray, beam_directions
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["EmpiricalExtra"]
 
@@ -128,7 +128,7 @@ def _at_level(quantiles: tuple[float, ...], level: FloatArray) -> FloatArray:
 def _added(scan: Scan, beams: dict[str, Any], range_m: FloatArray, features: dict[str, Any]) -> Scan:
     """New echoes as a scan with the columns that the other one has, those unknown to the sensor 0."""
     n = len(range_m)
-    xyz = beam_directions(beams["layer"], beams["point"]) * range_m[:, None]
+    xyz = scan.beams.positions_m(beams["layer"], beams["point"], range_m)
     last = np.full(n, np.iinfo(np.int32).max)  # behind all echoes of equal range, until they are numbered
     extra = {name: np.zeros(n, dtype=column.dtype) for name, column in scan.extra.items()}
     place: dict[str, Any] = {"x_m": xyz[:, 0], "y_m": xyz[:, 1], "z_m": xyz[:, 2], "echo_number": last}

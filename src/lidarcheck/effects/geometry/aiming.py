@@ -32,7 +32,10 @@ __all__ = [
     "second_rows",
     "slid",
     "turned",
+    "with_met_reflectance",
 ]
+
+_FAR_M = 1e4
 
 
 def recast(
@@ -57,7 +60,22 @@ def recast(
         object_id=hits.object_id if has_objects else None,
         rays=aimed,
     )
+    new = with_met_reflectance(new, ideal, rays, around)
     return new if around.scene is None else _with_second_rows(new, ideal, max_range_m)
+
+
+def with_met_reflectance(new: IdealScan, before: IdealScan, rays: Rays, around: Surroundings) -> IdealScan:
+    """`new` with the reflectance of what its rays meet now; where a scene is met, of rows that stay on their material.
+
+    `before`: the rows that it was made of, in the same places.
+    """
+    own, caster = before.reflectance, around.caster
+    if own is None:
+        return new
+    if isinstance(caster, LocalSurfaces) and (met := caster.ideal.reflectance) is not None and len(met):
+        reach = np.where(new.distance_m > 0.0, new.distance_m, _FAR_M)[:, None]
+        return new.with_reflectance(met[caster.pick(rays.origin_m + reach * rays.direction, rays.slot)])
+    return new.with_reflectance(np.where(new.material_id == before.material_id, own, np.nan))
 
 
 def slid(ideal: IdealScan, rays: Rays, around: Surroundings) -> IdealScan:

@@ -1,4 +1,7 @@
-"""Which rows of an ideal scan lie in which direction: the sensor's beams as a grid."""
+"""Which rows of an ideal scan lie in which direction: beams in even steps of elevation and azimuth as a grid.
+
+`lidarcheck.effects.geometry.beam_tree` does the same for beams of any other kind; `lattice.lattice_of` chooses.
+"""
 
 from __future__ import annotations
 
@@ -11,60 +14,55 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor.grid import Axis, GridBeams
 
-__all__ = ["BeamGrid", "cells_of", "nearest_marked"]
+__all__ = ["BeamGrid", "nearest_marked"]
 
-_CELLS = LAYERS * POINTS
-_LAYER_RAD, _POINT_RAD = np.deg2rad(0.05), np.deg2rad(0.125)
-
-
-def cells_of(position: FloatArray) -> IndexArray:
-    """The grid cell (layer times 960 + point) in whose direction each position (n, 3) lies; the border's beyond it."""
-    layer, point = (np.rint(line).astype(np.int64) for line in _lines(position))
-    return np.asarray(np.clip(layer, 0, LAYERS - 1) * POINTS + np.clip(point, 0, POINTS - 1))
+_MARGIN_DEG = 1.0
+"""A straight way that has left the field of view by so much does not come back."""
 
 
-def _lines(position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Layer and point in whose direction each position (n, 3) lies, with fractions."""
-    x, y, z = position[:, 0], position[:, 1], position[:, 2]
-    layer = elementary.arctan2(z, np.sqrt(x * x + y * y)) * (1.0 / _LAYER_RAD) + 259.5
-    return layer, elementary.arctan2(y, x) * (1.0 / _POINT_RAD) + 479.5
-
-
-def _uniforms(salt: int) -> npt.NDArray[np.float32]:
+def _uniforms(salt: int, cells: int) -> npt.NDArray[np.float32]:
     """A number between 0 and 1 for each cell, always the same, as if drawn at random; shape (cells,)."""
-    word = np.arange(_CELLS, dtype=np.uint64) + np.uint64(salt * _CELLS)
+    word = np.arange(cells, dtype=np.uint64) + np.uint64(salt * cells)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         word = (word ^ (word >> np.uint64(shift))) * np.uint64(factor)
     word ^= word >> np.uint64(31)
     return np.asarray(((word >> np.uint64(41)).astype(np.float32) + 0.5) / 2.0**23, dtype=np.float32)
 
 
-@functools.cache
-def _borders() -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+@functools.lru_cache(maxsize=4)
+def borders(cells: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Where, between each cell's middle and that of the next one up and to the left, the border is taken to be."""
-    return _uniforms(1), _uniforms(2)
+    return _uniforms(1, cells), _uniforms(2, cells)
 
 
-def nearest_marked(mark: BoolArray) -> IndexArray:
-    """The marked cell nearest in angle to each cell of a block of the grid, as flat indices; the mark must have one."""
+def nearest_marked(mark: BoolArray, sampling: tuple[float, float], *, around: bool = False) -> IndexArray:
+    """The marked cell nearest in angle to each cell of a block of the grid, as flat indices; the mark must have one.
+
+    `sampling`: angle from a line to the next, either way. `around`: whether the last column lies beside the first.
+    """
     from scipy.ndimage import distance_transform_edt
 
-    indices: IndexArray = distance_transform_edt(
-        ~mark, sampling=(0.05, 0.125), return_distances=False, return_indices=True
-    )
-    return np.asarray(indices[0].astype(np.int64) * mark.shape[1] + indices[1])
+    columns = mark.shape[1]
+    wide = np.tile(mark, (1, 3)) if around else mark
+    indices: IndexArray = distance_transform_edt(~wide, sampling=sampling, return_distances=False, return_indices=True)
+    line, column = indices[0].astype(np.int64), indices[1]
+    if around:
+        line, column = line[:, columns : 2 * columns], column[:, columns : 2 * columns] % columns
+    return np.asarray(line * columns + column)
 
 
 @dataclass(frozen=True)
 class BeamGrid:
     """The rows of each cell: cell c has `order[first[c]]` ... `order[first[c] + count[c] - 1]`, in order of rank.
 
-    `first`, `count` (cells,), `order` (n,); `slot` (n,): each row's rank within its beam. `near` (cells,): the nearest
-    cell that was fired, None where all were. `stride`: the layers, the points between neighbouring fired beams.
+    A cell is a beam of the sensor: c = layer times `beams.points` + point. `first`, `count` (cells,), `order` (n,);
+    `slot` (n,): each row's rank within its beam. `near` (cells,): the nearest cell that was fired, None where all were.
+    `stride`: the layers, the points between neighbouring fired beams.
     """
 
+    beams: GridBeams
     first: IndexArray
     count: IndexArray
     order: IndexArray
@@ -74,34 +72,47 @@ class BeamGrid:
     offset: tuple[int, int]
 
     @classmethod
-    def of(cls, ideal: IdealScan, slot: npt.NDArray[np.int32]) -> BeamGrid:
+    def of(cls, ideal: IdealScan, beams: GridBeams, slot: npt.NDArray[np.int32]) -> BeamGrid:
         """The grid of a scan's rows and their ranks; rows of beams that the sensor does not have are left out."""
         layer, point = ideal.layer.astype(np.int64), ideal.point.astype(np.int64)
-        inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
-        rows = np.flatnonzero(inside)
-        cell = layer[rows] * POINTS + point[rows]
+        rows = np.flatnonzero(beams.has(layer, point))
+        cell = beams.index(layer[rows], point[rows])
         if len(cell) and not bool(np.all(cell[1:] > cell[:-1])):
             rows = rows[np.lexsort((slot[rows], cell))]
-        count = np.bincount(cell, minlength=_CELLS)
+        count = np.bincount(cell, minlength=beams.size)
         first = np.cumsum(count) - count
         fired = count > 0
         near = None
         if len(rows) and not fired.all():
-            near = nearest_marked(fired.reshape(LAYERS, POINTS)).ravel()
-        return cls(
-            first=first,
-            count=count,
-            order=rows,
-            slot=slot,
-            near=near,
-            stride=(stride := (_stride(layer[rows]), _stride(point[rows]))),
-            offset=(_first(layer[rows], stride[0]), _first(point[rows], stride[1])),
-        )
+            mark = fired.reshape(beams.layers, beams.points)
+            near = nearest_marked(mark, _pitch_deg(beams), around=beams.azimuth.turns).ravel()
+        stride = _stride(layer[rows]), _stride(point[rows])
+        offset = _first(layer[rows], stride[0]), _first(point[rows], stride[1])
+        return cls(beams, first, count, rows, slot, near, stride, offset)
 
     @property
     def single(self) -> bool:
         """Whether every cell has exactly one row."""
-        return len(self.order) == _CELLS and self.near is None
+        return len(self.order) == self.beams.size and self.near is None
+
+    @property
+    def steps_rad(self) -> tuple[float, float]:
+        """Angle from a fired layer, and from a fired point, to the next one; below 0 where its angle falls."""
+        elevation, azimuth = self.beams.elevation.step_deg, self.beams.azimuth.step_deg
+        return float(np.deg2rad(elevation * self.stride[0])), float(np.deg2rad(azimuth * self.stride[1]))
+
+    @property
+    def goes_round(self) -> bool:
+        """Whether the last fired points lie beside the first."""
+        return self.beams.azimuth.turns and self.beams.points % self.stride[1] == 0
+
+    def nearest_cell(self, position: FloatArray) -> IndexArray:
+        """The cell in whose direction each position (n, 3) lies; the border's beyond it."""
+        layer, point = (np.rint(line).astype(np.int64) for line in self._lines(position))
+        if self.beams.azimuth.turns:
+            point = point % self.beams.points
+        last = self.beams.layers - 1, self.beams.points - 1
+        return np.asarray(np.clip(layer, 0, last[0]) * self.beams.points + np.clip(point, 0, last[1]))
 
     def cells(self, position: FloatArray) -> IndexArray:
         """The cell whose surface reaches to the direction of each position (n, 3); a fired beam's own on its axis.
@@ -110,13 +121,20 @@ class BeamGrid:
         each pair and always there for the same one: a view turned by a third of a beam spacing then moves a third of
         all edges by one beam, as it does on average in a scene, instead of none.
         """
-        layer, point = _lines(position)
-        up, aside = _borders()
+        layer, point = self._lines(position)
+        layers, points = self.beams.layers, self.beams.points
+        up, aside = borders(self.beams.size)
         (s, t), (a, b) = self.stride, self.offset
-        i, over = _split((layer - a) / s, (LAYERS - 1 - a) // s)
-        j, beyond = _split((point - b) / t, (POINTS - 1 - b) // t)
-        cell = (i * s + a) * POINTS + j * t + b
-        return np.asarray(cell + (over > up[cell]) * (s * POINTS) + (beyond > aside[cell]) * t)
+        i, over = _split((layer - a) / s, (layers - 1 - a) // s)
+        if not self.goes_round:
+            j, beyond = _split((point - b) / t, (points - 1 - b) // t)
+            cell = (i * s + a) * points + j * t + b
+            return np.asarray(cell + (over > up[cell]) * (s * points) + (beyond > aside[cell]) * t)
+        column = np.mod((point - b) / t + 1e-7, points // t)
+        j = np.minimum(column.astype(np.int64), points // t - 1)
+        cell = (i * s + a) * points + j * t + b
+        j = (j + (column - j > aside[cell])) % (points // t)
+        return np.asarray((i * s + a + (over > up[cell]) * s) * points + j * t + b)
 
     def rows(self, cell: IndexArray, slot: npt.NDArray[np.int32] | IndexArray) -> IndexArray:
         """The row of that rank in each cell, or the last there; in a cell that was not fired, the nearest one's.
@@ -135,13 +153,99 @@ class BeamGrid:
         """For each row the row of equal rank that many strides up and to the left, shape (n,); -1: there is none."""
         layer = ideal.layer.astype(np.int64) + layers * self.stride[0]
         point = ideal.point.astype(np.int64) + points * self.stride[1]
-        inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
-        cell = np.where(inside, layer * POINTS + point, 0)
+        if self.goes_round:
+            point = point % self.beams.points
+        inside = self.beams.has(layer, point)
+        cell = np.where(inside, self.beams.index(layer, point), 0)
         if self.single:
             return np.where(inside, self.order[cell], -1)
         there = inside & (self.slot < self.count[cell])
         place = np.where(there, self.first[cell] + self.slot, 0)
         return np.where(there, self.order[place], -1) if len(self.order) else np.full(len(layer), -1)
+
+    def neighbours(self, ideal: IdealScan) -> tuple[IndexArray, ...]:
+        """For each row those beside it, -1 for none: shape (n,) each."""
+        return tuple(self.beside(ideal, *step) for step in ((1, 0), (-1, 0), (0, 1), (0, -1)))
+
+    def spread(self, rows: BoolArray, reach_rad: tuple[float, float]) -> BoolArray:
+        """The cells from which one of the marked rows' cells lies within that angle up or down, and aside; (cells,)."""
+        from scipy.ndimage import maximum_filter1d
+
+        out = self.on_cells(rows).reshape(self.beams.layers, self.beams.points).astype(np.uint8)
+        for axis, (reach, pitch, stride) in enumerate(zip(reach_rad, _pitch_deg(self.beams), self.stride, strict=True)):
+            half = int(np.ceil(reach / np.deg2rad(pitch))) + stride - 1
+            if half > 0:
+                mode = "wrap" if axis == 1 and self.beams.azimuth.turns else "constant"
+                out = maximum_filter1d(out, min(2 * half + 1, 2 * out.shape[axis] - 1), axis=axis, mode=mode)
+        return np.asarray(out.ravel() > 0)
+
+    def on_cells(self, rows: BoolArray) -> BoolArray:
+        """The cells that have one of the marked rows (n,); shape (cells,)."""
+        count = np.zeros(len(self.order) + 1, dtype=np.int64)
+        np.cumsum(rows[self.order], out=count[1:])
+        return np.asarray(count[self.first + self.count] > count[self.first])
+
+    def fired(self, cell: IndexArray) -> IndexArray:
+        """The nearest cell that was fired to each cell, shape (n,)."""
+        return cell if self.near is None else self.near[cell]
+
+    def seen(
+        self, x: npt.NDArray[np.float32], y: npt.NDArray[np.float32], z: npt.NDArray[np.float32]
+    ) -> tuple[IndexArray, BoolArray, BoolArray]:
+        """Of positions (n,) the cell, whether they lie in the field of view, and whether far out of it; shape (n,)."""
+        elevation, azimuth = self.beams.elevation, self.beams.azimuth
+        flat = np.sqrt(x * x + y * y)
+        layer = np.rint(_fraction32(elementary.arctan2(z, flat), elevation)).astype(np.int32)
+        side = elementary.arctan2(y, x)
+        if not self._plain:
+            side = self._unwrapped(side)
+        point = np.rint(_fraction32(side, azimuth)).astype(np.int32)
+        layers, points = self.beams.layers, self.beams.points
+        far = int(np.ceil(_MARGIN_DEG / abs(elevation.step_deg))), int(np.ceil(_MARGIN_DEG / abs(azimuth.step_deg)))
+        gone = (layer < -far[0]) | (layer >= layers + far[0])
+        if azimuth.turns:
+            point %= np.int32(points)
+        else:
+            gone |= (point < -far[1]) | (point >= points + far[1])
+        inside = (layer >= 0) & (layer < layers) & (point >= 0) & (point < points)
+        return np.where(inside, layer * np.int32(points) + point, 0), inside, gone
+
+    def _lines(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Layer and point in whose direction each position (n, 3) lies, with fractions."""
+        x, y, z = position[:, 0], position[:, 1], position[:, 2]
+        azimuth = elementary.arctan2(y, x)
+        if not self._plain:
+            azimuth = self._unwrapped(azimuth)
+        elevation = elementary.arctan2(z, np.sqrt(x * x + y * y))
+        return _fraction(elevation, self.beams.elevation), _fraction(azimuth, self.beams.azimuth)
+
+    @property
+    def _plain(self) -> bool:
+        """Whether no azimuth lies beyond half a turn."""
+        azimuth = self.beams.azimuth
+        return max(abs(azimuth.first_deg), abs(float(azimuth.angle_deg(azimuth.count - 1)))) < 180.0
+
+    def _unwrapped(self, azimuth_rad: FloatArray) -> FloatArray:
+        """The same angles within half a turn of the middle of the field of view."""
+        axis = self.beams.azimuth
+        middle = np.deg2rad(float(axis.angle_deg(0.5 * (axis.count - 1))))
+        turns = np.rint((middle - azimuth_rad) / (2.0 * np.pi))
+        return np.asarray(azimuth_rad + (2.0 * np.pi * turns).astype(azimuth_rad.dtype))
+
+
+def _pitch_deg(beams: GridBeams) -> tuple[float, float]:
+    """Angle between neighbouring layers, and between neighbouring points."""
+    return abs(beams.elevation.step_deg), abs(beams.azimuth.step_deg)
+
+
+def _fraction(angle_rad: FloatArray, axis: Axis) -> FloatArray:
+    """The index of angles on an axis, with fractions."""
+    return np.asarray(angle_rad * (1.0 / np.deg2rad(axis.step_deg)) - axis.first_deg / axis.step_deg)
+
+
+def _fraction32(angle_rad: npt.NDArray[np.float32], axis: Axis) -> npt.NDArray[np.float32]:
+    per_rad = np.float32(np.rad2deg(1.0 / axis.step_deg))
+    return np.asarray(angle_rad * per_rad + np.float32(-axis.first_deg / axis.step_deg))
 
 
 def _split(line: FloatArray, last: int) -> tuple[IndexArray, FloatArray]:

@@ -8,10 +8,9 @@ import numpy as np
 
 from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray
-from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Rays
-from lidarcheck.sensor import FWHM_PER_SIGMA, LAYERS, POINTS
+from lidarcheck.sensor import FWHM_PER_SIGMA
 
 __all__ = ["Spans", "offsets_rad", "spans_of", "spread_rays"]
 
@@ -60,28 +59,14 @@ def spans_of(surfaces: LocalSurfaces, rays: Rays, reach_rad: tuple[float, float]
         nowhere = np.zeros(len(rays), dtype=bool)
         return Spans(nowhere, nowhere)
     grid = surfaces.grid
-    window = [
-        int(np.ceil(reach / np.deg2rad(cell))) + stride - 1
-        for reach, cell, stride in zip(reach_rad, (0.05, 0.125), grid.stride, strict=True)
-    ]
-    broken = _dilated(_on_grid(surfaces, _breaks(surfaces, least_m)), window)
-    marks = [broken | _on_grid(surfaces, slope) for slope in _slopes(surfaces, reach_rad, least_m)]
+    broken = grid.spread(_breaks(surfaces, least_m), reach_rad)
+    marks = [broken | grid.on_cells(slope) for slope in _slopes(surfaces, reach_rad, least_m)]
     seen = rays.direction
     if rays.origin_m.any():
         distance = surfaces.follow(rays.origin_m, rays.direction, rays.slot, surfaces.pick)[1]
         seen = rays.origin_m + np.where(distance > 0.0, distance, 1e4)[:, None] * rays.direction
-    cell = cells_of(seen)
-    if grid.near is not None:
-        cell = grid.near[cell]
-    return Spans(*(mark.ravel()[cell] for mark in marks))
-
-
-def _on_grid(surfaces: LocalSurfaces, rows: BoolArray) -> BoolArray:
-    """The cells that have one of the marked rows."""
-    found = np.zeros((LAYERS, POINTS), dtype=bool)
-    marked = surfaces.grid.order[rows[surfaces.grid.order]]
-    found[surfaces.ideal.layer[marked], surfaces.ideal.point[marked]] = True
-    return found
+    cell = grid.fired(grid.nearest_cell(seen))
+    return Spans(*(mark[cell] for mark in marks))
 
 
 def _breaks(surfaces: LocalSurfaces, least_m: float) -> BoolArray:
@@ -89,15 +74,16 @@ def _breaks(surfaces: LocalSurfaces, least_m: float) -> BoolArray:
     ideal = surfaces.ideal
     found = np.zeros(len(ideal), dtype=bool)
     hit = ideal.distance_m > 0.0
-    for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        row = surfaces.grid.beside(ideal, *step)
+    for row in surfaces.grid.neighbours(ideal):
         other = hit[row] != hit
         both = hit[row] & hit
         differs = ideal.material_id[row] != ideal.material_id
         if ideal.object_id is not None:
             differs |= ideal.object_id[row] != ideal.object_id
+        # From where the row's plane stands: its own ray's origin, or the sensor's middle.
         along = np.einsum("ij,ij->i", surfaces.m, surfaces.rays.direction[row])
-        continued = np.divide(1.0, along, out=np.full(len(row), np.inf), where=along > 1e-9)
+        reach = surfaces.offset - np.einsum("ij,ij->i", surfaces.m, surfaces.rays.origin_m[row])
+        continued = np.divide(reach, along, out=np.full(len(row), np.inf), where=along > 1e-9)
         apart = np.abs(continued - ideal.distance_m[row]) > least_m
         found |= (row >= 0) & (other | (both & (differs | apart)))
     return found
@@ -117,14 +103,3 @@ def _slopes(surfaces: LocalSurfaces, reach_rad: tuple[float, float], least_m: fl
     up, left = (per_rad * np.abs(slope) * reach for slope, reach in zip((up, left), reach_rad, strict=True))
     both = up + left > least_m
     return both & (up > 0.5 * least_m), both & (left > 0.5 * least_m)
-
-
-def _dilated(mark: BoolArray, window: list[int]) -> BoolArray:
-    """The marks spread over so many cells up and down, and to either side."""
-    from scipy.ndimage import maximum_filter1d
-
-    out = mark.astype(np.uint8)
-    for axis, half in enumerate(window):
-        if half > 0:
-            out = maximum_filter1d(out, 2 * half + 1, axis=axis, mode="constant")
-    return np.asarray(out > 0)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from lidarcheck.rays import Caster, Rays, Velocity
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import beam_directions
 
 __all__ = ["AimedRays", "moving_of", "rank_in_beam", "rays_of", "second_rows", "shares_that_end"]
 
@@ -54,13 +53,15 @@ def rank_in_beam(ideal: IdealScan) -> npt.NDArray[np.int32]:
 
 
 def rays_of(ideal: IdealScan) -> Rays:
-    """The rows' own rays; where no effect has changed them, the beams' axes from the origin at the frame's start."""
+    """The rows' own rays; where no effect has changed them, the beams' axes at the frame's start."""
     if ideal.rays is not None:
         return ideal.rays
     n = len(ideal)
     slot = rank_in_beam(ideal)
     time_s = np.zeros(n) if ideal.time_s is None else ideal.time_s
-    return Rays(np.zeros((n, 3)), beam_directions(ideal.layer, ideal.point), time_s, slot)
+    origins = ideal.beams.origins_m(ideal.layer, ideal.point)
+    directions = ideal.beams.directions(ideal.layer, ideal.point)
+    return Rays(np.zeros((n, 3)) if origins is None else origins, directions, time_s, slot)
 
 
 def second_rows(ideal: IdealScan, rays: Rays) -> npt.NDArray[np.bool_]:

@@ -49,7 +49,7 @@ def planes_of(ideal: IdealScan, direction: FloatArray, grid: BeamGrid) -> Planes
     q = np.divide(1.0, ideal.distance_m, out=np.zeros(len(ideal)), where=hit)
     x, y, sine = direction.T
     cosine = np.maximum(np.sqrt(x * x + y * y), 1e-12)
-    steps = np.deg2rad(0.05 * grid.stride[0]), np.deg2rad(0.125 * grid.stride[1])
+    steps = grid.steps_rad
     up = _slope(ideal, grid, q, steps[0], vertical=True)
     left = _slope(ideal, grid, q, steps[1], vertical=False)
     # One-sided along a circle of equal elevation: the part along Z does not turn with the azimuth.

@@ -9,10 +9,8 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.effects.geometry.beam_grid import cells_of
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Hits, Rays
-from lidarcheck.sensor import LAYERS, POINTS
 
 __all__ = ["GROUND_M", "GroundPlane", "ground_of", "march", "reflected"]
 
@@ -96,7 +94,7 @@ def march(surfaces: LocalSurfaces, rays: Rays, mirror: BoolArray, max_range_m: f
 def _depths(surfaces: LocalSurfaces, mirror: BoolArray) -> npt.NDArray[np.float32]:
     """How far the sensor sees in each cell, shape (cells,), in the first sub-beam; infinite for nothing and mirrors."""
     ideal, grid = surfaces.ideal, surfaces.grid
-    depth = np.full(LAYERS * POINTS, np.inf, dtype=np.float32)
+    depth = np.full(len(grid.count), np.inf, dtype=np.float32)
     first = grid.order[grid.first[grid.count > 0]]
     seen = (ideal.distance_m[first] > 0.0) & ~mirror[first]
     depth[np.flatnonzero(grid.count > 0)[seen]] = ideal.distance_m[first[seen]]
@@ -117,11 +115,8 @@ def _march_block(
     start, along = (np.ascontiguousarray(c[open_].T, dtype=np.float32) for c in (rays.origin_m, rays.direction))
     for before, reach, after in zip(edges[:-2], edges[1:-1], edges[2:], strict=True):
         x, y, z = start + np.float32(reach) * along
+        cell, inside, gone = surfaces.grid.seen(x, y, z)
         flat = np.sqrt(x * x + y * y)
-        layer = np.rint(elementary.arctan2(z, flat) * np.float32(np.rad2deg(20.0)) + np.float32(259.5)).astype(np.int32)
-        point = np.rint(elementary.arctan2(y, x) * np.float32(np.rad2deg(8.0)) + np.float32(479.5)).astype(np.int32)
-        inside = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
-        cell = np.where(inside, layer * POINTS + point, 0)
         behind = np.sqrt(flat * flat + z * z) - depth[cell]
         near = np.flatnonzero(inside & (np.abs(behind) < after - before))
         # Just behind what the sensor sees it may be full or empty: such a way is given up.
@@ -133,7 +128,6 @@ def _march_block(
             row[ray[hit]], distance[ray[hit]] = found[hit], met[hit]
             done[near[hit]] = True
         # A straight way leaves the field of view once; a margin keeps those that begin at its border.
-        gone = (layer < -20) | (layer >= LAYERS + 20) | (point < -8) | (point >= POINTS + 8)
         keep = ~(done | gone)
         if not keep.all():
             open_, start, along = open_[keep], start[:, keep], along[:, keep]
@@ -155,13 +149,13 @@ def _refined(
     row = surfaces.grid.rows(cell, first)
     met = _to_plane(surfaces, row, origin, direction)
     for _ in range(3):
-        cell = cells_of(origin + met[:, None] * direction)
+        cell = surfaces.grid.nearest_cell(origin + met[:, None] * direction)
         row = surfaces.grid.rows(cell, first)
         last, met = met, _to_plane(surfaces, row, origin, direction)
     agrees = (np.abs(met - last) < _AGREE_M + 0.01 * met) & np.isfinite(depth[cell])
     agrees &= (met >= within[0]) & (met <= within[1])
     # The last plane must still be the one in whose direction the hit lies.
-    again = surfaces.grid.rows(cells_of(origin + met[:, None] * direction), first)
+    again = surfaces.grid.rows(surfaces.grid.nearest_cell(origin + met[:, None] * direction), first)
     ideal = surfaces.ideal
     agrees &= ideal.material_id[again] == ideal.material_id[row]
     if ideal.object_id is not None:

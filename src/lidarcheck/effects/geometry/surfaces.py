@@ -11,13 +11,15 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
-from lidarcheck.effects.geometry.beam_grid import BeamGrid, cells_of
-from lidarcheck.effects.geometry.moving_surfaces import MovingSurface, hidden_behind
+from lidarcheck.effects.geometry.beam_grid import BeamGrid
+from lidarcheck.effects.geometry.beam_tree import BeamTree
+from lidarcheck.effects.geometry.lattice import lattice_of
+from lidarcheck.effects.geometry.moving_surfaces import Mover, hidden_behind, mover_of
 from lidarcheck.effects.geometry.own_rays import rays_of
 from lidarcheck.effects.geometry.planes import planes_of
+from lidarcheck.effects.geometry.planes_around import planes_around
 from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import beam_directions
 
 __all__ = ["LocalSurfaces", "normals_of", "surfaces_of"]
 
@@ -50,7 +52,7 @@ class LocalSurfaces:
 
     ideal: IdealScan
     rays: Rays
-    grid: BeamGrid
+    grid: BeamGrid | BeamTree
     point_m: FloatArray
     m: FloatArray
     offset: FloatArray
@@ -62,19 +64,25 @@ class LocalSurfaces:
     def of(cls, ideal: IdealScan) -> LocalSurfaces:
         """The surfaces of a scan."""
         rays = rays_of(ideal)
-        grid = BeamGrid.of(ideal, rays.slot)
-        planes = planes_of(ideal, rays.direction, grid)
+        grid = lattice_of(ideal, rays)
+        point_m = rays.origin_m + ideal.distance_m[:, None] * rays.direction
+        if isinstance(grid, BeamTree):
+            planes = planes_around(ideal, point_m, rays.direction, grid)
+            offset = (ideal.distance_m > 0.0).astype(np.float64)
+        else:
+            planes = planes_of(ideal, rays.direction, grid)
+            offset = 1.0 + np.einsum("ij,ij->i", planes.m, rays.origin_m)
         along = np.einsum("ij,ij->i", planes.m, rays.direction)
         return cls(
             ideal=ideal,
             rays=rays,
             grid=grid,
-            point_m=rays.origin_m + ideal.distance_m[:, None] * rays.direction,
+            point_m=point_m,
             m=planes.m,
-            offset=1.0 + np.einsum("ij,ij->i", planes.m, rays.origin_m),
+            offset=offset,
             own_deg=_angle_deg(along, planes.m),
             known=planes.known,
-            on_axis=ideal.rays is None or _are_axes(ideal, rays),
+            on_axis=isinstance(grid, BeamTree) or ideal.rays is None or _are_axes(ideal, rays),
         )
 
     @property
@@ -149,7 +157,7 @@ class LocalSurfaces:
 
     def pick(self, position: FloatArray, slot: Slots) -> IndexArray:
         """The row of that rank in whose direction a position lies."""
-        cell = self.grid.cells(position) if self.on_axis else cells_of(position)
+        cell = self.grid.cells(position) if self.on_axis else self.grid.nearest_cell(position)
         return self.grid.rows(cell, slot)
 
     def _at_rest(self, rays: Rays, part: slice, behind: IndexArray | None) -> tuple[IndexArray, FloatArray]:
@@ -168,7 +176,7 @@ class LocalSurfaces:
         least = np.where(hiding != row, self.ideal.distance_m[hiding], 0.0)
         return row, np.where(distance > 0.0, np.maximum(distance, least), 0.0)
 
-    def _movers(self, moving: Mapping[int, Velocity], rays: Rays) -> list[MovingSurface]:
+    def _movers(self, moving: Mapping[int, Velocity], rays: Rays) -> list[Mover]:
         """The scan's objects among those that move, with all that picking them takes."""
         if self.ideal.object_id is None or len(rays) == 0:
             return []
@@ -179,10 +187,10 @@ class LocalSurfaces:
             mine = np.flatnonzero((self.ideal.object_id == number) & (self.ideal.distance_m > 0.0))
             if len(mine):
                 shift_m = time_s * float(np.linalg.norm(velocity)) + start_m
-                found.append(MovingSurface.of(number, velocity, self.ideal, self.grid, mine, shift_m))
+                found.append(mover_of(number, velocity, self.ideal, self.grid, mine, self.point_m, shift_m))
         return found
 
-    def _moved(self, rays: Rays, part: slice, mover: MovingSurface, row: IndexArray, distance: FloatArray) -> None:
+    def _moved(self, rays: Rays, part: slice, mover: Mover, row: IndexArray, distance: FloatArray) -> None:
         """Replace what a block of rays meets by the moved object, where that is nearer."""
         origin = rays.origin_m[part] - rays.time_s[part, None] * np.asarray(mover.velocity_m_s)
         near = np.flatnonzero(mover.may_meet(origin, rays.direction[part]))
@@ -235,7 +243,7 @@ def normals_of(ideal: IdealScan, around: Surroundings) -> FloatArray:
 
 def _are_axes(ideal: IdealScan, rays: Rays) -> bool:
     """Whether rays are those of the beams themselves, as seen from the sensor."""
-    axes = beam_directions(ideal.layer, ideal.point)
+    axes = ideal.beams.directions(ideal.layer, ideal.point)
     return not rays.origin_m.any() and bool(np.abs(rays.direction - axes).max(initial=0.0) < 1e-9)
 
 

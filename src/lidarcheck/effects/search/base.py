@@ -49,7 +49,7 @@ GAIN_ERROR, REFLECTANCE_ERROR, POSE_ERROR_DEG = 0.02, 0.04, 0.015
 class FreeParameter:
     """A parameter that a fit may move: on a logarithmic scale, or in steps of `step` in its own unit.
 
-    `least`: below it the effect would be no more what its name says.
+    `least`: below it the effect would be no more what its name says; `most`: above it the sensor has no more beams.
     """
 
     name: str
@@ -57,6 +57,7 @@ class FreeParameter:
     log: bool = False
     whole: bool = False
     least: float = -float("inf")
+    most: float = float("inf")
 
     def encode(self, value: float) -> float:
         """The value on the fit's own scale, where one step has length 1."""
@@ -65,7 +66,7 @@ class FreeParameter:
     def decode(self, x: float, low: float, high: float) -> float:
         """The parameter's value, kept within its range."""
         value = float(np.exp(np.clip(x * self.step, -60.0, 60.0)) if self.log else x * self.step)
-        value = min(max(value, low, self.least), high)
+        value = min(max(value, low, self.least), high, self.most)
         return float(round(value)) if self.whole else value
 
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.effects.base import Effect
+from lidarcheck.effects.base import Effect, beams_in
 from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import BeamTable, Dimming, Evidence
 
@@ -56,9 +56,10 @@ def _starts(evidence: Evidence) -> list[Probe]:
     means, weights = dimming.mean(inside.astype(np.int64), 2)
     level = float(means[1] - (means[0] if weights[0] > 0.0 else 0.0))
     transmission = float(np.clip(np.exp(level), 0.02, 0.95))
+    last = beams_in(evidence.sensor)
     free = (
         *_FREE,
-        *(FreeParameter(name, _LINES_A_STEP, whole=True) for name in place),
+        *(FreeParameter(name, _LINES_A_STEP, whole=True, most=last[name.split("_")[1]]) for name in place),
     )
     # Echoes that are lost say only that little comes through: half of it is a start, too.
     starts = [(t, place, 0.05, 0.0) for t in (transmission, 0.5 * transmission)]

@@ -167,6 +167,10 @@ class Replays(Protocol):
     """Some frames beam by beam with a model that explains them, in which one effect can be replaced."""
 
     @property
+    def sensor(self) -> Sensor:
+        """The model's sensor."""
+
+    @property
     def beams(self) -> BeamTable:
         """What the beams meet."""
 

@@ -7,6 +7,7 @@ the air sends back, and kept where the model with them comes nearer beam by beam
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +16,13 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.base import Effect, make
 from lidarcheck.effects.search.evidence import BeamTable, Observations, Replays
 from lidarcheck.effects.search.parts import Refined
+from lidarcheck.sensor import Beams
 
 __all__ = ["Patchiness", "patchiness_of", "refined", "words"]
 
 
-_SECTOR_POINTS, _SECTOR_DEG = 8, 1.0
+_SECTOR_DEG = 1.0
+"""About so wide are the sectors in which light is summed: whole points."""
 _SEEDS = 4
 _DENSITIES = np.geomspace(0.3, 3.3, 10)
 """Of these, relative to the even fog's, is what each sector shows read."""
@@ -67,27 +70,47 @@ def patchiness_of(seen: Replays, even: Effect) -> Patchiness | None:
     """How patchy the fog is on these frames, None where it is no more so than even fog by chance."""
     backscatter = float(even.settings()["backscatter"])
     ladder = [{**even.settings(), "backscatter": min(backscatter * one, _BRIGHTEST)} for one in _DENSITIES]
-    shown = seen.looks([make("fog", one) for one in ladder], 1, _light)
+    light = functools.partial(_light, seen.sensor.beams)
+    shown = seen.looks([make("fog", one) for one in ladder], 1, light)
     tables = np.maximum.accumulate(np.array([one[0] for one in shown]), axis=0)
-    chance = np.array([_log_density(one, tables) for one in seen.looks([even], _SEEDS, _light)[0]])
+    chance = np.array([_log_density(one, tables) for one in seen.looks([even], _SEEDS, light)[0]])
     # Where fog hardly shows, what is seen is chance and says nothing of its density.
-    used = _Cells.of(seen.beams).seen & (np.sqrt((chance**2).mean(axis=0)) < _KNOWN)
+    used = _Cells.of(seen.sensor.beams, seen.beams).seen & (np.sqrt((chance**2).mean(axis=0)) < _KNOWN)
     frames = np.count_nonzero(used, axis=1) >= _FEWEST
     if np.count_nonzero(frames) < _FEWEST:
         return None
     used = used[frames]
-    total, step = _variances(_log_density(_light(seen.beams, seen.measured), tables)[frames], used)
+    total, step = _variances(_log_density(light(seen.beams, seen.measured), tables)[frames], used)
     usual = np.array([_variances(one[frames], used) for one in chance])
     if total < _SURE * usual[:, 0].max():
         return None
     noise, noise_step = usual.mean(axis=0)
-    view_deg = _SECTOR_DEG * used.shape[1]
-    return _patchiness(total - noise, max(step - noise_step, 0.0), view_deg, len(used))
+    view_deg = _sector_deg(seen.sensor.beams) * used.shape[1]
+    return _patchiness(total - noise, max(step - noise_step, 0.0), view_deg, used.shape)
 
 
-def _light(beams: BeamTable, shown: Observations) -> FloatArray:
+def _light(sensor: Beams, beams: BeamTable, shown: Observations) -> FloatArray:
     """The light of the echoes of no surface in each cell, (n_frames, n_sectors)."""
-    return _Cells.of(beams).light(shown)
+    return _Cells.of(sensor, beams).light(shown)
+
+
+def _points_of_sector(sensor: Beams) -> int:
+    """How many points of an even grid make a sector."""
+    return max(round(_SECTOR_DEG / float(sensor.spacing_deg(0, 0)[1])), 1)
+
+
+def _sector_deg(sensor: Beams) -> float:
+    """How wide a sector is."""
+    return _points_of_sector(sensor) * float(sensor.spacing_deg(0, 0)[1]) if sensor.grid else _SECTOR_DEG
+
+
+def _sectors(sensor: Beams, beams: BeamTable) -> IndexArray:
+    """The sector of the view that each beam lies in, from 0."""
+    if sensor.grid:
+        sector = beams.point // _points_of_sector(sensor)
+    else:
+        sector = np.floor(sensor.angles_deg(beams.layer, beams.point)[1] / _SECTOR_DEG).astype(np.int64)
+    return np.asarray(sector - sector.min())
 
 
 def _log_density(light: FloatArray, tables: FloatArray) -> FloatArray:
@@ -113,15 +136,15 @@ def _variances(value: FloatArray, used: BoolArray) -> tuple[float, float]:
     return float(((within**2).sum(axis=1) / count).mean() + mean.var(ddof=1)), step
 
 
-def _patchiness(total: float, step: float, view_deg: float, frames: int) -> Patchiness:
+def _patchiness(total: float, step: float, view_deg: float, shape: tuple[int, int]) -> Patchiness:
     """From the variance of the density's logarithm, and half the mean square of its steps between sectors."""
     from scipy.stats import chi2
 
     # A field whose correlation is exp(-(x / d)^2 / 2) has steps of the variance 2 s^2 (1 - exp(-(x / d)^2 / 2)).
     apart = float(np.clip(step / total, 1e-4, 0.86))
     # Between half a sector and so many that there is no telling.
-    size_deg = _SECTOR_DEG / float(np.sqrt(-2.0 * np.log1p(-apart)))
-    patches = frames * (1.0 + view_deg / (2.5 * size_deg))
+    size_deg = view_deg / shape[1] / float(np.sqrt(-2.0 * np.log1p(-apart)))
+    patches = shape[0] * (1.0 + view_deg / (2.5 * size_deg))
     low, high = (float(np.sqrt(patches / chi2.ppf(p, patches))) for p in (0.95, 0.05))
     value = min(float(np.sqrt(total)), 2.0)
     return Patchiness((value, value * low, min(value * high, 2.0)), size_deg, patches)
@@ -135,10 +158,9 @@ class _Cells:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, beams: BeamTable) -> _Cells:
+    def of(cls, sensor: Beams, beams: BeamTable) -> _Cells:
         """Those of some frames, from the first column looked at to the last one."""
-        sector = beams.point // _SECTOR_POINTS
-        sector -= sector.min()
+        sector = _sectors(sensor, beams)
         sectors = int(sector.max()) + 1
         return cls(beams.frame * sectors + sector, (int(beams.frame.max()) + 1, sectors))
 

@@ -12,6 +12,7 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence, Observations
 from lidarcheck.effects.search.parts import ListReader, TakeOver
+from lidarcheck.sensor import PhotonHistogram
 
 _FREE = (FreeParameter("gain", 0.05, log=True),)
 _PERIODS = (2, 3, 4, 5, 6, 8)
@@ -23,9 +24,15 @@ _LARGEST = 10.0
 """The largest gain of a layer that the effect can have."""
 
 
+def _lines(evidence: Evidence) -> IndexArray:
+    """What has a gain of its own: each beam's layer, or its zone; shape (n,)."""
+    beams, sensor = evidence.beams, evidence.sensor
+    return sensor.beams.index(beams.layer, beams.point) if isinstance(sensor, PhotonHistogram) else beams.layer
+
+
 def _starts(evidence: Evidence) -> list[Probe]:
     """A band, every k-th layer of the whole view or of a band, by the largest contrast with the other layers."""
-    layers, place = np.unique(evidence.beams.layer, return_inverse=True)
+    layers, place = np.unique(_lines(evidence), return_inverse=True)
     if len(layers) < _FEWEST:
         return []
     gain, weight = evidence.dimming().mean(place, len(layers))
@@ -96,7 +103,7 @@ def _comb(layers: IndexArray, gain: FloatArray, weight: FloatArray) -> Probe:
 def _gains(evidence: Evidence, shown: Sequence[Observations], probe: Probe, _x: FloatArray) -> tuple[float, ...]:
     """Each layer's gain times what the layer's echoes still ask for; these frames may have other layers than those that
     the list was read off first."""
-    layers, place = np.unique(evidence.beams.layer, return_inverse=True)
+    layers, place = np.unique(_lines(evidence), return_inverse=True)
     more = _gains_of_layers(layers, *evidence.dimming(shown).mean(place, len(layers)))
     gains = np.asarray(probe.settings["gains"])
     at = int(probe.fixed["first_layer"]) - int(layers[0]) + np.arange(len(gains))

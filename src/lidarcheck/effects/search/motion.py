@@ -9,7 +9,6 @@ from lidarcheck.effects.geometry.aiming import rays_of
 from lidarcheck.effects.search.base import FreeParameter, Probe, SearchSpec
 from lidarcheck.effects.search.evidence import Evidence
 from lidarcheck.effects.search.residuals import NOISE_M, best_factors, range_residuals
-from lidarcheck.rays import sweep_time_s
 
 __all__ = ["driving_ahead"]
 
@@ -92,7 +91,7 @@ def _per_speed(evidence: Evidence) -> FloatArray:
     scan's time to the beam's; (n, 4)."""
     found = np.zeros((len(evidence.beams), 4))
     for number, ideal in enumerate(evidence.ideals):
-        passed_s = sweep_time_s(ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
+        passed_s = ideal.beams.fire_time_s(ideal.layer, ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
         place = evidence.rows_of(number, ideal.layer, ideal.point)
         found[place, :3] = -passed_s[:, None] * rays_of(ideal).direction
         found[place, 3] = passed_s * evidence.beams.slope_m_per_deg[place, 1]

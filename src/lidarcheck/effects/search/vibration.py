@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Effect
 from lidarcheck.effects.search.base import LOG_STEP, FreeParameter, Probe, SearchSpec, Variant
 from lidarcheck.effects.search.evidence import RANGE, Evidence
-from lidarcheck.rays import sweep_time_s
 
 _FREE = (FreeParameter("pitch_deg", 0.3, log=True), FreeParameter("yaw_deg", 0.3, log=True))
 _TREMBLE = (FreeParameter("random_deg", LOG_STEP, log=True),)
@@ -44,7 +43,7 @@ def _starts(evidence: Evidence) -> list[Probe]:
     points, column = np.unique(evidence.beams.point, return_inverse=True)
     if len(points) < _LEAST_COLUMNS:
         return []
-    time = sweep_time_s(points.astype(np.int32))
+    time = _times(evidence, points)
     curvature, slope = _by_column(evidence, column, len(points))
     found = []
     same = _strongest(time, curvature.sum(axis=0)[None], slope.sum(axis=0)[None])
@@ -62,6 +61,19 @@ def _starts(evidence: Evidence) -> list[Probe]:
             free.append(FreeParameter("phase_deg", 15.0))
         found.append(Probe("vibration", swing.settings(), tuple(free), place, variant))
     return found
+
+
+def _times(evidence: Evidence, points: IndexArray) -> FloatArray:
+    """When columns are fired, shape (n,): the mean of their beams, which a head fires one after the other."""
+    beams = evidence.sensor.beams
+    layers = np.unique(evidence.beams.layer).astype(np.int32)
+    if beams.grid:
+        return beams.fire_time_s(layers[0], points.astype(np.int32))
+    layer, point = np.repeat(layers, len(points)), np.tile(points.astype(np.int32), len(layers))
+    there = beams.has(layer, point)
+    fired = np.where(there, beams.fire_time_s(np.where(there, layer, 0), np.where(there, point, 0)), 0.0)
+    count = np.maximum(there.reshape(len(layers), -1).sum(axis=0), 1)
+    return np.asarray(fired.reshape(len(layers), -1).sum(axis=0) / count)
 
 
 @dataclass(frozen=True)

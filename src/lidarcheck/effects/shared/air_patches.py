@@ -14,12 +14,16 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.shared.draws import normals
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
+from lidarcheck.sensor import Beams
+from lidarcheck.sensor.channels import ChannelBeams
 
 __all__ = ["Uneven", "brightness", "depth_m", "patches_of", "strata_of"]
 
 _WAVES = 16
 _SECTOR_DEG = 0.5
+_STEP_DEG = 0.05
+"""So fine are the elevations that air of beams without layers is told apart by."""
+_WHOLE_TURN_DEG = 350.0
 _CELL_M = 1.0
 _STEPS_PER_DOUBLING = 32
 """What a row's air sends back counts in steps of 2 %, so that few numbers occur: detectors keep tables for each."""
@@ -32,15 +36,18 @@ _THICKEST = 20.0
 @dataclass(frozen=True)
 class Uneven:
     """The density of the air relative to even air's: `density` (n_rows, n_cells), in cells of `_CELL_M` of the range;
-    beams of a layer or point column, as `by` says, look into `row[layer]` or `row[point]`."""
+    beams look into `row[layer]`, `row[point]` or `row[beams.index(layer, point)]`, as `by` says."""
 
     density: FloatArray
     row: IndexArray
-    by: Literal["layer", "point"]
+    by: Literal["layer", "point", "beam"]
 
     def row_of(self, light: Light, beams: slice) -> IndexArray:
         """The row that each of some beams looks into, (n,)."""
-        at = np.asarray(getattr(light, self.by)[beams], dtype=np.int64)
+        if self.by == "beam":
+            at = light.beams.index(light.layer[beams], light.point[beams])
+        else:
+            at = np.asarray(getattr(light, self.by)[beams], dtype=np.int64)
         return self.row[np.clip(at, 0, len(self.row) - 1)]
 
 
@@ -100,9 +107,31 @@ def strata_of(around: Surroundings, thinning_per_m: float) -> Uneven:
     """Air that thins out with the height above the sensor as exp(-t z), z = R sin(elevation); t is `thinning_per_m`."""
     cells = max(int(np.ceil(around.sensor.max_range_m / _CELL_M)), 1)
     range_m = (np.arange(cells) + 0.5) * _CELL_M
-    climb = elementary.sin(np.deg2rad(elevation_deg(np.arange(LAYERS))))
+    elevation, row, by = _elevations(around.ideal.beams)
+    climb = elementary.sin(np.deg2rad(elevation))
     density = elementary.exp(np.clip(-thinning_per_m * climb[:, None] * range_m, -_THICKEST, _THICKEST))
-    return Uneven(density, np.arange(LAYERS), "layer")
+    return Uneven(density, row, by)
+
+
+def _elevations(beams: Beams) -> tuple[FloatArray, IndexArray, Literal["layer", "beam"]]:
+    """The elevations of the air's rows [deg], and the row of each layer, or of each beam."""
+    layers = np.arange(beams.layers)
+    if beams.grid or isinstance(beams, ChannelBeams):
+        return beams.angles_deg(layers, 0)[0], layers, "layer"
+    layer, point = beams.every()
+    step = np.rint(beams.angles_deg(layer, point)[0] / _STEP_DEG).astype(np.int64)
+    row = np.zeros(beams.size, dtype=np.int64)
+    row[beams.index(layer, point)] = step - step.min()
+    return np.arange(step.min(), step.max() + 1) * _STEP_DEG, row, "beam"
+
+
+def _azimuths(beams: Beams) -> tuple[FloatArray, IndexArray, Literal["point", "beam"]]:
+    """The azimuths of all points, or of all beams [deg], and their places among `size` numbers."""
+    if beams.grid:
+        points = np.arange(beams.points)
+        return beams.angles_deg(0, points)[1], points, "point"
+    layer, point = beams.every()
+    return beams.angles_deg(layer, point)[1], beams.index(layer, point), "beam"
 
 
 def patches_of(around: Surroundings, patchiness: float, patch_m: float, patch_deg: float) -> Uneven:
@@ -112,16 +141,23 @@ def patches_of(around: Surroundings, patchiness: float, patch_m: float, patch_de
     g is a sum of waves of random directions and phases, which over many frames has that correlation exactly.
     """
     # A layer beyond the sensor's own: what a frame has once is drawn apart from what columns have.
-    uniform = around.uniforms([LAYERS], [0], 3 * _WAVES)[0].reshape(3, _WAVES)
+    beams = around.ideal.beams
+    uniform = around.uniforms([beams.layers], [0], 3 * _WAVES)[0].reshape(3, _WAVES)
     along, across, phase = normals(uniform[0]), normals(uniform[1]), 2.0 * np.pi * uniform[2]
-    azimuth = azimuth_deg(np.arange(POINTS))
-    sector = np.floor((azimuth - azimuth.min()) / _SECTOR_DEG).astype(np.int64)
+    azimuth, place, by = _azimuths(beams)
+    first, span = azimuth.min(), azimuth.max() - azimuth.min()
+    sector = np.zeros(beams.points if by == "point" else beams.size, dtype=np.int64)
+    sector[place] = np.floor((azimuth - first) / _SECTOR_DEG).astype(np.int64)
     middle_deg = (np.arange(int(sector.max()) + 1) + 0.5) * _SECTOR_DEG
     cells = max(int(np.ceil(around.sensor.max_range_m / _CELL_M)), 1)
     range_m = (np.arange(cells) + 0.5) * _CELL_M
+    if span > _WHOLE_TURN_DEG:
+        # Waves that fit a turn: the last sector lies beside the first.
+        per_rad = 360.0 / (2.0 * np.pi * patch_deg)
+        across = np.rint(across * per_rad) / per_rad
     turn = (
         along[:, None, None] * range_m / patch_m
         + (across[:, None] * middle_deg / patch_deg + phase[:, None])[..., None]
     )
     field = np.sqrt(2.0 / _WAVES) * elementary.cos(turn).sum(axis=0)
-    return Uneven(elementary.exp(patchiness * field - 0.5 * patchiness**2), sector, "point")
+    return Uneven(elementary.exp(patchiness * field - 0.5 * patchiness**2), sector, by)

@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
-from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from lidarcheck.effects.base import Curve, Surroundings
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import Beams, Sensor, SpadArray
+from lidarcheck.sensor.channels import ChannelBeams
+from lidarcheck.sensor.grid import GridBeams
 
-__all__ = ["HORIZONTAL", "VERTICAL", "Direction", "Side", "bloom", "curve_profile", "profile"]
+__all__ = ["Direction", "Side", "bloom", "curve_profile", "profile"]
 
 Profile = Callable[[FloatArray], FloatArray]
 
@@ -26,23 +28,74 @@ CLUSTERS_PER_LINE = 24
 """A line with more distinct ranges merges over 0.3 m, 0.6 m ... until so few are left: time and memory stay bounded."""
 NEGLIGIBLE = 0.1
 """Bloom of fewer avalanches, expected over all detectors of a beam, is left out: an echo needs ten."""
+_LEAST = 1e-300
+_COLUMN_DEG = 0.05
 _CHUNK = 1024
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Direction:
-    """Lines along which light spreads, the places on them, and the offset between neighbours in table units."""
+    """Lines along which light spreads: layers, or columns of the image, and the places on them, upward or to the left.
 
-    lines: int
-    places: int
-    step: float
+    `step`: the offset between neighbours in the table's unit: SPAD rows and columns of 0.05 deg of a SPAD array, layers
+    and points of any other detector. `up` (layers,): the layers' places on a column, by elevation. `leftward`: whether
+    points lead to the left. `around`: whether the last place lies beside the first.
+    """
+
+    beams: Beams
     vertical: bool
+    step: float
+    up: IndexArray
+    leftward: bool
+    around: bool
+
+    @classmethod
+    def of(cls, sensor: Sensor, beams: Beams, *, vertical: bool) -> Direction:
+        """Along the layers of an image column, or along the points of a layer."""
+        step = 1.0
+        if isinstance(sensor, SpadArray):
+            step = float(sensor.rows) if vertical else float(beams.spacing_deg(0, 0)[1]) / _COLUMN_DEG
+        up = np.empty(beams.layers, dtype=np.int64)
+        up[np.argsort(beams.angles_deg(np.arange(beams.layers), 0)[0], kind="stable")] = np.arange(beams.layers)
+        azimuth = np.atleast_1d(beams.angles_deg(0, np.arange(min(beams.points, 2)))[1])
+        leftward = not np.mod(azimuth[-1] - azimuth[0], 360.0) > 180.0
+        return cls(beams, vertical, step, up, leftward, not vertical and _goes_round(beams))
+
+    @property
+    def lines(self) -> int:
+        """Number of lines."""
+        return self.beams.points if self.vertical else self.beams.layers
+
+    @property
+    def places(self) -> int:
+        """Number of places on a line."""
+        return self.beams.layers if self.vertical else self.beams.points
+
+    def parts(self, y: Profile) -> FloatArray:
+        """What a beam gets that lies 1 - places ... places - 1 further on, shape (2 places - 1,); 0 for itself."""
+        apart = np.arange(1.0 - self.places, self.places)
+        part = y(self.step * apart)
+        if self.around:
+            part = part + y(self.step * (apart - self.places)) + y(self.step * (apart + self.places))
+        part[self.places - 1] = 0.0  # a beam does not bloom onto itself
+        return part
+
+    def place(self, layer: IntArray, point: IntArray) -> tuple[IndexArray, IndexArray, BoolArray]:
+        """Line and place of beams, and which of them the sensor has; shape (n,) each."""
+        inside = self.beams.has(layer, point)
+        layer, point = np.where(inside, layer, 0), np.where(inside, point, 0)
+        if self.vertical:
+            return self.beams.image_column(layer, point).astype(np.int64), self.up[layer], inside
+        place = point if self.leftward else self.beams.points - 1 - point
+        return layer.astype(np.int64), place.astype(np.int64), inside
 
 
-VERTICAL = Direction(lines=POINTS, places=LAYERS, step=3.0, vertical=True)
-"""Along the layers of a point column, in SPAD rows, three a layer, positive upward."""
-HORIZONTAL = Direction(lines=LAYERS, places=POINTS, step=2.5, vertical=False)
-"""Along the points of a layer, in columns of 0.05 deg, 2.5 a point, positive to the left."""
+def _goes_round(beams: Beams) -> bool:
+    """Whether the points of a layer go once around and come back every frame."""
+    if isinstance(beams, GridBeams):
+        return beams.azimuth.turns
+    whole = 360.0 - 0.5 * abs(beams.step_deg) if isinstance(beams, ChannelBeams) else 0.0
+    return isinstance(beams, ChannelBeams) and beams.repeats and abs(beams.span_deg) > whole
 
 
 class Side(NamedTuple):
@@ -104,24 +157,14 @@ def bloom(light: Light, around: Surroundings, along: Direction, y: Profile, brig
     if not len(sources.line):
         return light
     cluster = _clusters(sources.line, sources.range_m)
-    part = y(along.step * np.arange(1.0 - along.places, along.places))
-    part[along.places - 1] = 0.0  # a beam does not bloom onto itself
+    part = along.parts(y)
     if not part.any():
         return light
     beams = np.full((along.lines, along.places), -1, dtype=np.int64)
-    line, place, inside = _grid(light.layer, light.point, along)
+    line, place, inside = along.place(light.layer, light.point)
     beams[line[inside], place[inside]] = np.flatnonzero(inside)
-    added = _scatter(sources, cluster, part, beams, around.sensor.signal_of(NEGLIGIBLE))
-    return light.with_pulses(*added)
-
-
-def _grid(
-    layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32], along: Direction
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.bool_]]:
-    """Line and place of beams, and whether they lie in the field of view."""
-    line, place = (point, layer) if along.vertical else (layer, point)
-    inside = (line >= 0) & (line < along.lines) & (place >= 0) & (place < along.places)
-    return line, place, inside
+    least = max(around.sensor.signal_of(NEGLIGIBLE), _LEAST)
+    return light.with_pulses(*_scatter(sources, cluster, part, beams, least))
 
 
 def _sources(light: Light, around: Surroundings, along: Direction, bright_signal: float) -> _Sources:
@@ -131,13 +174,13 @@ def _sources(light: Light, around: Surroundings, along: Direction, bright_signal
     beam = np.searchsorted(light.first_pulse, bright, side="right") - 1
     of = row[bright]
     own = (around.ideal.layer[of] == light.layer[beam]) & (around.ideal.point[of] == light.point[beam])
-    line, place, inside = _grid(light.layer[beam], light.point[beam], along)
+    line, place, inside = along.place(light.layer[beam], light.point[beam])
     keep = np.flatnonzero(own & inside)
     range_m = light.pulse_range_m[bright]
     keep = keep[np.lexsort((range_m[keep], line[keep]))]
     return _Sources(
-        line[keep].astype(np.int64),
-        place[keep].astype(np.int64),
+        line[keep],
+        place[keep],
         range_m[keep],
         light.pulse_signal[bright[keep]],
         of[keep],

@@ -19,6 +19,7 @@ from lidarcheck.inference.intervals import Interval
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.wasserstein import Scale
 from lidarcheck.model.spec import Model
+from lidarcheck.sensor import Sensor
 from lidarcheck.workers import WorkerPool
 
 __all__ = ["ScaleReplays", "late_words", "with_finer_forms", "with_forms_of_beams"]
@@ -105,6 +106,11 @@ class ScaleReplays:
     model: Model
     off: Nuisance
     pool: WorkerPool
+
+    @property
+    def sensor(self) -> Sensor:
+        """The model's sensor."""
+        return self.model.sensor
 
     @property
     def beams(self) -> BeamTable:

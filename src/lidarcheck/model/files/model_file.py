@@ -174,9 +174,11 @@ def _curve(lines: LineIndex, index: int, parameter: FileParameter, path: str) ->
 
 
 def _detector_faults(effects: Sequence[Effect], sensor: Sensor, lines: LineIndex) -> list[InputError]:
-    """A fault for the first effect that makes a sensor which cannot be, such as a dead time below the ON time."""
+    """A fault for the first effect that means nothing for the sensor, lies beyond its beams, or makes one which cannot
+    be, such as a dead time below the ON time."""
     for index, effect in enumerate(effects):
         try:
+            effect.check(sensor)
             sensor = effect.detector(sensor) if isinstance(effect, DetectorEffect) else sensor
         except UsageError as error:
             return [_effect_fault(error, index, effect.settings(), lines)]
