@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lidarcheck.cli.simulation.effects_text import TREE, example, node_names
 from lidarcheck.effects import Effect, catalogue
+from lidarcheck.effects.base import Parameter
 from lidarcheck.effects.search import search_spec
 from lidarcheck.formats.atomic import write_text
 
@@ -30,6 +31,11 @@ The light's way has four stages: `aim` (what a beam meets), `light` (pulses and 
 numbers) and `readout` (echoes). An effect belongs to one of them, and a model lists its effects in this order. At zero
 strength an effect changes nothing at all. Random numbers are keyed by seed, effect, frame and beam: taking one effect
 out leaves every draw of the others as it was.
+
+An effect works on the beams of any sensor, and on the detectors that the table names. Some need more of the sensor, as
+a second return; a model with an effect that means nothing for its sensor is refused with the reason, and so is a layer
+or a point that the sensor does not have. An amplitude in an effect's law is what the detector counts: AREA of a SPAD
+array, the amplitude of a linear detector before calibration and rounding, the photons of a histogram's echo.
 
 """
 
@@ -86,14 +92,17 @@ STAGES = {
 
 def page(effects: Mapping[str, type[Effect]]) -> str:
     """The whole page."""
-    index = [f"| [`{e.name}`](#{e.name}) | {e.stage} | {tree(e)} | {prose(e.summary())} |" for e in effects.values()]
+    index = [
+        f"| [`{e.name}`](#{e.name}) | {e.stage} | {kinds(e)} | {tree(e)} | {prose(e.summary())} |"
+        for e in effects.values()
+    ]
     used = sorted({node for effect in effects.values() for node in effect.tree})
     without = ", ".join(f"`{effect.name}`" for effect in effects.values() if not effect.tree)
     nodes = NODES.format(nodes=", ".join(named(node) for node in used), without=without)
     sample = min(effects.values(), key=lambda effect: len(effect.parameters()))
     parts = [
         HEAD,
-        "| effect | stage | effect tree | what it does to the data |\n|---|---|---|---|\n",
+        "| effect | stage | detectors | effect tree | what it does to the data |\n|---|---|---|---|---|\n",
         "".join(f"{line}\n" for line in index) + "\n",
         USE.format(example=example(sample), tree=textwrap.fill(nodes, 120, break_on_hyphens=False)),
     ]
@@ -106,9 +115,11 @@ def page(effects: Mapping[str, type[Effect]]) -> str:
 def section(effect: type[Effect]) -> str:
     """One effect: docstring, parameters, and how a model asks for it."""
     text = [f"### {effect.name}\n\n{prose(inspect.getdoc(effect) or '')}\n\nEffect tree: {node_names(effect)}.\n\n"]
+    text.append(
+        "".join(f"Not for the detector `{kind}`: {prose(reason)}.\n\n" for kind, reason in effect.unfit.items())
+    )
     rows = [
-        f"| `{p.name}` | {cell(p.unit)} | {p.low:g} ... {p.high:g} | {p.typical:g} | {p.noticeable:g} | "
-        f"{cell(p.meaning)} |"
+        f"| `{p.name}` | {cell(p.unit)} | {span(p)} | {p.typical:g} | {p.noticeable:g} | {cell(p.meaning)} |"
         for p in effect.parameters()
     ]
     rows += [
@@ -119,6 +130,12 @@ def section(effect: type[Effect]) -> str:
         text.append("| parameter | unit | range | typical | noticeable | meaning |\n|---|---|---|---|---|---|\n")
         text.append("".join(f"{row}\n" for row in rows) + "\n")
     return "".join([*text, f"```toml\n{example(effect)}```\n\n", *seen(effect)])
+
+
+def span(parameter: Parameter) -> str:
+    """Its interval; of what counts the sensor's beams, in words."""
+    ends = {"layer": "last layer", "point": "last point", "line": "last layer or zone"}
+    return f"{parameter.low:g} ... {ends.get(parameter.counts) or f'{parameter.high:g}'}"
 
 
 def seen(effect: type[Effect]) -> list[str]:
@@ -147,6 +164,11 @@ def escaped(line: str) -> str:
 
 def cell(text: str) -> str:
     return escaped(text).replace("\n", " ")
+
+
+def kinds(effect: type[Effect]) -> str:
+    """The detectors for which it means something."""
+    return "all" if not effect.unfit else ", ".join(f"`{kind}`" for kind in effect.detectors())
 
 
 def tree(effect: type[Effect]) -> str:

@@ -34,6 +34,8 @@ class Around:
 
     @property
     def caster(self) -> Caster:
+        if self.scene is not None:
+            return self.scene
         raise AssertionError("no effect of the light or the readout asks what a ray meets")
 
     def signal(self, ideal: IdealScan) -> npt.NDArray[np.float64]:

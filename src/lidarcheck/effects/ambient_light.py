@@ -11,6 +11,7 @@ from lidarcheck import elementary
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.effects.geometry.beam_rows import BeamRows, by_material
 from lidarcheck.effects.geometry.surfaces import normals_of
+from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.scan import Light
 
 __all__ = ["AmbientLight"]
@@ -83,7 +84,7 @@ class AmbientLight(LightEffect):
             return light
         rows = BeamRows.of(light, around.ideal)
         whiteness = by_material(around.ideal, around.materials, lambda material: material.reflectance, self.sky)
-        own = around.ideal.reflectance
+        own = reflectance_of(around.ideal)
         if own is not None:
             whiteness = np.where((around.ideal.distance_m > 0.0) & np.isfinite(own), np.round(own, _DIGITS), whiteness)
         if self.direct > 0.0:

@@ -15,6 +15,7 @@ from lidarcheck.effects.geometry.aiming import moving_of, rays_of, second_rows
 from lidarcheck.effects.geometry.reflections import GROUND_M, ground_of, march, reflected
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.effects.shared.draws import normals
+from lidarcheck.effects.shared.reflectance import reflectance_of, with_reflectance
 from lidarcheck.rays import Hits, Rays
 from lidarcheck.scan import IdealScan, Light
 
@@ -106,8 +107,8 @@ class MirrorMultipath(LightEffect):
             beams=ideal.beams,
         )
         source = _rows_at(ideal, onward, hits, met)
-        if ideal.reflectance is not None:
-            image = image.with_reflectance(np.where(source >= 0, ideal.reflectance[source], np.nan))
+        if reflectance_of(ideal) is not None:
+            image = with_reflectance(image, np.where(source >= 0, reflectance_of(ideal)[source], np.nan))
         cosine = np.abs(np.einsum("ij,ij->i", rays.direction[row], mirror.normal[met]))
         signal = self._passage(cosine) * around.signal(image) * ideal.shares()[row]
         signal *= elementary.exp(-2.0 * light.extinction_per_m * way[met])

@@ -85,7 +85,7 @@ class TimingJitter(ReadoutEffect):
         echo = np.maximum(scan.echo_number.astype(np.int64) - 1, 0)
         uniform = around.uniforms(scan.layer, scan.point, 2 * (int(echo.max()) + 1))
         rows = np.arange(len(scan))
-        weaker = elementary.power(np.maximum(scan.amplitude, 1.0) / _REFERENCE_AREA, -self.amplitude_power)
+        weaker = elementary.power(np.maximum(scan.strength, 1.0) / _REFERENCE_AREA, -self.amplitude_power)
         late_ns = self.sigma_ns * weaker * normals(uniform[rows, 2 * echo])
         late_ns += self.uniform_ns * (2.0 * uniform[rows, 2 * echo + 1] - 1.0)
         return at_range(scan, scan.range_m + 0.5 * LIGHT_SPEED_M_PER_NS * late_ns)

@@ -63,7 +63,7 @@ class WalkError(ReadoutEffect):
         """Move each echo by its amplitude's shift."""
         if self.per_decade_m == 0.0 and self.bend_m == 0.0 and not self.shifts_m:
             return scan
-        return at_range(scan, scan.range_m + self.shift_m(scan.amplitude))
+        return at_range(scan, scan.range_m + self.shift_m(scan.strength))
 
     def shift_m(self, area: FloatArray) -> FloatArray:
         """The shift of echoes of that AREA, same shape."""

@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.reported import as_reported
@@ -75,7 +76,7 @@ def _plain_frame(
 
     if of_stage("aim", model.effects) or of_stage("light", model.effects) or not isinstance(model.sensor, SpadArray):
         return None, None
-    if ideal.reflectance is not None:
+    if reflectance_of(ideal) is not None:
         return None, None
     run = run_of(ideal, model, how["seed"], how["frame"], scene, None).after_stage("detector", model.effects)
     return run, fast_frame(ideal, model, SpadArray.narrow(run.sensor), Task(rounded=rounded, **how))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
+from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.sharing import Share, serially
 from lidarcheck.model.spec import Model
@@ -24,7 +25,7 @@ _MOST_MATERIALS = 65536
 
 def surface_signal(ideal: IdealScan, model: Model, share: Share = serially) -> FloatArray:
     """S of each row of the ideal scan, as `_by_materials`; with the row's own reflectance where it has one."""
-    signal, reflectance = _by_materials(ideal, model, share), ideal.reflectance
+    signal, reflectance = _by_materials(ideal, model, share), reflectance_of(ideal)
     if reflectance is None or not np.isfinite(reflectance).any():
         return signal
     white = {number: replace(material, reflectance=1.0) for number, material in model.materials.items()}

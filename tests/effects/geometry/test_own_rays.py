@@ -95,7 +95,7 @@ def test_strides_and_nearest_beams_are_in_degrees():
     assert _stride(np.array([0, 4, 10])) == 2
     mark = np.zeros((5, 5), dtype=bool)
     mark[0, 2] = mark[2, 1] = True  # 0.10 deg above, 0.125 deg aside
-    assert nearest_marked(mark)[2, 2] == 2
+    assert nearest_marked(mark, (0.05, 0.125))[2, 2] == 2
 
 
 def car_and_wall(velocity):
@@ -155,12 +155,12 @@ def test_yaw_leads_pitch_by_its_phase_and_shakes_on_its_own():
     facts = around(PatchScene([Patch((25, 0, 0), **WALL_AHEAD)]).ideal([260], np.arange(960)))
     columns = np.arange(960)
     shake = {"pitch_deg": 0.3, "yaw_deg": 0.2, "frequency_hz": 70.0, "yaw_phase_deg": 40.0, "random_deg": 0.0}
-    yaw, pitch = effects.make("vibration", shake).angles_deg(columns, facts)
+    yaw, pitch = effects.make("vibration", shake).angles_deg(np.full(960, 260), columns, facts)
     swing = 2 * np.pi * 70.0 * columns * 0.030 / 959
     assert pitch == pytest.approx(0.3 * np.sin(swing))
     assert yaw == pytest.approx(0.2 * np.sin(swing + np.deg2rad(40.0)))
     alone = {"pitch_deg": 0.0, "yaw_deg": 0.0, "random_deg": 0.1}
-    yaw, pitch = effects.make("vibration", alone).angles_deg(columns, facts)
+    yaw, pitch = effects.make("vibration", alone).angles_deg(np.full(960, 260), columns, facts)
     assert yaw.std() == pytest.approx(0.1, rel=0.1)
     assert abs(np.corrcoef(yaw, pitch)[0, 1]) < 4 / np.sqrt(960)
 

@@ -55,6 +55,8 @@ def facts(effect: type[Effect]) -> dict[str, Any]:
         "summary": effect.summary(),
         "description": inspect.getdoc(effect) or "",
         "tree": list(effect.tree),
+        "detectors": list(effect.detectors()),
+        "unfit": dict(effect.unfit),
         "parameters": {p.name: p.to_dict() | {"whole": p.whole} for p in effect.parameters()},
         "files": {f.name: f.to_dict() for f in effect.files()},
     } | (more if effect.empirical else {})
@@ -76,6 +78,7 @@ def explanation(effect: type[Effect], picture: str = "") -> str:
     kind = f"{effect.stage}; {EMPIRICAL}" if effect.empirical else effect.stage
     parts = [f"{effect.name} ({kind})\n", f"{paragraphs(inspect.getdoc(effect) or '')}\n"]
     parts.append(f"{paragraphs(f'Effect tree (PerCollECT/LidarLimbs): {node_names(effect)}')}\n")
+    parts += [f"{paragraphs(f'Not for the detector {kind}: {reason}.')}\n" for kind, reason in effect.unfit.items()]
     rows = [
         (p.name, p.unit, *(f"{number:g}" for number in (p.low, p.high, p.typical, p.noticeable)), p.meaning)
         for p in effect.parameters()

@@ -18,6 +18,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.own_rays import AimedRays, moving_of, rank_in_beam, rays_of, second_rows
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces, surfaces_of
+from lidarcheck.effects.shared.reflectance import reflectance_of, with_reflectance
 from lidarcheck.rays import Rays, Velocity
 from lidarcheck.scan import IdealScan
 
@@ -69,13 +70,13 @@ def with_met_reflectance(new: IdealScan, before: IdealScan, rays: Rays, around: 
 
     `before`: the rows that it was made of, in the same places.
     """
-    own, caster = before.reflectance, around.caster
+    own, caster = reflectance_of(before), around.caster
     if own is None:
         return new
-    if isinstance(caster, LocalSurfaces) and (met := caster.ideal.reflectance) is not None and len(met):
+    if isinstance(caster, LocalSurfaces) and (met := reflectance_of(caster.ideal)) is not None and len(met):
         reach = np.where(new.distance_m > 0.0, new.distance_m, _FAR_M)[:, None]
-        return new.with_reflectance(met[caster.pick(rays.origin_m + reach * rays.direction, rays.slot)])
-    return new.with_reflectance(np.where(new.material_id == before.material_id, own, np.nan))
+        return with_reflectance(new, met[caster.pick(rays.origin_m + reach * rays.direction, rays.slot)])
+    return with_reflectance(new, np.where(new.material_id == before.material_id, own, np.nan))
 
 
 def slid(ideal: IdealScan, rays: Rays, around: Surroundings) -> IdealScan:

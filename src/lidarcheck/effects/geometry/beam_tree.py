@@ -19,8 +19,10 @@ from lidarcheck.sensor.channels import ChannelBeams
 __all__ = ["BeamTree", "Frame"]
 
 _NEIGHBOURS = 8
-_BESIDE = 1.8
-"""What lies farther away than so many steps from a beam to the next is not beside it."""
+_BESIDE, _AROUND = 1.8, 8.0
+"""What lies farther away than so many steps from a beam to the next is not beside it: on lines, and off them."""
+_LOOKED_AT = 32
+"""Among so many nearest ones are those beside a beam that stands in no line, one for each eighth of the circle."""
 _MARGIN_DEG = 1.0
 _ALONG = 1e-9
 
@@ -158,17 +160,33 @@ class BeamTree:
 
     @functools.cached_property
     def beside(self) -> IndexArray:
-        """The cells around each cell, nearest first, -1 beyond those that lie beside it: shape (cells, 8)."""
+        """The cells around each cell, -1 where there are fewer: shape (cells, 8)."""
         cells = len(self.count)
-        most = min(_NEIGHBOURS + 1, cells)
+        lines = self.frame.angles_deg is not None
         found = np.full((cells, _NEIGHBOURS), -1, dtype=np.int64)
-        if cells > 1:
-            apart, cell = self._tree.query(self._tree.data, k=most)
-            cell = np.where(apart <= _BESIDE, cell, -1)
-            # A cell that shares its direction with another may not come first among its own neighbours.
-            cell[cell == np.arange(cells)[:, None]] = -1
+        if cells < 2:
+            return found
+        most = min((_NEIGHBOURS if lines else _LOOKED_AT) + 1, cells)
+        apart, cell = self._tree.query(self._tree.data, k=most, distance_upper_bound=_BESIDE if lines else _AROUND)
+        # A cell that shares its direction with another may not come first among its own neighbours.
+        cell = np.where(np.isfinite(apart) & (cell != np.arange(cells)[:, None]), cell, -1)
+        if lines:
             found[:, : most - 1] = np.take_along_axis(cell, np.argsort(cell < 0, axis=1, kind="stable"), 1)[:, :-1]
+            return found
+        side = np.where(cell >= 0, self._sides(cell), -1)
+        for at in range(most - 1, -1, -1):  # nearer ones take the place of those farther away
+            some = np.flatnonzero(side[:, at] >= 0)
+            found[some, side[some, at]] = cell[some, at]
         return found
+
+    def _sides(self, cell: IndexArray) -> IndexArray:
+        """In which eighth of the circle around each cell those cells (cells, k) lie, from 0."""
+        up = np.where(np.abs(self.direction[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+        left = np.cross(up, self.direction)
+        over = np.cross(self.direction, left)
+        off = self.direction[cell] - self.direction[:, None]
+        turn = elementary.arctan2(np.einsum("ijk,ik->ij", off, over), np.einsum("ijk,ik->ij", off, left))
+        return np.asarray(np.floor(turn * (_NEIGHBOURS / (2.0 * np.pi))).astype(np.int64) % _NEIGHBOURS)
 
     def neighbours(self, ideal: IdealScan) -> tuple[IndexArray, ...]:
         """For each row those of equal rank beside it, -1 for none: shape (n,) each."""

@@ -90,8 +90,6 @@ def _least_squares(used: BoolArray, a: FloatArray, b: FloatArray, change: FloatA
     ac, bc = (np.where(used, one * change, 0.0).sum(axis=1) for one in (a, b))
     middle, half = 0.5 * (aa + bb), np.sqrt(0.25 * (aa - bb) ** 2 + ab**2)
     even = (middle > 0.0) & (middle - half >= _EVEN * (middle + half))
-    ridge = _RIDGE * middle + 1e-300
-    aa, bb = aa + ridge, bb + ridge
-    whole = aa * bb - ab * ab
-    slope = np.stack([(ac * bb - bc * ab) / whole, (bc * aa - ac * ab) / whole], axis=1)
-    return np.where((middle > 0.0)[:, None], slope, 0.0), even
+    aa, bb = aa + _RIDGE * middle, bb + _RIDGE * middle
+    whole = np.where(middle > 0.0, aa * bb - ab * ab, 1.0)
+    return np.stack([(ac * bb - bc * ab) / whole, (bc * aa - ac * ab) / whole], axis=1), even

@@ -164,7 +164,8 @@ class LocalSurfaces:
         """Row and distance of a block of rays among all that does not move."""
         origin, direction, slot = rays.origin_m[part], rays.direction[part], rays.slot[part]
         if behind is None:
-            return self.follow(origin, direction, slot, self.pick)
+            row, distance = self.follow(origin, direction, slot, self.pick)
+            return self._own(rays, part, row, distance)
 
         def pick(position: FloatArray, slot: Slots) -> IndexArray:
             row = self.pick(position, slot)
@@ -175,6 +176,18 @@ class LocalSurfaces:
         hiding = self.pick(origin + reach[:, None] * direction, slot)
         least = np.where(hiding != row, self.ideal.distance_m[hiding], 0.0)
         return row, np.where(distance > 0.0, np.maximum(distance, least), 0.0)
+
+    def _own(self, rays: Rays, part: slice, row: IndexArray, distance: FloatArray) -> tuple[IndexArray, FloatArray]:
+        """The same with what the scan's own rays met for themselves, where beams do not begin in the sensor's middle.
+
+        From there, what hides a beam's surface may lie beside it.
+        """
+        if isinstance(self.grid, BeamGrid) or self.ideal.beams.central:
+            return row, distance
+        cell = self.grid.own_cell(rays.direction[part], rays.origin_m[part])
+        mine = cell >= 0
+        own = self.grid.rows(np.maximum(cell, 0), rays.slot[part])
+        return np.where(mine, own, row), np.where(mine, self.ideal.distance_m[own], distance)
 
     def _movers(self, moving: Mapping[int, Velocity], rays: Rays) -> list[Mover]:
         """The scan's objects among those that move, with all that picking them takes."""

@@ -10,6 +10,7 @@ from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.aiming import directions_of, rays_of, recast, redirected
+from lidarcheck.effects.shared.reflectance import reflectance_of, with_reflectance
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import IdealScan
 
@@ -36,7 +37,7 @@ def widened(ideal: IdealScan, up: float, aside: float, around: Surroundings) -> 
     if ideal.object_id is not None:
         columns["object_id"] = ideal.object_id[row]
     new = replace(ideal, rays=redirected(rays, direction), **columns)
-    return new if ideal.reflectance is None else new.with_reflectance(ideal.reflectance[row])
+    return new if reflectance_of(ideal) is None else with_reflectance(new, reflectance_of(ideal)[row])
 
 
 def _directions(ideal: IdealScan) -> FloatArray:

@@ -54,6 +54,7 @@ def change_of(model: Model, owner: str, parameter: str) -> Change | None:
     for other in declared.nearby(value):
         try:
             changed = dataclasses.replace(effect, **{parameter: other})
+            changed.check(model.sensor)
             effects = [*model.effects[:place], changed, *model.effects[place + 1 :]]
             effects.sort(key=lambda one: STAGES.index(one.stage))  # a word may move it to another stage
             unit = getattr(declared, "unit", "")
