@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from lidarcheck.figures.pages.sensor_tables import (
     files_table,
     gate_table,
     needed,
+    reach,
 )
 from lidarcheck.figures.pages.thinning import thinned
 from lidarcheck.sensor import Beams, Sensor
@@ -34,7 +36,7 @@ def page(sensor: Sensor) -> Page:
         Section("Beams", _beam_words(sensor), (_table("Beams", _beam_rows(sensor)),), _patterns(sensor)),
         Section("Timing", (), (_table("Timing", _timing_rows(sensor)),), _timing(sensor)),
         Section("Range", (), (gate_table(sensor),)),
-        Section("Detector", needed(sensor), (detector_table(sensor),)),
+        Section("Detector", reach(sensor), (detector_table(sensor),)),
         Section("Features", (), (features_table(sensor),)),
         Section("Files and echoes", (), (files_table(sensor),)),
         Section("Sources", tuple(f"- {fact}" for fact in sensor.source) or ("none given",)),
@@ -63,11 +65,13 @@ def document(sensor: Sensor) -> dict[str, Any]:
 
 
 def rate(sensor: Sensor) -> tuple[float, float]:
-    """Beams of a frame (on average, where columns do not repeat) and beams a second."""
+    """Beams of a frame (on average, where columns do not repeat) and beams a second; NaN where the file lacks them."""
     beams = sensor.beams
+    if "beams.columns" in sensor.missing:
+        return math.nan, math.nan
     columns = beams.columns if isinstance(beams, ChannelBeams) else None
     frame = float(len(beams.every()[0])) if columns is None else beams.layers * columns
-    return frame, frame * sensor.frame_rate_hz
+    return frame, math.nan if "frame_rate_hz" in sensor.missing else frame * sensor.frame_rate_hz
 
 
 def vars_of_sweep(sensor: Sensor) -> dict[str, Any]:
@@ -79,11 +83,14 @@ def vars_of_sweep(sensor: Sensor) -> dict[str, Any]:
 
 def _summary(sensor: Sensor) -> str:
     frame, second = rate(sensor)
-    if not frame:
-        return f"{sensor.name}: {sensor.detector}, no beams of its own: each scan brings their directions."
     beams = sensor.beams
     what = f"{beams.layers} layers x {beams.points} points, {frame:,.0f} beams a frame, {second:,.0f} a second"
-    return f"{sensor.name}: {sensor.detector}, {what}, from {sensor.min_range_m:g} to {sensor.max_range_m:g} m."
+    if not frame:
+        what = "no beams of its own: each scan brings their directions"
+    elif math.isnan(second):
+        what = f"{beams.layers} layers"
+    said = f"{sensor.name}: {sensor.detector}, {what}, from {sensor.min_range_m:g} to {sensor.max_range_m:g} m."
+    return f"{said} {needed(sensor)}".rstrip()
 
 
 def _beam_words(sensor: Sensor) -> tuple[str, ...]:
@@ -136,20 +143,25 @@ def _table(title: str, rows: list[tuple[str, str, str]]) -> Table:
     return Table(title, ("what", "value", "unit"), tuple(rows), right=("value",))
 
 
+def _known(value: float, known: bool = True) -> str:
+    return f"{value:,.10g}" if known and not math.isnan(value) else "missing"
+
+
 def _beam_rows(sensor: Sensor) -> list[tuple[str, str, str]]:
     numbers = _beam_numbers(sensor)
+    columns = "beams.columns" not in sensor.missing
     rows = [
         ("kind", numbers["kind"], ""),
-        ("layers x points", f"{numbers['layers']} x {numbers['points']}", ""),
-        ("beams a frame", f"{numbers['beams_a_frame']:,.10g}", ""),
-        ("beams a second", f"{numbers['beams_a_second']:,.10g}", "1/s"),
+        ("layers x points", f"{numbers['layers']} x {_known(numbers['points'], columns)}", ""),
+        ("beams a frame", _known(numbers["beams_a_frame"]), ""),
+        ("beams a second", _known(numbers["beams_a_second"]), "1/s"),
     ]
     for name in ("elevation", "azimuth"):
         if f"{name}_deg" in numbers:
             low, high = numbers[f"{name}_deg"]
             rows.append((name, f"{low:.4g} to {high:.4g}", "deg"))
     for name in ("elevation", "azimuth"):
-        if f"{name}_spacing_deg" in numbers:
+        if f"{name}_spacing_deg" in numbers and (columns or name == "elevation"):
             least, middle, most = (f"{value:.4g}" for value in numbers[f"{name}_spacing_deg"])
             shown = middle if least == most else f"{middle} ({least} to {most})"
             rows.append((f"to the next beam in {name}", shown, "deg"))
@@ -163,15 +175,17 @@ def _beam_rows(sensor: Sensor) -> list[tuple[str, str, str]]:
 
 def _timing_rows(sensor: Sensor) -> list[tuple[str, str, str]]:
     sweep, beams = sensor.sweep, sensor.beams
+    rated = "frame_rate_hz" not in sensor.missing
+    timed = rated and "beams.columns" not in sensor.missing
     rows = [
-        ("frames", f"{sensor.frame_rate_hz:g}", "1/s"),
+        ("frames", _known(sensor.frame_rate_hz, rated), "1/s"),
         ("order of firing", sweep.order, ""),
-        ("sweep", f"{1e3 * sweep.duration_s:.6g}", "ms"),
+        ("sweep", _known(1e3 * sweep.duration_s, rated), "ms"),
         ("sense of turning", f"to the {sweep.direction}", ""),
         ("one receiver for all that fire together", "yes" if sweep.common_receiver else "no", ""),
     ]
     if isinstance(beams, ChannelBeams):
-        rows.insert(3, ("from column to column", f"{1e6 * beams.column_s:.6g}", "us"))
+        rows.insert(3, ("from column to column", _known(1e6 * beams.column_s, timed), "us"))
         rows.append(("fire time turns the azimuth", "yes" if sweep.fire_time_in_azimuth else "no", ""))
     return rows
 
@@ -179,7 +193,7 @@ def _timing_rows(sensor: Sensor) -> list[tuple[str, str, str]]:
 def _patterns(sensor: Sensor) -> tuple[Figure, ...]:
     beams = sensor.beams
     layer, point = beams.every()
-    if not len(layer):
+    if not len(layer) or "beams.columns" in sensor.missing:
         return ()
     columns = min(_BLOCK, beams.points)
     begin = (beams.points - columns) // 2

@@ -8,7 +8,7 @@ from lidarcheck.figures.data import Table
 from lidarcheck.sensor import Linear, Sensor
 from lidarcheck.sensor.overrides import place_of_number
 
-__all__ = ["detector_table", "features_table", "files_table", "gate_table", "needed"]
+__all__ = ["detector_table", "features_table", "files_table", "gate_table", "needed", "reach"]
 
 _HEAD = ("what", "value", "unit")
 _GATE = ("min_range_m", "max_range_m", "range_resolution_m", "range_offset_m")
@@ -55,15 +55,20 @@ def _words(sensor: Sensor) -> list[str]:
     return [name for name in words if hasattr(sensor, name)]
 
 
-def needed(sensor: Sensor) -> tuple[str, ...]:
-    """What `simulate` still needs, and how far a weak surface is seen where that is a closed form."""
-    if sensor.missing:
-        keys = ", ".join(".".join(place_of_number(name, sensor.detector)) for name in sensor.missing)
-        return (f"Missing for simulate: {keys}. Write it into the file, or into a model's [sensor].",)
-    if isinstance(sensor, Linear) and sensor.threshold > 0.0:
-        reach = 0.1 * sensor.signal_at_1m / sensor.threshold - sensor.near_m**2
-        return (f"A white surface of 10 % is detected in half of the shots at {math.sqrt(max(reach, 0.0)):.4g} m.",)
-    return ()
+def needed(sensor: Sensor) -> str:
+    """What `simulate` still needs; empty for nothing."""
+    if not sensor.missing:
+        return ""
+    keys = (name if "." in name else ".".join(place_of_number(name, sensor.detector)) for name in sensor.missing)
+    return f"Missing for simulate: {', '.join(keys)}. Write it into the file, or into a model's [sensor]."
+
+
+def reach(sensor: Sensor) -> tuple[str, ...]:
+    """How far a weak surface is seen, of a detector where that is a closed form."""
+    if not isinstance(sensor, Linear) or sensor.missing or sensor.threshold <= 0.0:
+        return ()
+    square = 0.1 * sensor.signal_at_1m / sensor.threshold - sensor.near_m**2
+    return (f"A white surface of 10 % is detected in half of the shots at {math.sqrt(max(square, 0.0)):.4g} m.",)
 
 
 def features_table(sensor: Sensor) -> Table:
