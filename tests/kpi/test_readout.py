@@ -10,7 +10,9 @@ from lidarcheck.kpi.numbering import beams_in_order, number_share
 from lidarcheck.kpi.percentiles import percentile, percentiles
 from lidarcheck.kpi.quantisation import quantisation_step
 from lidarcheck.scan import IdealScan
+from lidarcheck.sensor import Sensor
 
+BEAMS = Sensor.of("SLIM").beams
 LAYER, POINT = (grid.ravel() for grid in np.meshgrid(np.arange(0, 520, 3), np.arange(0, 960, 7), indexing="ij"))
 
 
@@ -24,29 +26,29 @@ AZIMUTH, ELEVATION = (POINT - 479.5) * 0.125, (LAYER - 259.5) * 0.05
 
 @pytest.mark.parametrize(("left", "up"), [(0.0, 0.0), (0.0625, 0.025), (-0.7, 0.9), (3.0, -2.0), (40.0, 0.0)])
 def test_a_turn_is_found_whatever_the_beam(left: float, up: float) -> None:
-    found = off_beam(*at(AZIMUTH + left, ELEVATION + up), LAYER, POINT)
+    found = off_beam(*at(AZIMUTH + left, ELEVATION + up), LAYER, POINT, BEAMS)
     assert np.abs(found.azimuth_deg - left).max() <= 0.00051
     assert np.abs(found.elevation_deg - up).max() <= 0.00051
 
 
 def test_on_its_beam_an_echo_is_off_by_nothing_at_all() -> None:
     x, y, z = (np.round(axis, 5) for axis in at(AZIMUTH, ELEVATION, np.linspace(5.0, 250.0, LAYER.size)))
-    for angle in off_beam(x, y, z, LAYER, POINT):
+    for angle in off_beam(x, y, z, LAYER, POINT, BEAMS):
         assert not angle.any()
         assert not np.signbit(angle).any()
 
 
 def test_a_mirrored_axis_turns_by_twice_the_angle() -> None:
     x, y, z = at(AZIMUTH, ELEVATION)
-    assert off_beam(x, -y, z, LAYER, POINT).azimuth_deg == pytest.approx(-2.0 * AZIMUTH, abs=0.0006)
-    assert off_beam(x, y, -z, LAYER, POINT).elevation_deg == pytest.approx(-2.0 * ELEVATION, abs=0.0006)
-    behind = off_beam(-x, y, z, LAYER, POINT).azimuth_deg
+    assert off_beam(x, -y, z, LAYER, POINT, BEAMS).azimuth_deg == pytest.approx(-2.0 * AZIMUTH, abs=0.0006)
+    assert off_beam(x, y, -z, LAYER, POINT, BEAMS).elevation_deg == pytest.approx(-2.0 * ELEVATION, abs=0.0006)
+    behind = off_beam(-x, y, z, LAYER, POINT, BEAMS).azimuth_deg
     assert np.abs(behind) == pytest.approx(180.0 - 2.0 * np.abs(AZIMUTH), abs=0.0006)
 
 
 def test_no_beam_and_no_range_have_no_direction() -> None:
     x, y, z = at(np.zeros(4), np.zeros(4), np.array([10.0, 10.0, 10.0, 0.0]))
-    found = off_beam(x, y, z, np.array([-1, 520, 100, 100]), np.array([5, 5, 960, 5]))
+    found = off_beam(x, y, z, np.array([-1, 520, 100, 100]), np.array([5, 5, 960, 5]), BEAMS)
     assert np.isnan(found.elevation_deg).all()
     assert np.isnan(found.azimuth_deg[:3]).all()
 

@@ -9,7 +9,10 @@ from lidarcheck.kpi.blooming import blooming_profile, target_offset
 from lidarcheck.kpi.ghost import ghost, ghost_partners
 from lidarcheck.kpi.walk import walk_offset
 from lidarcheck.scan import Scan
+from lidarcheck.sensor import Sensor
 from places import shared_path
+
+BEAMS = Sensor.of("SLIM").beams
 
 
 class TestWalk:
@@ -73,17 +76,17 @@ class TestBlooming:
         layer = np.array([10, 12, 9, 10, 30, 11], dtype=np.int32)
         point = np.array([5, 5, 5, 6, 5, 7], dtype=np.int32)
         t_layer, t_point = np.array([20, 10, 11], dtype=np.int32), np.array([5, 5, 8], dtype=np.int32)
-        up, which = target_offset(layer, point, t_layer, t_point, "vertical")
-        np.testing.assert_array_equal(up, [0, 6, -3, np.nan, 30, np.nan])
+        up, which = target_offset(layer, point, t_layer, t_point, "vertical", BEAMS)
+        np.testing.assert_array_equal(up, [0, 2, -1, np.nan, 10, np.nan])
         np.testing.assert_array_equal(which, [1, 1, 1, -1, 0, -1])
-        left, which = target_offset(layer, point, t_layer, t_point, "horizontal")
-        np.testing.assert_array_equal(left, [0, np.nan, np.nan, 2.5, np.nan, -2.5])
+        left, which = target_offset(layer, point, t_layer, t_point, "horizontal", BEAMS)
+        np.testing.assert_array_equal(left, [0, np.nan, np.nan, 1, np.nan, -1])
         np.testing.assert_array_equal(which, [1, -1, -1, 1, -1, 2])
 
     def test_offset_without_target(self):
         none = np.zeros(0, dtype=np.int32)
         offset, which = target_offset(
-            np.array([1], dtype=np.int32), np.array([1], dtype=np.int32), none, none, "vertical"
+            np.array([1], dtype=np.int32), np.array([1], dtype=np.int32), none, none, "vertical", BEAMS
         )
         assert np.isnan(offset[0])
         assert which[0] == -1

@@ -11,19 +11,28 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.errors import UsageError
+from lidarcheck.kpi.lattice import lattice_of
 from lidarcheck.kpi.pairing import nearest_on_line
+from lidarcheck.sensor import Beams, Sensor, SpadArray
 
-__all__ = ["Axis", "BloomingProfile", "blooming_profile", "target_offset"]
+__all__ = ["Axis", "BloomingProfile", "blooming_profile", "offset_step", "target_offset"]
 
 Axis = Literal["vertical", "horizontal"]
 
-STEP = {"vertical": 3.0, "horizontal": 2.5}
-"""Per layer, in SPAD rows; per point, in columns of 0.05°: the units in which blooming tables count offsets."""
+_STEP = {"vertical": 3.0, "horizontal": 2.5}
+
+
+def offset_step(axis: Axis, sensor: Sensor | None = None) -> float:
+    """Per layer (`vertical`) or point, in the units in which blooming tables count offsets.
+
+    Of a SPAD array, SPAD rows and columns of 0.05°; of any other sensor layers and points. None: a SPAD array.
+    """
+    return _STEP[axis] if sensor is None or isinstance(sensor, SpadArray) else 1.0
 
 
 @dataclass(frozen=True)
 class BloomingProfile:
-    """Mean AREA over the offset from the target, measured and simulated.
+    """Mean AREA, or what else tells an echo's strength, over the offset from the target, measured and simulated.
 
     Shapes: (k,). `offset`: the distinct offsets (or the lower edges of the bins); the means are NaN where there is no
     echo. `rms_log10`: RMS of log10(measured/simulated) over the offsets that have echoes on both sides, NaN where
@@ -50,8 +59,8 @@ def blooming_profile(
 ) -> BloomingProfile:
     """RMS of log10(measured/simulated) mean AREA over the offset from the target.
 
-    Offsets and areas of the echoes at the target's range, shapes (n,) and (m,); offsets in SPAD rows or columns (see
-    `target_offset`), NaN = leave out. `edges`: ascending bin edges over the offset, shape (k + 1,); default: each
+    Offsets and areas of the echoes at the target's range, shapes (n,) and (m,); offsets as `target_offset` counts them
+    times `offset_step`, NaN = leave out. `edges`: ascending bin edges over the offset, shape (k + 1,); default: each
     offset that occurs is its own bin. 0.3 is a factor of two.
     """
     m_off, m_area = _echoes(measured_offset, measured_area)
@@ -72,16 +81,22 @@ def blooming_profile(
 
 
 def target_offset(
-    layer: IntArray, point: IntArray, target_layer: IntArray, target_point: IntArray, axis: Axis
+    layer: IntArray, point: IntArray, target_layer: IntArray, target_point: IntArray, axis: Axis, beams: Beams
 ) -> tuple[FloatArray, IndexArray]:
     """Signed offset of beams from the target's nearest beam along an axis, and the index of that; NaN and -1 for none.
 
-    Vertical: within the target's point columns, in SPAD rows (three a layer), positive upward. Horizontal: within its
-    layers, in columns of 0.05° (2.5 a point), positive to the left. 0 on the target. Beams have shapes (n,), the
-    target's (m,).
+    Vertical: within the target's columns of the image, in layers, positive upward. Horizontal: within its layers, in
+    points, positive to the left. 0 on the target. None of beams without a lattice. Beams have shapes (n,), the target's
+    (m,).
     """
-    line, place = (point, layer) if axis == "vertical" else (layer, point)
-    t_line, t_place = (target_point, target_layer) if axis == "vertical" else (target_layer, target_point)
+    lattice = lattice_of(beams)
+    if lattice is None or not len(target_layer):
+        return np.full(len(layer), np.nan), np.full(len(layer), -1, dtype=np.int64)
+    if axis == "vertical":
+        line, place = lattice.column(layer, point), lattice.row(layer)
+        t_line, t_place = lattice.column(target_layer, target_point), lattice.row(target_layer)
+    else:
+        line, place, t_line, t_place = layer, point, target_layer, target_point
     order = np.lexsort((t_place, t_line))
     found = nearest_on_line(
         t_line[order].astype(np.int64),
@@ -89,10 +104,9 @@ def target_offset(
         line.astype(np.int64),
         place.astype(np.float64),
     )
-    if not order.size:
-        return np.full(len(layer), np.nan), found
     index = np.where(found >= 0, order[found], -1)
-    return np.where(index >= 0, (place - t_place[index]) * STEP[axis], np.nan), index
+    to = 1.0 if axis == "vertical" else float(lattice.to_left)
+    return np.where(index >= 0, (place - t_place[index]) * to, np.nan), index
 
 
 def _echoes(offset: npt.ArrayLike, area: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

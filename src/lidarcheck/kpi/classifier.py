@@ -44,15 +44,23 @@ def classifier_gap(rows: FloatArray, measured: BoolArray, fold: IndexArray) -> f
 
 
 def folds_of(
-    frame: IndexArray, layer: IndexArray, point: IndexArray, *, repeated: bool = False, seed: int = 0
+    frame: IndexArray,
+    layer: IndexArray,
+    point: IndexArray,
+    *,
+    repeated: bool = False,
+    seed: int = 0,
+    piece: IndexArray | None = None,
 ) -> IndexArray | None:
     """The fold of each beam, 0 ... 4, shape (n,): by frame, with fewer than five frames by blocks of 16 x 16 beams.
 
-    `layer`, `point`: counted along the fired lattice. `repeated`: frames show the same rays, of which each is in one
-    fold in all of them. Whole units are dealt at random. None with too few of them for a figure.
+    `layer`, `point`: counted along the fired lattice. `piece`: where there is none, which of 40 equal pieces of its
+    frame a beam lies in (`lattice.piece_of`), in place of blocks. `repeated`: frames show the same rays, of which each
+    is in one fold in all of them. Whole units are dealt at random. None with too few of them for a figure.
     """
     by_frame = not repeated and len(np.unique(frame)) >= FOLDS
-    blocks = np.stack([frame * (not repeated), layer // BLOCK, point // BLOCK])
+    rows, columns = (layer // BLOCK, point // BLOCK) if piece is None else (np.zeros_like(piece), piece)
+    blocks = np.stack([frame * (not repeated), rows, columns])
     units, which = np.unique(blocks[:1] if by_frame else blocks, axis=1, return_inverse=True)
     count = units.shape[1]
     if not by_frame and count < FEWEST_BLOCKS:

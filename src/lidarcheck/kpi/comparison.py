@@ -12,6 +12,7 @@ from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.blooming import BloomingProfile
 from lidarcheck.kpi.detection import Detection, FalseAlarms
 from lidarcheck.kpi.ghost import Ghost
+from lidarcheck.kpi.histogram import HistogramGap
 from lidarcheck.kpi.overlap import Overlap
 from lidarcheck.kpi.percentiles import Percentile
 from lidarcheck.kpi.walk import WalkOffset
@@ -104,12 +105,16 @@ class SurfaceGap:
 
 @dataclass(frozen=True)
 class TargetGap:
-    """What needs a known bright target: its ghost, and its blooming along the `vertical` and the `horizontal` axis."""
+    """What needs a known bright target: its ghost, and its blooming along the `vertical` and the `horizontal` axis.
+
+    `ratios`: what the ghost's ratios of mean strength and mean PEAK are called, those that there are.
+    """
 
     ghost_measured: Ghost
     ghost_simulated: Ghost
     vertical: BloomingProfile
     horizontal: BloomingProfile
+    ratios: tuple[str, ...] = ("area_ratio", "peak_ratio")
 
 
 class KpiRow(NamedTuple):
@@ -132,7 +137,8 @@ class Comparison:
 
     `features`: by name, e.g. `AREA`; `left_out`: what could not be compared, and why. `surfaces` needs an ideal scan,
     `target` besides a known target; else None. `direction`: by angle, where both scans say which beam an echo is of;
-    `position`: by axis, with an ideal scan; `numbers`: by echo number, where both scans have them.
+    `position`: by axis, with an ideal scan; `numbers`: by echo number, where both scans have them; `histogram`: where
+    both have the bins of their beams.
     """
 
     n_measured: int
@@ -146,6 +152,7 @@ class Comparison:
     direction: Mapping[str, DirectionGap] | None = None
     position: Mapping[str, Sides] | None = None
     numbers: Mapping[int, Sides] | None = None
+    histogram: HistogramGap | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison for JSON, by KPI: plain numbers and lists, null where a number is not defined."""
@@ -157,6 +164,7 @@ class Comparison:
             "direction": self.direction,
             "position_bias": self.position,
             "echo_number_share": self.numbers,
+            "histogram": self.histogram,
         }
         if (seen := self.surfaces) is not None:
             kpis["detection_probability"] = _sides(seen.detection_measured, seen.detection_simulated)
@@ -173,6 +181,9 @@ class Comparison:
         found = [KpiRow("echoes", "", self.n_measured, self.n_simulated, self.n_measured - self.n_simulated, "")]
         for name, gap in self.features.items():
             found.extend(_feature_rows(name, gap))
+        if (bins := self.histogram) is not None:
+            found.append(KpiRow("histogram_residual", f"{bins.bins} bins", NAN, NAN, bins.residual, "√counts"))
+            found.append(KpiRow("histogram_distance", f"{bins.bins} bins", NAN, NAN, bins.distance_bins, "bins"))
         if self.surfaces is not None:
             found.extend(_surface_rows(self.surfaces))
         found.extend(_readout_rows(self))
@@ -191,7 +202,7 @@ def _sides(measured: object, simulated: object) -> dict[str, object]:
 
 
 def _feature_rows(name: str, gap: FeatureGap) -> Iterator[KpiRow]:
-    root = f"√{gap.unit}" if gap.unit else ""
+    root = f"√({gap.unit})" if " " in gap.unit else f"√{gap.unit}" if gap.unit else ""
     yield KpiRow("dvm_bias", name, gap.mean_measured, gap.mean_simulated, gap.dvm_bias, gap.unit)
     yield KpiRow("dvm_scatter", name, NAN, NAN, gap.dvm_scatter, gap.unit)
     yield KpiRow("wasserstein", name, NAN, NAN, gap.wasserstein, gap.unit)
@@ -225,14 +236,14 @@ def _surface_rows(gap: SurfaceGap) -> Iterator[KpiRow]:
     yield KpiRow("false_alarms", "per beam", a, b, a - b, "")
     if gap.walk is not None:
         w = gap.walk
-        for i, low in enumerate((10.0**w.decade).tolist()):
-            of = f"AREA {low:g}–{10.0 * low:g}"
+        for i, of in enumerate(w.of):
             yield KpiRow("walk_offset", of, float(w.measured_m[i]), float(w.simulated_m[i]), float(w.offset_m[i]), "m")
 
 
 def _target_rows(gap: TargetGap) -> Iterator[KpiRow]:
-    for name in ("count_ratio", "area_ratio", "peak_ratio", "range_ratio", "size_ratio"):
-        m, s = getattr(gap.ghost_measured, name), getattr(gap.ghost_simulated, name)
+    fields = dict(zip(gap.ratios, ("area_ratio", "peak_ratio"), strict=False))
+    for name in ("count_ratio", *gap.ratios, "range_ratio", "size_ratio"):
+        m, s = (getattr(side, fields.get(name, name)) for side in (gap.ghost_measured, gap.ghost_simulated))
         yield KpiRow("ghost", name, m, s, m - s, "")
     yield KpiRow("blooming_profile", "vertical", NAN, NAN, gap.vertical.rms_log10, "log10")
     yield KpiRow("blooming_profile", "horizontal", NAN, NAN, gap.horizontal.rms_log10, "log10")

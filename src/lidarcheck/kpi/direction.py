@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import functools
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, elevation_deg
+from lidarcheck.sensor import Beams
 
 __all__ = ["Directions", "off_beam", "off_surface", "surface_points"]
 
@@ -32,8 +32,10 @@ class Directions(NamedTuple):
     elevation_deg: FloatArray
 
 
-def off_beam(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, layer: IntArray, point: IntArray) -> Directions:
-    """How far echoes lie off the direction that their beam has by its number, to a thousandth of a degree.
+def off_beam(
+    x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, layer: IntArray, point: IntArray, beams: Beams
+) -> Directions:
+    """How far echoes lie off the direction that their beam has by its number, seen from its origin, to 0.001 degree.
 
     The beam's direction follows from layer and point by the sensor's formulas alone, never from the table by which the
     model places echoes: an error of that table shows. All of shape (n,).
@@ -41,13 +43,24 @@ def off_beam(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, layer: IntArray,
     found = Directions(np.empty(len(x_m)), np.empty(len(x_m)))
     for start in range(0, len(x_m), _CHUNK):
         rows = slice(start, start + _CHUNK)
-        found.azimuth_deg[rows], found.elevation_deg[rows] = _off_beam(
-            x_m[rows], y_m[rows], z_m[rows], _turn(layer[rows], "layer"), _turn(point[rows], "point")
-        )
+        x, y, z, numbers = x_m[rows], y_m[rows], z_m[rows], (layer[rows], point[rows])
+        origins = _origins_m(beams, *numbers)
+        if origins is not None:
+            x, y, z = x - origins[:, 0], y - origins[:, 1], z - origins[:, 2]
+        found.azimuth_deg[rows], found.elevation_deg[rows] = _off_beam(x, y, z, *_turn(beams, *numbers))
     lost = np.isnan(found.azimuth_deg) | np.isnan(found.elevation_deg)
     if lost.any():
         found.azimuth_deg[lost] = found.elevation_deg[lost] = np.nan
     return found
+
+
+def _origins_m(beams: Beams, layer: IntArray, point: IntArray) -> FloatArray | None:
+    """Where beams begin [m], shape (n, 3), NaN for a beam that the sensor does not have; None where all begin at 0."""
+    if beams.central:
+        return None
+    known = beams.has(layer, point)
+    origins = beams.origins_m(np.where(known, layer, 0), np.where(known, point, 0))
+    return None if origins is None else np.where(known[:, None], origins, np.nan)
 
 
 class _Turn(NamedTuple):
@@ -69,19 +82,32 @@ def _off_beam(x_m: FloatArray, y_m: FloatArray, z_m: FloatArray, up: _Turn, left
     )
 
 
-def _turn(index: IntArray, axis: Literal["layer", "point"]) -> _Turn:
-    """Of layers' elevations or points' azimuths; NaN for a layer or point that the sensor does not have."""
-    cosine, sine = _turns(axis)
-    # The last entry stands for what the sensor does not have, -1 among it.
-    at = np.where(index < len(cosine) - 1, index, -1)
-    at = np.where(at < 0, -1, at)
-    return _Turn(cosine[at], sine[at])
+def _turn(beams: Beams, layer: IntArray, point: IntArray) -> tuple[_Turn, _Turn]:
+    """Of beams' elevations and azimuths; NaN for a beam that the sensor does not have."""
+    up, left = _turns(beams)
+    known = beams.has(layer, point)
+    # The last entry stands for what the sensor does not have.
+    if beams.grid:
+        rows, columns = np.where(known, layer, -1), np.where(known, point, -1)
+    else:
+        rows = columns = np.where(known, beams.index(layer, point), -1)
+    return _Turn(up.cosine[rows], up.sine[rows]), _Turn(left.cosine[columns], left.sine[columns])
 
 
-@functools.cache
-def _turns(axis: Literal["layer", "point"]) -> _Turn:
-    degrees = elevation_deg(np.arange(LAYERS)) if axis == "layer" else azimuth_deg(np.arange(POINTS))
-    angle = np.deg2rad(degrees)
+@functools.lru_cache(maxsize=4)
+def _turns(beams: Beams) -> tuple[_Turn, _Turn]:
+    """Of all elevations and azimuths: of a grid's layers and points, of other sensors' beams in order of `index`."""
+    if beams.grid:
+        elevation, _ = beams.angles_deg(np.arange(beams.layers), 0)
+        _, azimuth = beams.angles_deg(0, np.arange(beams.points))
+    else:
+        layer, point = np.divmod(np.arange(beams.size), beams.points)
+        elevation, azimuth = beams.angles_deg(layer, point)
+    up, left = (np.deg2rad(angle) for angle in (elevation, azimuth))
+    return _table(up), _table(left)
+
+
+def _table(angle: FloatArray) -> _Turn:
     return _Turn(np.append(elementary.cos(angle), np.nan), np.append(elementary.sin(angle), np.nan))
 
 
@@ -98,7 +124,8 @@ def _angle_deg(opposite_m: FloatArray, adjacent_m: FloatArray, length_m: FloatAr
 
 
 def surface_points(ideal: IdealScan, rows: IndexArray | None = None) -> FloatArray:
-    """Where rows of an ideal scan lie [m], shape (n, 3): its columns X, Y, Z, else `Distance` along the beam.
+    """Where rows of an ideal scan lie [m], shape (n, 3): its columns X, Y, Z, else `Distance` along the beam from its
+    origin.
 
     Of no meaning where a row meets nothing. `rows`: which; all where None.
     """
@@ -106,9 +133,12 @@ def surface_points(ideal: IdealScan, rows: IndexArray | None = None) -> FloatArr
     named = {name.upper(): column for name, column in ideal.extra.items() if name.upper() in ("X", "Y", "Z")}
     if len(named) == 3:
         return np.stack([np.asarray(named[axis][which], dtype=np.float64) for axis in ("X", "Y", "Z")], axis=1)
-    up, left, distance_m = _turn(ideal.layer[which], "layer"), _turn(ideal.point[which], "point"), ideal.distance_m
-    level_m = up.cosine * distance_m[which]
-    return np.stack([left.cosine * level_m, left.sine * level_m, up.sine * distance_m[which]], axis=1)
+    layer, point, distance_m = ideal.layer[which], ideal.point[which], ideal.distance_m[which]
+    up, left = _turn(ideal.beams, layer, point)
+    level_m = up.cosine * distance_m
+    found = np.stack([left.cosine * level_m, left.sine * level_m, up.sine * distance_m], axis=1)
+    origins = _origins_m(ideal.beams, layer, point)
+    return found if origins is None else np.asarray(found + origins)
 
 
 def off_surface(scan: Scan, echoes: IndexArray, ideal: IdealScan, surface: IndexArray) -> FloatArray:

@@ -7,30 +7,34 @@ import numpy as np
 from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.beams import Fired
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS
 
-__all__ = ["fired_beams", "judged_beams", "judged_rows"]
+__all__ = ["at_marked_edges", "fired_beams", "judged_beams", "judged_rows"]
+
+_EDGE = "EDGE"
+"""A column of ideal scans: 1 where a beam meets two surfaces, or may."""
 
 
 def fired_beams(scan: Scan, ideal: IdealScan | None = None) -> Fired | None:
     """The beams that were fired, or None where nobody knows; of a scan of several frames, in any of them.
 
     The first that knows: the scan, where its source has a row for each beam whether it had an echo or not; the ideal
-    scan, which has every fired beam; the sensor's grid within the layers and points of the scan's echoes, where the
-    source itself names their beams. Never what echoes are there alone.
+    scan, which has every fired beam; the sensor's beams within the layers and points of the scan's echoes, where the
+    source itself names their beams and these are the same in every frame. Never what echoes are there alone.
     """
     if scan.fired is not None and (ideal is None or _has_whole_columns(scan.fired, ideal)):
         return scan.fired
     if ideal is not None:
         keys = np.unique(_keys(ideal))
         return Fired(keys >> 32, keys & 0xFFFFFFFF, None, "ideal")
-    if {"Layer", "Point"} & set(scan.defaulted) or not len(scan):
+    beams = scan.beams
+    if {"Layer", "Point"} & set(scan.defaulted) or not len(scan) or not beams.lattice:
         return None
     low, high = ((int(f(scan.layer)), int(f(scan.point))) for f in (np.min, np.max))
-    if min(low) < 0 or high[0] >= LAYERS or high[1] >= POINTS:
+    if min(low) < 0 or high[0] >= beams.layers or high[1] >= beams.points:
         return None
-    layer, point = np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1]
-    return Fired(layer.ravel(), point.ravel(), None, "sensor")
+    layer, point = (a.ravel() for a in np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1])
+    there = beams.has(layer, point)
+    return Fired(layer[there], point[there], None, "sensor")
 
 
 def judged_rows(ideal: IdealScan, scan: Scan) -> BoolArray:
@@ -45,6 +49,15 @@ def judged_rows(ideal: IdealScan, scan: Scan) -> BoolArray:
     if fired is not None and fired.source == "scan":
         judged &= fired.has(ideal.layer, ideal.point)
     return judged
+
+
+def at_marked_edges(ideal: IdealScan) -> BoolArray | None:
+    """The rows of beams that the ideal scan marks as beams that may meet two surfaces, (n,); None where none is."""
+    marked = next((column for name, column in ideal.extra.items() if name.upper() == _EDGE), None)
+    if marked is None or not (at_edge := np.nan_to_num(np.asarray(marked, dtype=np.float64)) == 1.0).any():
+        return None
+    keys = _keys(ideal)
+    return np.isin(keys, keys[at_edge])
 
 
 def judged_beams(ideal: IdealScan, scan: Scan) -> tuple[IdealScan, Scan]:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import UsageError
-from lidarcheck.kpi.fired import judged_rows
+from lidarcheck.kpi.fired import at_marked_edges, judged_rows
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, VARIANTS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, PhotonHistogram, Sensor
+
+if TYPE_CHECKING:
+    from lidarcheck.model.spec import Model
 
 __all__ = [
     "OF_SURFACE_M",
@@ -19,17 +24,21 @@ __all__ = [
     "Pairing",
     "beam_keys",
     "nearest_on_line",
+    "of_surface_m",
     "pair_echoes",
     "pair_with_ideal",
+    "paths",
     "ranges",
     "surface_window_m",
 ]
 
 OF_SURFACE_M = 2.0
 """An echo this close to a surface of its beam comes from it: pile-up shifts the echo of a retro-reflector by
-more than a metre, so that a residual must not be cut at the window of `surface_window_m`."""
+more than a metre, so that a residual must not be cut at the window of `surface_window_m`. Of a pulse of 5 ns."""
 
 RANGE_DIGITS = 4
+_PULSE_NS = 5.0
+"""The pulse of a sensor that nobody names: the built-in ones'."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +47,14 @@ class Pairing:
 
     Per beam, shape (n_beams,), in ascending (layer, point): `layer`, `point`, `distance_m` (its nearest surface, 0
     where it meets nothing, NaN where nobody knows all that it meets), `detected` (an echo lies on one of its
-    surfaces), `judged`: it was fired, and what it meets is known, so that an echo that is missing or too many means
-    something.
+    surfaces), `judged`: it was fired, what it meets is known, and the ideal scan does not mark it as a beam that may
+    meet two surfaces, so that an echo that is missing or too many means something.
 
-    Per echo, shape (n_echoes,), in the scan's order: `echo_beam` (index of its beam), `residual_m` (range minus the
-    distance of the surface of its beam that lies closest to it; NaN where the beam meets nothing), `on_surface`
-    (within the window of it), `of_surface` (within 2 m of it), and `surface`, that surface's row in the ideal scan (-1
-    where there is none).
+    Per echo, shape (n_echoes,), in the scan's order: `echo_beam` (index of its beam), `residual_m` (its way from the
+    beam's origin minus the distance of the surface of its beam that lies closest to it; NaN where the beam meets
+    nothing), `on_surface` (within the window of it), `of_surface` (within `of_surface_m` of it, 2 m for the built-in
+    sensors), `surface`, that surface's row in the ideal scan (-1 where there is none), and `at_edge` (the ideal scan
+    marks its beam as one that may meet two surfaces: it says nothing of spread); None where no beam is marked.
     """
 
     layer: npt.NDArray[np.int32]
@@ -57,6 +67,12 @@ class Pairing:
     on_surface: BoolArray
     of_surface: BoolArray
     surface: IndexArray
+    at_edge: BoolArray | None = None
+
+    @property
+    def of_one_surface(self) -> BoolArray:
+        """Echoes that come from a surface, and whose beam is not marked as one that may meet two, shape (n_echoes,)."""
+        return self.of_surface if self.at_edge is None else self.of_surface & ~self.at_edge
 
 
 @dataclass(frozen=True)
@@ -89,35 +105,66 @@ def beam_keys(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> Ind
     return layer.astype(np.int64) * 2**32 + point
 
 
-def surface_window_m(sensor: Sensor | None = None) -> float:
-    """How far an echo may lie from a surface that it still lies on [m]: half the way that light goes in a pulse.
+def paths(scan: Scan) -> FloatArray:
+    """The ways of echoes from their beams' origins [m], shape (n,): `ranges` without the beams' range offset."""
+    range_m = ranges(scan)
+    offset_m = 0.0 if scan.beams.central or not len(scan) else _offset_m(scan)
+    return range_m - offset_m if np.any(offset_m) else range_m
 
-    c·FWHM/2, 0.749 m at 5 ns. Two surfaces closer than this share a pulse, and pile-up moves an echo by no more than
-    its front half. `sensor`: whose pulse; None: the reference sensor's, which all variants share.
+
+def _offset_m(scan: Scan) -> FloatArray | float:
+    known = scan.beams.has(scan.layer, scan.point)
+    return np.where(known, scan.beams.range_offset_m(np.where(known, scan.layer, 0)), 0.0)
+
+
+def surface_window_m(sensor: Sensor | None = None, *, external: bool = False) -> float:
+    """How far an echo may lie from a surface that it still lies on [m]: the detection window of its sensor.
+
+    c·FWHM/2, half the way that light goes in a pulse, 0.749 m at 5 ns: two surfaces closer than this share a pulse, and
+    pile-up moves an echo by no more than its front half. A sensor with a coarse range has a wider one. `external`: a
+    program sees in the sensor's place, and keeps surfaces apart from the sensor's separation on. `sensor`: None where
+    nobody names one, with the pulse of the built-in ones.
     """
-    pulse_ns = (sensor or Sensor.of(VARIANTS[0])).pulse_fwhm_ns
-    return 0.5 * LIGHT_SPEED_M_PER_NS * pulse_ns
+    if sensor is None:
+        return 0.5 * LIGHT_SPEED_M_PER_NS * _PULSE_NS
+    return sensor.separation_m if external else sensor.window_m
 
 
-def pair_with_ideal(ideal: IdealScan, scan: Scan, sensor: Sensor | None = None) -> Pairing:
+def of_surface_m(sensor: Sensor | None = None, *, external: bool = False) -> float:
+    """How far an echo may lie from a surface that it still comes from [m]: 2 m for a pulse of 5 ns, and in proportion
+    to the detection window."""
+    return OF_SURFACE_M * (surface_window_m(sensor, external=external) / surface_window_m())
+
+
+def pair_with_ideal(
+    ideal: IdealScan, scan: Scan, sensor: Sensor | None = None, *, model: Model | None = None
+) -> Pairing:
     """Find the surface of every echo and the beams that were detected, within the window of `surface_window_m`.
 
-    `sensor`: what made the scan, the reference sensor where None. Rows of one (layer, point) in the ideal scan are
-    sub-beams: the beam counts once and an echo on any of their surfaces detects it. `UsageError` names the first echo's
+    `sensor`: what made the scan, that of the `model` where None, the built-in one where neither is given. Rows of one
+    (layer, point) in the ideal scan are sub-beams: the beam counts once and an echo on any of their surfaces detects
+    it. The residual of a histogram's echo is taken against the mean of all rows within its window, each with the signal
+    that it sends (equal reflectances where no `model` and no column tells them). `UsageError` names the first echo's
     beam that the ideal scan does not have.
     """
     keys = beam_keys(ideal.layer, ideal.point)
     beams, first_row, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
     echo_beam = _beams_of_echoes(beams, scan)
-    range_m = ranges(scan)
+    path_m = paths(scan)
+    external = model is not None and model.external is not None
+    sensor = model.sensor if sensor is None and model is not None else sensor
+    window_m = surface_window_m(sensor, external=external)
 
     hit = np.flatnonzero(ideal.distance_m > 0.0)
     order = hit[np.lexsort((ideal.distance_m[hit], beam_of_row[hit]))]
-    surface = nearest_on_line(beam_of_row[order], ideal.distance_m[order], echo_beam, range_m)
+    surface = nearest_on_line(beam_of_row[order], ideal.distance_m[order], echo_beam, path_m)
     row = np.where(surface >= 0, order[surface] if order.size else -1, -1)
     residual = np.full(len(scan), np.nan)
-    residual[row >= 0] = range_m[row >= 0] - ideal.distance_m[row[row >= 0]]
-    on_surface = np.abs(residual) <= surface_window_m(sensor)
+    residual[row >= 0] = path_m[row >= 0] - ideal.distance_m[row[row >= 0]]
+    on_surface = np.abs(residual) <= window_m
+    if isinstance(sensor, PhotonHistogram) and not external:
+        mean_m = _mean_surface_m(ideal, order, beam_of_row, echo_beam, path_m, window_m, sensor, model)
+        residual = np.where(np.isnan(mean_m), residual, path_m - mean_m)
 
     distance = np.zeros(beams.size)
     # Descending distance within a beam: the last written, and so kept, is the nearest.
@@ -125,18 +172,58 @@ def pair_with_ideal(ideal: IdealScan, scan: Scan, sensor: Sensor | None = None) 
     distance[beam_of_row[np.isnan(ideal.distance_m)]] = np.nan
     detected = np.zeros(beams.size, dtype=np.bool_)
     detected[echo_beam[on_surface]] = True
+    marked, judged = at_marked_edges(ideal), judged_rows(ideal, scan)
     return Pairing(
         layer=ideal.layer[first_row],
         point=ideal.point[first_row],
         distance_m=distance,
         detected=detected,
-        judged=judged_rows(ideal, scan)[first_row],
+        judged=(judged if marked is None else judged & ~marked)[first_row],
         echo_beam=echo_beam,
         residual_m=residual,
         on_surface=on_surface,
-        of_surface=np.abs(residual) <= OF_SURFACE_M,
+        of_surface=np.abs(residual) <= of_surface_m(sensor, external=external),
         surface=row,
+        at_edge=None if marked is None else marked[first_row][echo_beam],
     )
+
+
+def _mean_surface_m(
+    ideal: IdealScan, order: IndexArray, beam_of_row: IndexArray, echo_beam: IndexArray, path_m: FloatArray,
+    window_m: float, sensor: Sensor, model: Model | None,
+) -> FloatArray:  # fmt: skip
+    """Mean distance of the rows within the window of each echo, by the signal of each; NaN where there is none.
+
+    `order`: the rows that meet a surface, ascending in (beam, distance).
+    """
+    if not order.size or not path_m.size:
+        return np.full(path_m.size, np.nan)
+    line, place = beam_of_row[order], ideal.distance_m[order]
+    length = 3.0 + 2.0 * window_m + max(float(place.max()), float(path_m.max()))
+    along, at = line * length + place, echo_beam * length + path_m
+    first, last = np.searchsorted(along, at - window_m, "left"), np.searchsorted(along, at + window_m, "right")
+    weight = _signal(ideal, order, sensor, model)
+    upto, far = (np.append(0.0, np.cumsum(w)) for w in (weight, weight * place))
+    light = upto[last] - upto[first]
+    some = light > 1e-12 * upto[-1]
+    return np.where(some, (far[last] - far[first]) / np.where(some, light, 1.0), np.nan)
+
+
+def _signal(ideal: IdealScan, rows: IndexArray, sensor: Sensor, model: Model | None) -> FloatArray:
+    """What each row sends back, in proportion: share · reflectance · cos(incidence)^m / (R² + near²)."""
+    cosine = elementary.cos(np.deg2rad(ideal.incidence_deg[rows]))
+    number, material = ideal.material_id[rows], {} if model is None else model.materials
+    reflectance = np.ones(len(rows))
+    for known, entry in material.items():
+        of = number == known
+        reflectance[of] = entry.reflectance * (entry.retro_gain if entry.kind == "retro" else 1.0)
+        cosine[of & (entry.kind == "retro")] = 1.0
+    own = next((column for name, column in ideal.extra.items() if name.upper() == "REFLECTANCE"), None)
+    if own is not None:
+        told = np.asarray(own[rows], dtype=np.float64)
+        reflectance = np.where(np.isfinite(told), told, reflectance)
+    light = ideal.shares()[rows] * reflectance * np.maximum(cosine, 0.0)
+    return np.asarray(light / (ideal.distance_m[rows] ** 2 + sensor.near_m**2), dtype=np.float64)
 
 
 def pair_echoes(measured: Scan, simulated: Scan, *, tolerance_m: float = OF_SURFACE_M) -> EchoPairs:

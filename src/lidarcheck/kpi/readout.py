@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,10 +13,11 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.formats.scans import numbers_as_written
 from lidarcheck.kpi.comparison import DirectionGap, Sides
 from lidarcheck.kpi.direction import Directions, off_beam, off_surface
-from lidarcheck.kpi.numbering import number_counts
-from lidarcheck.kpi.pairing import Pairing
+from lidarcheck.kpi.numbering import number_counts, with_copies
+from lidarcheck.kpi.pairing import Pairing, beam_keys
 from lidarcheck.kpi.validation import mean
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["DIRECTIONS", "NUMBERS", "Written", "direction_gap", "number_gap", "position_gap", "written"]
 
@@ -27,15 +28,22 @@ _BEAM, _NUMBER = ("Layer", "Point"), ("EchoNumber",)
 
 @dataclass(frozen=True)
 class Written:
-    """What one scan's sensor wrote. `directions`, `numbers`: of all echoes; `off_surface_m`: (n_of_surface, 3)."""
+    """What one scan's sensor wrote. `directions`, `numbers`: of all echoes; `off_surface_m`: (n_of_surface, 3).
+
+    `number_rows`: the echo of each number, where copies count besides; None where numbers are those of the echoes.
+    """
 
     directions: Directions | None
     numbers: npt.NDArray[Any] | None
     off_surface_m: FloatArray | None
+    number_rows: IndexArray | None = None
 
 
 def written(
-    scans: tuple[Scan, Scan], pairings: tuple[Pairing | None, Pairing | None], ideal: IdealScan | None
+    scans: tuple[Scan, Scan],
+    pairings: tuple[Pairing | None, Pairing | None],
+    ideal: IdealScan | None,
+    sensor: Sensor | None = None,
 ) -> tuple[tuple[Written, Written], dict[str, str]]:
     """What both scans have of it, measured first, and what cannot be compared, and why."""
     left_out = {}
@@ -48,19 +56,28 @@ def written(
         ]
         if sides:
             left_out[name] = f"the {' and the '.join(sides)} scan's {how}"
-    found = [
-        Written(
-            None if DIRECTIONS in left_out else off_beam(scan.x_m, scan.y_m, scan.z_m, scan.layer, scan.point),
-            None if NUMBERS in left_out else numbers_as_written(scan),
-            None if ideal is None or pairing is None else _off_surface(scan, pairing, ideal),
-        )
-        for scan, pairing in zip(scans, pairings, strict=True)
-    ]
+    if not all(scan.beams.lattice for scan in scans):
+        left_out[DIRECTIONS] = "the sensor's beams are its echoes' own directions"
+    found = [_written(scan, pairing, ideal, sensor, left_out) for scan, pairing in zip(scans, pairings, strict=True)]
     return (found[0], found[1]), left_out
 
 
+def _written(
+    scan: Scan, pairing: Pairing | None, ideal: IdealScan | None, sensor: Sensor | None, left_out: Collection[str]
+) -> Written:
+    directions = numbers = rows = None
+    if DIRECTIONS not in left_out:
+        directions = off_beam(scan.x_m, scan.y_m, scan.z_m, scan.layer, scan.point, scan.beams)
+    if NUMBERS not in left_out:
+        numbers = numbers_as_written(scan)
+        if sensor is not None and sensor.duplicate_return == "repeat" and "_" in sensor.keep:
+            rows, numbers = with_copies(beam_keys(scan.layer, scan.point), numbers)
+    off_m = None if ideal is None or pairing is None else _off_surface(scan, pairing, ideal)
+    return Written(directions, numbers, off_m, rows)
+
+
 def _off_surface(scan: Scan, pairing: Pairing, ideal: IdealScan) -> FloatArray:
-    echoes: IndexArray = np.flatnonzero(pairing.of_surface)
+    echoes: IndexArray = np.flatnonzero(pairing.of_one_surface)
     return off_surface(scan, echoes, ideal, pairing.surface[echoes])
 
 

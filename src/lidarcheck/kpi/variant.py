@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +12,7 @@ import numpy as np
 
 from lidarcheck.errors import InputError
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import VARIANTS, Sensor, SpadArray
+from lidarcheck.sensor import Beams, Sensor, SpadArray, shipped, shipped_names
 
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
@@ -30,9 +32,17 @@ FEWEST_AT_TOP = 10
 PILE_PEAKS, FEWEST_PILED, PILE_RATIO = 5, 20, 3
 
 
+@functools.lru_cache(maxsize=16)
+def _variants(beams: Beams) -> tuple[SpadArray, ...]:
+    """The shipped SPAD arrays with these beams, in order of their saturation; none for beams of any other sensor."""
+    found = [shipped(name) for name in shipped_names()]
+    own = [sensor for sensor in found if isinstance(sensor, SpadArray) and sensor.beams == beams]
+    return tuple(sorted(own, key=lambda sensor: sensor.peak_saturation))
+
+
 def above_saturation(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "model") -> InputError | None:
     """More detectors ON than there are: no effect does that, another sensor does. `asked`: what named the sensor."""
-    if not isinstance(sensor, SpadArray):
+    if not isinstance(sensor, SpadArray) or "PEAK" in scan.defaulted:
         return None
     top = sensor.peak_saturation
     above = int(np.count_nonzero(scan.peak > ABOVE_SATURATION * top))
@@ -47,7 +57,7 @@ def above_saturation(scan: Scan, sensor: Sensor, file: str | Path, asked: str = 
 
 def _who(scan: Scan, top: float) -> str:
     """A variant that does saturate that high."""
-    fits = [name for name in VARIANTS if SpadArray.of(name).peak_saturation >= scan.peak.max() > top]
+    fits = [one.variant for one in _variants(scan.beams) if one.peak_saturation >= scan.peak.max() > top]
     return f", {fits[0]}?" if fits else ""
 
 
@@ -60,8 +70,8 @@ def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
         return ""
     peak = np.concatenate([scan.peak for scan in scans]) if scans else np.zeros(0)
     top = sensor.peak_saturation
-    for name in VARIANTS:
-        other = SpadArray.of(name).peak_saturation
+    for variant in _variants(sensor.beams):
+        name, other = variant.variant, variant.peak_saturation
         if name == sensor.variant or other >= top or not len(peak) or peak.max() != other:
             continue
         piled = int(np.count_nonzero(peak > other - PILE_PEAKS))
@@ -78,11 +88,14 @@ def other_variant(scans: Sequence[Scan], sensor: Sensor) -> str:
 
 
 def variant_of(scan: Scan) -> str:
-    """The variant that a scan's saturation gives away; empty where it does not."""
-    low, high = sorted((SpadArray.of(name) for name in VARIANTS), key=lambda sensor: sensor.peak_saturation)
-    if above_saturation(scan, low, "") is not None:
-        return high.variant
-    return low.variant if other_variant([scan], high) else ""
+    """The variant that a scan's saturation gives away; empty where it does not, and for sensors without variants."""
+    if "PEAK" in scan.defaulted or not len(scan):
+        return ""
+    variants = _variants(scan.beams)
+    for low, high in itertools.pairwise(variants):
+        if above_saturation(scan, low, "") is None:
+            return low.variant if other_variant([scan], high) else ""
+    return variants[-1].variant if len(variants) > 1 else ""
 
 
 def check_variants(measured: Scan, simulated: Scan, file: str | Path) -> None:
@@ -107,9 +120,10 @@ def check_variant(scan: Scan, sensor: Sensor, file: str | Path, asked: str = "mo
 class OneVariant:
     """Holds all scans of a command to one variant: its model's, else that of the first scan that gives one away."""
 
-    def __init__(self, model: Model | None = None) -> None:
-        """`model`: None where none is known; a model that runs a program may see with any detector."""
-        self._sensor = model.sensor if model is not None and model.external is None else None
+    def __init__(self, model: Model | None = None, sensor: Sensor | None = None) -> None:
+        """`model`: None where none is known; a model that runs a program may see with any detector. `sensor`: named
+        besides."""
+        self._sensor = model.sensor if model is not None and model.external is None else sensor
         self._first: tuple[str, str] | None = None
 
     def check(self, scan: Scan, file: str | Path) -> None:

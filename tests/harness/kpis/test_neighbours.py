@@ -6,8 +6,10 @@ import pytest
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import KpiInput, KpiSelection, SelectedEchoes
+from lidarcheck.sensor import Sensor
 
 LAYERS, POINTS = 3, 6
+BEAMS = Sensor.of("SLIM").beams
 
 
 def seen(found: np.ndarray, residual_m: np.ndarray | None = None, area: np.ndarray | None = None) -> KpiInput:
@@ -15,10 +17,10 @@ def seen(found: np.ndarray, residual_m: np.ndarray | None = None, area: np.ndarr
     frames = len(found)
     layer, point = (column.ravel().astype(np.int32) for column in np.mgrid[:LAYERS, :POINTS])
     n = len(layer)
-    fired = FiredBeams(layer, point, np.arange(n), np.full(n, 20.0), np.zeros(n), np.zeros((n, 3)))
+    fired = FiredBeams(layer, point, np.arange(n), np.full(n, 20.0), np.zeros(n), np.zeros((n, 3)), BEAMS)
     frame, beam = np.nonzero(found.reshape(frames, n))
     columns = {name: np.zeros(len(beam)) for name in SelectedEchoes.__dataclass_fields__}
-    columns |= {"beam": beam, "frame": frame, "surface": beam, "range_m": np.full(len(beam), 20.0)}
+    columns |= {"features": {}, "beam": beam, "frame": frame, "surface": beam, "range_m": np.full(len(beam), 20.0)}
     if residual_m is not None:
         columns["residual_m"] = residual_m.reshape(frames, n)[frame, beam]
     if area is not None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.kpi.compare import feature_column
+from lidarcheck.kpi.features import feature_column
 from lidarcheck.kpi.pairing import Pairing, beam_keys, pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Beams

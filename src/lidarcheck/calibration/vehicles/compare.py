@@ -16,8 +16,9 @@ from lidarcheck.calibration.vehicles.cut import Cut, CutSource, cut_vehicle, fin
 from lidarcheck.calibration.vehicles.kinds import Extent, VehicleKind
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.plain import plain
-from lidarcheck.kpi.compare import COLUMNS, STAND_INS, feature_column, feature_gap
+from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap
+from lidarcheck.kpi.features import COLUMNS, STAND_INS, feature_column
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
 

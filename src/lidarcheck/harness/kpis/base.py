@@ -34,7 +34,8 @@ class KpiKind:
 
     `trials`: of a proportion. `needs`: without it in the selection the kind means nothing. `of_number`: it is of one
     echo number, which the scenario names. `of_place`: it rests on the surface points, not on ranges alone. `meaning`:
-    one line for help and documentation.
+    one line for help and documentation. `of_feature`: it is of a feature that the scenario names, whose unit it has;
+    `column`: the feature that the sensor must report for it, empty where it needs none.
     """
 
     meaning: str
@@ -47,6 +48,8 @@ class KpiKind:
     needs: Needs = "surface"
     of_number: bool = False
     of_place: bool = False
+    of_feature: bool = False
+    column: str = ""
 
 
 def distance_kind(meaning: str, unit: str, sample: Callable[[KpiInput], FloatArray]) -> KpiKind:

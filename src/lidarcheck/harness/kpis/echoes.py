@@ -9,7 +9,6 @@ from lidarcheck.harness.kpis.base import KpiKind, proportion_kind, quantile, sha
 from lidarcheck.harness.kpis.selection import KpiInput
 from lidarcheck.kpi.ghost import Ghost, ghost
 from lidarcheck.kpi.validation import mean
-from lidarcheck.sensor import beam_directions
 
 __all__ = ["ECHO_KINDS", "GHOST_KINDS"]
 
@@ -116,4 +115,4 @@ def _ghost(seen: KpiInput) -> Ghost:
 
 
 def _positions(seen: KpiInput, which: IndexArray) -> FloatArray:
-    return beam_directions(seen.layer(which), seen.point(which)) * seen.echoes.range_m[which, None]
+    return seen.selection.fired.beams.positions_m(seen.layer(which), seen.point(which), seen.echoes.range_m[which])

@@ -92,7 +92,7 @@ READOUT_KINDS: Mapping[str, KpiKind] = {
     **dict(_direction_kinds()),
     **dict(_position_kinds()),
     "echo_order": proportion_kind(
-        "beams whose numbers, as written, ascend with range / beams with two echoes or more",
+        "beams whose numbers, as written, are in the sensor's order / beams with two echoes or more",
         lambda seen: int(seen.in_order.sum()),
         lambda seen: len(seen.in_order),
         needs="beams",
@@ -100,7 +100,7 @@ READOUT_KINDS: Mapping[str, KpiKind] = {
     "echo_number_share": KpiKind(
         "echoes with that number, as written / echoes",
         "1",
-        value=lambda seen: number_share(seen.echoes.number[seen.every], seen.number),
+        value=lambda seen: number_share(seen.numbers, seen.number),
         needs="beams",
         of_number=True,
     ),

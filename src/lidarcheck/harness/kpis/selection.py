@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,12 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.formats.scans import numbers_as_written
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.kpi.direction import Directions, off_beam
-from lidarcheck.kpi.numbering import beams_in_order
-from lidarcheck.kpi.pairing import Pairing, ranges
-from lidarcheck.scan import Scan
+from lidarcheck.kpi.features import decades_of, feature_column, strength_name
+from lidarcheck.kpi.histogram import bin_columns
+from lidarcheck.kpi.numbering import beams_in_order, with_copies
+from lidarcheck.kpi.pairing import Pairing, paths, ranges
+from lidarcheck.scan import COUNTED, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
 
@@ -29,7 +33,8 @@ class SelectedEchoes:
 
     `beam`: of the scenario, counted from 0 in ascending (layer, point); `frame`, from 0; `surface`: the row of the
     ideal scan that is nearest in range on that beam, -1 where the beam meets nothing; `residual_m`: range minus that
-    row's, NaN where there is none; `number`: as written, before a reader counts from 1; `xyz_m`: shape (n, 3).
+    row's, NaN where there is none; `number`: as written, before a reader counts from 1; `xyz_m`: shape (n, 3);
+    `path_m`: the range without the beam's range offset; `features`: of sensors that report others than a SPAD array.
     """
 
     beam: IndexArray
@@ -42,25 +47,47 @@ class SelectedEchoes:
     width_ns: FloatArray
     number: npt.NDArray[Any]
     xyz_m: FloatArray
+    path_m: FloatArray
+    features: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0) -> SelectedEchoes:
-        """The echoes of one frame."""
+    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0, sensor: Sensor | None = None) -> SelectedEchoes:
+        """The echoes of one frame. `sensor`: whose features a file may have under other names."""
         frames = np.full(len(scan), frame, dtype=np.int64)
         xyz_m = np.stack([scan.x_m, scan.y_m, scan.z_m], axis=1)
-        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns, numbers_as_written(scan), xyz_m)
-        return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns)
+        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns, numbers_as_written(scan), xyz_m, paths(scan))
+        named = {name: np.asarray(column, dtype=np.float64) for name, column in _features(scan, sensor).items()}
+        return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns, named)
 
     @classmethod
     def joined(cls, parts: list[SelectedEchoes]) -> SelectedEchoes:
         """The echoes of several frames."""
         if len(parts) == 1:
             return parts[0]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)))
+        columns = [np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)]
+        named = {name: np.concatenate([part.features[name] for part in parts]) for name in parts[0].features}
+        return cls(*columns, features=named)
+
+    def feature(self, name: str) -> FloatArray:
+        """A feature of the echoes by its name, shape (n,); NaN where the scan has none of it."""
+        if name in self.features:
+            return self.features[name]
+        own: FloatArray = getattr(self, COUNTED[name]) if name in COUNTED else np.full(len(self.beam), np.nan)
+        return own
 
 
 def _names(table: type[SelectedEchoes]) -> list[str]:
-    return [column.name for column in fields(table)]
+    return [column.name for column in fields(table) if column.name != "features"]
+
+
+def _features(scan: Scan, sensor: Sensor | None) -> Mapping[str, npt.NDArray[Any]]:
+    """What the scan reports besides what a SPAD array counts, by the sensor's names."""
+    if sensor is None:
+        return scan.features
+    bins = {name.lower(): scan.extra[name] for name in bin_columns(scan) if name in scan.extra}
+    found = {f.name: feature_column(scan, f.name, f.aliases) for f in sensor.features if f.law != "histogram"}
+    own = {name: column for name, column in found.items() if column is not None and name not in COUNTED}
+    return {**scan.features, **bins, **own}
 
 
 @dataclass(frozen=True)
@@ -68,7 +95,8 @@ class KpiSelection:
     """The part of a scenario that one KPI looks at.
 
     `rows`: mask over the ideal scan's rows. `window_m`: an echo within it of a surface lies on that surface. `zone_m`:
-    only echoes whose range lies in it are seen at all; None: all of them. `number`: the echo number that is asked for.
+    only echoes whose range lies in it are seen at all; None: all of them. `number`, `feature`: the echo number and the
+    feature that are asked for. `sensor`: what made the echoes, a built-in one where None.
     """
 
     fired: FiredBeams
@@ -76,6 +104,8 @@ class KpiSelection:
     window_m: float
     zone_m: Window | None = None
     number: int | None = None
+    feature: str = ""
+    sensor: Sensor | None = None
 
     @functools.cached_property
     def beams(self) -> Mask:
@@ -135,10 +165,10 @@ class KpiInput:
         """Echoes of beams at an edge, between the surfaces there and on none of them."""
         fired, window = self.selection.fired, self.selection.window_m
         some = self.stray[self.selection.at_edge[self.echoes.beam[self.stray]]]
-        beam, range_m = self.echoes.beam[some], self.echoes.range_m[some]
+        beam, path_m = self.echoes.beam[some], self.echoes.path_m[some]
         nearest, farthest = fired.depth_m
-        between = (range_m > nearest[beam]) & (range_m < farthest[beam])
-        return some[between & (fired.off_surfaces_around_m(beam, range_m) > window)]
+        between = (path_m > nearest[beam]) & (path_m < farthest[beam])
+        return some[between & (fired.off_surfaces_around_m(beam, path_m) > window)]
 
     @functools.cached_property
     def ghosts(self) -> IndexArray:
@@ -167,8 +197,7 @@ class KpiInput:
 
     def beams_with(self, which: IndexArray, *, echoes: int = 1) -> int:
         """How many beams, counted in each frame, have at least that many of those echoes."""
-        keys = self.echoes.frame[which] * len(self.selection.fired) + self.echoes.beam[which]
-        return int(np.count_nonzero(np.unique(keys, return_counts=True)[1] >= echoes))
+        return int(np.count_nonzero(np.unique(self.beam_of(which), return_counts=True)[1] >= echoes))
 
     @property
     def area(self) -> FloatArray:
@@ -184,6 +213,17 @@ class KpiInput:
     def width_ns(self) -> FloatArray:
         """WIDTH."""
         return self.echoes.width_ns[self.on]
+
+    @property
+    def strength(self) -> FloatArray:
+        """What tells how strong the echoes are: AREA, or the sensor's own."""
+        return self.echoes.feature(strength_name(self.selection.sensor))[self.on]
+
+    @property
+    def decades(self) -> FloatArray:
+        """The logarithm to base 10 of the strength, NaN where there is none, shape (n,)."""
+        decades = decades_of(self.selection.sensor)
+        return np.full(len(self.on), np.nan) if decades is None else decades.log10(self.strength)
 
     @property
     def residual_m(self) -> FloatArray:
@@ -208,7 +248,8 @@ class KpiInput:
     def off_beam(self) -> Directions:
         """How far the directions of all echoes lie off those of their beams; those that have one."""
         x_m, y_m, z_m = self.echoes.xyz_m[self.every].T
-        found = off_beam(x_m, y_m, z_m, self.layer(self.every), self.point(self.every))
+        beams = self.selection.fired.beams
+        found = off_beam(x_m, y_m, z_m, self.layer(self.every), self.point(self.every), beams)
         known = np.isfinite(found.azimuth_deg) & np.isfinite(found.elevation_deg)
         return Directions(found.azimuth_deg[known], found.elevation_deg[known])
 
@@ -222,10 +263,22 @@ class KpiInput:
 
     @functools.cached_property
     def in_order(self) -> Mask:
-        """Of each beam with two echoes or more, in each frame, whether its numbers ascend with range."""
-        echoes, which = self.echoes, self.every
-        beam = echoes.frame[which] * len(self.selection.fired) + echoes.beam[which]
-        return beams_in_order(beam, echoes.number[which], echoes.range_m[which])
+        """Of each beam with two echoes or more, in each frame, whether its numbers are in the sensor's order."""
+        echoes, which, sensor = self.echoes, self.every, self.selection.sensor
+        strength = echoes.feature(strength_name(sensor))[which]
+        return beams_in_order(self.beam_of(which), echoes.number[which], echoes.range_m[which], strength, sensor)
+
+    @property
+    def numbers(self) -> npt.NDArray[Any]:
+        """The numbers of all echoes, as written, and of the copies of a sensor that writes a beam's only echo twice."""
+        number, sensor = self.echoes.number[self.every], self.selection.sensor
+        if sensor is None or sensor.duplicate_return != "repeat" or "_" not in sensor.keep:
+            return number
+        return with_copies(self.beam_of(self.every), number)[1]
+
+    def beam_of(self, which: IndexArray) -> IndexArray:
+        """One number for each beam and frame, of those echoes."""
+        return self.echoes.frame[which] * len(self.selection.fired) + self.echoes.beam[which]
 
     @property
     def number(self) -> int:
@@ -243,5 +296,5 @@ class KpiInput:
 
     @functools.cached_property
     def _behind_doubled_m(self) -> FloatArray:
-        beam, range_m = self.echoes.beam[self.stray], self.echoes.range_m[self.stray]
-        return self.selection.fired.off_doubled_m(self.selection.rows, beam, range_m)
+        beam, path_m = self.echoes.beam[self.stray], self.echoes.path_m[self.stray]
+        return self.selection.fired.off_doubled_m(self.selection.rows, beam, path_m)

@@ -52,7 +52,9 @@ SURFACE_KINDS: Mapping[str, KpiKind] = {
 
 TREND_KINDS: Mapping[str, KpiKind] = {
     "range_residual_per_decade": KpiKind(
-        "slope of the range residual over log10 AREA: walk", "m/decade", value=lambda seen: _walk(seen)
+        "slope of the range residual over log10 AREA, or of the sensor's own strength: walk",
+        "m/decade",
+        value=lambda seen: _walk(seen),
     ),
     "range_residual_per_metre": KpiKind(
         "slope of the range residual over true range: a wrong scale",
@@ -123,8 +125,9 @@ def _lines(seen: KpiInput, line: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]
 
 
 def _walk(seen: KpiInput) -> float:
-    some = seen.area > 0.0
-    return slope(elementary.log10(seen.area[some]), seen.residual_m[some])
+    decades = seen.decades
+    some = np.isfinite(decades)
+    return slope(decades[some], seen.residual_m[some])
 
 
 def _loss(seen: KpiInput) -> float:

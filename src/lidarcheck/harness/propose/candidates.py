@@ -47,7 +47,7 @@ def watches(ideal: IdealScan, model: Model, effect: Effect) -> list[Watch]:
         for part in _parts(kind, ideal, model, effect):
             table = {"kpi": kind, **part}
             faults: list[InputError] = []
-            asked = ask([KpiTable(**table, tolerance=1.0)], ideal, model.sensor, None, LineIndex(Path()), faults)
+            asked = ask([KpiTable(**table, tolerance=1.0)], ideal, model, None, LineIndex(Path()), faults)
             if asked and not faults:
                 tables.setdefault(asked[0].spec.name, (table, asked[0]))
     return list(tables.values())

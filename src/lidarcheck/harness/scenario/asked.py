@@ -17,17 +17,21 @@ from lidarcheck.harness.kpis.registry import KINDS
 from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.harness.kpis.spec import KpiSpec
 from lidarcheck.harness.scenario.file import KpiTable
+from lidarcheck.kpi.features import strength_name
 from lidarcheck.kpi.pairing import pair_with_ideal, surface_window_m
+from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
 
 __all__ = ["AskedKpi", "ask", "hashed", "name_of"]
 
-_LATER_KEYS = ("layers", "points", "echo_range_m", "number")
+_LATER_KEYS = ("layers", "points", "echo_range_m", "number", "feature")
 """Keys that younger scenarios may have: left out they say nothing, so that older goldens keep their hash."""
 
 _NOT_MEASURED = {"requirement", "catches"}
 """Keys that change neither what is measured nor a verdict: no golden is another for them."""
+
+_WALK = "range_residual_per_decade"
 
 _FORMER_WINDOW_M = 0.5
 """The window of KPIs that name none, before it followed from the pulse. Goldens were hashed with it, and names made."""
@@ -49,20 +53,20 @@ class AskedKpi:
 def ask(
     tables: Sequence[KpiTable],
     ideal: IdealScan,
-    sensor: Sensor,
+    model: Model,
     measured: Scan | None,
     lines: LineIndex,
     faults: list[InputError],
 ) -> tuple[AskedKpi, ...]:
     """The KPIs; to `faults` come names that occur twice and selections that cannot show what is asked.
 
-    `sensor`: whose pulse gives the window of KPIs that name none.
+    `model`: its sensor gives the window of KPIs that name none, and reports the features.
     """
     fired = FiredBeams.of(ideal)
     asked: list[AskedKpi] = []
     for index, table in enumerate(tables):
         try:
-            made = _one(table, ideal, sensor, fired, measured)
+            made = _one(table, ideal, model, fired, measured)
         except UsageError as error:
             faults.append(lines.fault(("kpis", index), error.what, fix=error.fix))
             continue
@@ -86,15 +90,16 @@ def name_of(kpi: KpiTable) -> str:
     return kpi.name or ".".join([kpi.kpi, *_label(kpi)])
 
 
-def _one(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
-    kind = KINDS[kpi.kpi]
-    selection = _selection(kpi, ideal, sensor, fired)
+def _one(kpi: KpiTable, ideal: IdealScan, model: Model, fired: FiredBeams, measured: Scan | None) -> AskedKpi:
+    kind, sensor = KINDS[kpi.kpi], model.sensor
+    _check_feature(kpi, sensor)
+    selection = _selection(kpi, ideal, model, fired)
     name = name_of(kpi)
     from_file = kind.sample is not None and measured is not None
     spec = KpiSpec(
         name=name,
         kind="mean" if from_file else kind.gate,
-        unit=kind.unit,
+        unit=kind.unit if kpi.feature is None else _unit(sensor, kpi.feature),
         direction=kpi.direction or kind.direction,
         tolerance=kpi.tolerance,
         low=kpi.low,
@@ -105,13 +110,33 @@ def _one(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams, mea
     )
     if kind.sample is None or measured is None:
         return AskedKpi(kpi.kpi, spec, selection)
-    sample = kind.sample(selection.seen(SelectedEchoes.of(measured, pair_with_ideal(ideal, measured, sensor))))
+    pairing = pair_with_ideal(ideal, measured, model=model)
+    sample = kind.sample(selection.seen(SelectedEchoes.of(measured, pairing, sensor=sensor)))
     if not len(sample):
         raise UsageError(f"the measured file has no echo for {name}", fix="look at other beams, or widen window_m")
     return AskedKpi(kpi.kpi, spec, selection, sample)
 
 
-def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeams) -> KpiSelection:
+def _check_feature(kpi: KpiTable, sensor: Sensor) -> None:
+    """`UsageError` for a KPI of a feature that the sensor does not report."""
+    names = [feature.name for feature in sensor.features]
+    asked, kind = kpi.feature, KINDS[kpi.kpi]
+    if asked is not None:
+        sensor.feature(asked)
+    elif kind.column and kind.column not in names:
+        fix = f"ask for feature_mean and its like, with feature one of {', '.join(names) or 'none'}"
+        raise UsageError(f"{kpi.kpi} is of {kind.column}, which {sensor.name} does not report", fix=fix)
+    elif kpi.kpi == _WALK and not strength_name(sensor):
+        raise UsageError(f"{kpi.kpi} needs a feature that rises with the amplitude", fix="ask for another KPI")
+
+
+def _unit(sensor: Sensor, name: str) -> str:
+    """The unit of a feature; a histogram's KPIs count bins."""
+    feature = sensor.feature(name)
+    return "bins" if feature.law == "histogram" else feature.unit
+
+
+def _selection(kpi: KpiTable, ideal: IdealScan, model: Model, fired: FiredBeams) -> KpiSelection:
     """The part of the scenario that a KPI looks at; windows include both ends."""
     rows = np.ones(len(ideal), dtype=np.bool_)
     if kpi.object is not None:
@@ -132,8 +157,8 @@ def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeam
     if not rows.any():
         fix = "check its object, material, layers, points, range_m and incidence_deg"
         raise UsageError("the KPI selects no beams", fix=fix)
-    window_m = surface_window_m(sensor) if kpi.window_m is None else kpi.window_m
-    selection = KpiSelection(fired, rows, window_m, kpi.echo_range_m, kpi.number)
+    window_m = kpi.window_m or surface_window_m(model.sensor, external=model.external is not None)
+    selection = KpiSelection(fired, rows, window_m, kpi.echo_range_m, kpi.number, kpi.feature or "", model.sensor)
     needs = KINDS[kpi.kpi].needs
     if needs == "surface" and not selection.meeting.any():
         raise UsageError(f"{kpi.kpi} needs a surface, and no selected beam meets one", fix="select other beams")
@@ -145,7 +170,8 @@ def _selection(kpi: KpiTable, ideal: IdealScan, sensor: Sensor, fired: FiredBeam
 
 def _label(kpi: KpiTable) -> list[str]:
     """What tells this selection from others, for the KPI's name."""
-    parts = [] if kpi.number is None else [f"number_{kpi.number}"]
+    parts = [] if kpi.feature is None else [kpi.feature]
+    parts += [] if kpi.number is None else [f"number_{kpi.number}"]
     for word, ids in (("object", kpi.object), ("material", kpi.material)):
         if ids is not None:
             parts.append(f"{word}_{'_'.join(map(str, ids))}")

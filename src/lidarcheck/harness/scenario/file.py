@@ -74,6 +74,7 @@ class KpiTable(Config):
     echo_range_m: _Window | None = None
     window_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     number: Annotated[int, Field(ge=0, le=255)] | None = None
+    feature: _Name | None = None
     tolerance: Annotated[float, Field(gt=0.0)]
     direction: Direction | None = None
     low: float | None = None
@@ -99,6 +100,14 @@ class KpiTable(Config):
             raise ValueError(f"{self.kpi} does not say of which echo number; add number = 1")
         if not KINDS[self.kpi].of_number and self.number is not None:
             raise ValueError(f"{self.kpi} is of all echo numbers; remove number, or ask for echo_number_share")
+        return self
+
+    @model_validator(mode="after")
+    def _feature_where_asked(self) -> KpiTable:
+        if KINDS[self.kpi].of_feature and self.feature is None:
+            raise ValueError(f'{self.kpi} does not say of which feature; add feature = "NAME"')
+        if not KINDS[self.kpi].of_feature and self.feature is not None:
+            raise ValueError(f"{self.kpi} is of no other feature; remove feature, or ask for feature_mean")
         return self
 
 

@@ -33,7 +33,8 @@ def measure(scenario: Scenario, model: Model, seed: int, *, threads: int | None 
     for frame in range(scenario.frames):
         scan = shown(seed=seed, frame=frame, threads=threads)
         _feed(digest, scan)
-        parts.append(SelectedEchoes.of(scan, pair_with_ideal(scenario.ideal, scan), frame))
+        pairing = pair_with_ideal(scenario.ideal, scan, model=model)
+        parts.append(SelectedEchoes.of(scan, pairing, frame, model.sensor))
     return _measured(scenario, SelectedEchoes.joined(parts), digest.hexdigest())
 
 
@@ -61,3 +62,5 @@ def _feed(digest: hashlib._Hash, scan: Scan) -> None:
         digest.update(column.tobytes())
     for column in (scan.width_ns, scan.area, scan.peak):
         digest.update(column.tobytes())
+    for name in sorted(scan.features):
+        digest.update(name.encode() + scan.features[name].tobytes())

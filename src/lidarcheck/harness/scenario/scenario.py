@@ -93,7 +93,7 @@ def load_scenario(path: Path | str) -> Scenario:
         spans = {"layers": kpi.layers, "points": kpi.points}
         faults += _beyond(("kpis", index), spans, model.sensor.beams, lines)
     measured = _measured(table, ideal, model, lines)
-    asked = ask(table.kpis, ideal, model.sensor, measured, lines, faults)
+    asked = ask(table.kpis, ideal, model, measured, lines, faults)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
     return Scenario(
@@ -248,9 +248,19 @@ def _measured(table: ScenarioTable, ideal: IdealScan, model: Model, lines: LineI
     return scan
 
 
+_PLACE = ("X", "Y", "Z")
+
+
 def _places(ideal: IdealScan) -> list[npt.NDArray[Any] | None]:
     """The surface points that an ideal scan brings itself; else they follow from its distances."""
-    return [ideal.extra[name] for name in sorted(ideal.extra, key=str.upper) if name.upper() in ("X", "Y", "Z")]
+    return [ideal.extra[name] for name in sorted(ideal.extra, key=str.upper) if name.upper() in _PLACE]
+
+
+def _others(ideal: IdealScan) -> dict[str, npt.NDArray[Any]]:
+    """The further columns of an ideal scan, by their names in small letters: `Reflectance`, `Edge` and their like."""
+    return {
+        name.lower(): ideal.extra[name] for name in sorted(ideal.extra, key=str.lower) if name.upper() not in _PLACE
+    }
 
 
 def _content_hash(
@@ -263,7 +273,11 @@ def _content_hash(
     if scene is None:
         columns += [ideal.layer, ideal.point, ideal.distance_m, ideal.material_id, ideal.incidence_deg]
         columns += [ideal.object_id, ideal.time_s, ideal.share]
-        columns += _places(ideal) if any(KINDS[kpi.kpi].of_place for kpi in table.kpis) else []
+        placed = not ideal.beams.repeats or any(KINDS[kpi.kpi].of_place for kpi in table.kpis)
+        columns += _places(ideal) if placed else []
+        others = _others(ideal)
+        digest.update("".join(others).encode())
+        columns += others.values()
     else:
         # Which of two surfaces a beam at an edge meets may differ between machines; the scene itself does not.
         # The keys are those of the file, whatever the code has.

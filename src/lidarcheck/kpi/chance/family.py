@@ -103,7 +103,7 @@ class _Family:
             held = sums.all(self.tallies.units)
             yield Drawn(f"position_bias_{axis}", "", means_apart(held, self.signs), self._enough(held[..., 0]))
         for number, sums in self.tallies.numbers.items():
-            hits, echoes = sums.all(self.tallies.units)[..., 0], self.tallies.echoes()
+            hits, echoes = (one.all(self.tallies.units)[..., 0] for one in (sums, self.tallies.numbered))
             draws = difference_draws(hits, echoes, self.signs)
             yield Drawn("echo_number_share", str(number), draws, self._enough(echoes))
 
@@ -114,7 +114,7 @@ class _Family:
         seen, signs = self._enough(ghost[..., 0]), self.signs
         on_target = self._enough(target[..., 0])
         yield Drawn("ghost", "count_ratio", difference_draws(ghost[..., 0], target[..., 0], signs), on_target)
-        for of, column in (("area_ratio", 1), ("peak_ratio", 2)):
+        for column, of in enumerate(self.tallies.ghost_names, start=1):
             pick = [0, column]
             yield Drawn("ghost", of, ratio_draws(ghost[..., pick], target[..., pick], signs), seen)
         yield self._median("ghost", "range_ratio", self.tallies.ghost_range)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.kpi.blooming import STEP, Axis
-from lidarcheck.kpi.chance.tallies import Histogram, Sums, block_of
-from lidarcheck.kpi.compare import COLUMNS, RANGE_RESIDUAL, STAND_INS, Compared, feature_column
+from lidarcheck.kpi.blooming import Axis
+from lidarcheck.kpi.chance.tallies import Histogram, Sums, blocks_of
+from lidarcheck.kpi.compare import RANGE_RESIDUAL, Compared
 from lidarcheck.kpi.detection import Detection
-from lidarcheck.kpi.pairing import Pairing
-from lidarcheck.kpi.target import beside_target, ghost_rows
+from lidarcheck.kpi.features import Decades
+from lidarcheck.kpi.pairing import Pairing, paths
+from lidarcheck.kpi.target import Bright
 from lidarcheck.scan import Scan
 
 __all__ = ["Tallies"]
@@ -38,31 +38,43 @@ class Tallies:
     directions: dict[str, Sums] = field(default_factory=dict)
     positions: dict[str, Sums] = field(default_factory=dict)
     numbers: dict[int, Sums] = field(default_factory=dict)
+    numbered: Sums = field(default_factory=Sums)
     ghost_range: Histogram = field(default_factory=Histogram)
+    ghost_names: tuple[str, ...] = ()
+    lattice: bool = True
 
     def add(self, found: Compared) -> None:
         """Take in a frame."""
-        frame, blocks = len(self.units), (block_of(found.measured.point), block_of(found.simulated.point))
-        beams = [] if found.m is None else [int(block_of(found.m.point).max(initial=0))]
-        units = 1 + max(*(int(block.max(initial=0)) for block in blocks), *beams)
+        frame, beams = len(self.units), found.measured.beams
+        numbers = [(scan.layer, scan.point) for scan in (found.measured, found.simulated)]
+        if found.m is not None:
+            numbers.append((found.m.layer, found.m.point))
+        self.lattice = beams.lattice
+        of_m, of_s, *of_beams = blocks_of(beams, *numbers)
+        blocks = of_m, of_s
+        units = 1 + max(int(block.max(initial=0)) for block in (*blocks, *of_beams))
         self.units.append(units)
         self._features(frame, units, blocks, found)
-        here = [np.bincount(block, minlength=units).astype(np.float64) for block in blocks]
-        _sums(self.counts, ("echoes", "")).frames[frame] = np.stack(here)[:, :, None]
+        _sums(self.counts, ("echoes", "")).frames[frame] = _counts([*blocks], units)
         self._written(frame, units, blocks, found)
         difference = found.pairs.difference_m
         at = blocks[0][found.pairs.measured]
         self.paired.add(frame, units, (at, at), (difference, -difference))
         if found.m is not None and found.s is not None:
-            self._surfaces(frame, units, blocks, found, found.m, found.s)
-            if found.target is not None:
-                self._target(frame, units, blocks, found, (found.m, found.s), found.target)
+            self._surfaces(frame, units, blocks, of_beams[0], found, found.m, found.s)
+            if found.bright is not None:
+                self._target(frame, units, blocks, found, found.bright)
 
     def merge(self) -> None:
         """Make each frame one unit."""
         of_features = (self.features, self.counts, self.decades, self.blooming, self.ghost)
         tables = (*of_features, self.directions, self.positions, self.numbers)
-        for sums in (*(one for table in tables for one in table.values()), self.paired, self.ghost_range):
+        for sums in (
+            *(one for table in tables for one in table.values()),
+            self.paired,
+            self.ghost_range,
+            self.numbered,
+        ):
             sums.merge()
         self.units = [1] * len(self.units)
 
@@ -71,20 +83,20 @@ class Tallies:
         return self.counts["echoes", ""].all(self.units)[:, :, 0]
 
     def _features(self, frame: int, units: int, blocks: Blocks, found: Compared) -> None:
-        for name in found.comparison.features:
-            if name == RANGE_RESIDUAL:
-                continue
-            values = [feature_column(scan, name) for scan in (found.measured, found.simulated)]
-            assert name in (*COLUMNS, *STAND_INS)
-            if values[0] is not None and values[1] is not None:
-                _histogram(self.features, name).add(frame, units, blocks, (values[0], values[1]))
+        for one in found.features:
+            at = blocks
+            if any(np.isnan(side).any() for side in one.values):
+                m, s = one.values
+                at = blocks[0][~np.isnan(m)], blocks[1][~np.isnan(s)]
+            _histogram(self.features, one.name).add(frame, units, at, one.known)
 
-    def _surfaces(self, frame: int, units: int, blocks: Blocks, found: Compared, m: Pairing, s: Pairing) -> None:
-        own = [side.of_surface for side in (m, s)]
+    def _surfaces(
+        self, frame: int, units: int, blocks: Blocks, beam: IndexArray, found: Compared, m: Pairing, s: Pairing
+    ) -> None:
+        own = [side.of_one_surface for side in (m, s)]
         residual = [side.residual_m[rows] for side, rows in zip((m, s), own, strict=True)]
         at = [block[rows] for block, rows in zip(blocks, own, strict=True)]
         _histogram(self.features, RANGE_RESIDUAL).add(frame, units, (at[0], at[1]), (residual[0], residual[1]))
-        beam = block_of(m.point)
         surfaces = found.comparison.surfaces
         assert surfaces is not None
         for of, counted in _range_bins(m.distance_m, surfaces.detection_measured):
@@ -95,8 +107,9 @@ class Tallies:
             away = np.bincount(block[~side.on_surface & side.judged[side.echo_beam]], minlength=units)
             table.append(np.stack([away, np.bincount(beam[side.judged], minlength=units)], axis=1).astype(np.float64))
         _sums(self.counts, ("false_alarms", "per beam")).frames[frame] = np.stack(table)
-        if surfaces.walk is not None:
-            self._walk(frame, units, at, residual, [found.measured.area[own[0]], found.simulated.area[own[1]]])
+        if surfaces.walk is not None and found.strength is not None and found.decades is not None:
+            strength = [side[rows] for side, rows in zip(found.strength, own, strict=True)]
+            self._walk(frame, units, at, residual, strength, found.decades)
 
     def _written(self, frame: int, units: int, blocks: Blocks, found: Compared) -> None:
         """Sums of directions, of their squares, and of places; counts of echo numbers."""
@@ -107,47 +120,59 @@ class Tallies:
                 table = [_powers(block, off, units, 2) for block, off in zip(blocks, both, strict=True)]
                 self.directions.setdefault(angle, Sums()).frames[frame] = np.stack(table)
         if found.m is not None and found.s is not None and m.off_surface_m is not None and s.off_surface_m is not None:
-            at = [block[side.of_surface] for block, side in zip(blocks, (found.m, found.s), strict=True)]
+            at = [block[side.of_one_surface] for block, side in zip(blocks, (found.m, found.s), strict=True)]
             for axis, column in zip("xyz", range(3), strict=True):
                 both = (m.off_surface_m[:, column], s.off_surface_m[:, column])
                 table = [_powers(block, off, units, 1) for block, off in zip(at, both, strict=True)]
                 self.positions.setdefault(axis, Sums()).frames[frame] = np.stack(table)
+        numbered = [
+            block if side.number_rows is None else block[side.number_rows]
+            for block, side in zip(blocks, found.written, strict=True)
+        ]
         for number in found.comparison.numbers or ():
-            hits = [
-                np.bincount(block[side.numbers == number], minlength=units).astype(np.float64)
-                for block, side in zip(blocks, found.written, strict=True)
-            ]
-            self.numbers.setdefault(number, Sums()).frames[frame] = np.stack(hits)[:, :, None]
+            hits = [block[side.numbers == number] for block, side in zip(numbered, found.written, strict=True)]
+            self.numbers.setdefault(number, Sums()).frames[frame] = _counts(hits, units)
+        if found.comparison.numbers is not None:
+            self.numbered.frames[frame] = _counts(numbered, units)
 
     def _walk(
-        self, frame: int, units: int, at: list[IndexArray], residual: list[FloatArray], area: list[FloatArray]
-    ) -> None:
-        decade = [np.floor(elementary.log10(np.where(a > 0.0, a, np.nan))) for a in area]
+        self, frame: int, units: int, at: list[IndexArray], residual: list[FloatArray], strength: list[FloatArray],
+        decades: Decades,
+    ) -> None:  # fmt: skip
+        decade = [decades.of(side) for side in strength]
         for d in np.unique(np.concatenate(decade)[np.isfinite(np.concatenate(decade))]).tolist():
             rows = [side == d for side in decade]
-            low = 10.0**d
-            _histogram(self.decades, f"AREA {low:g}–{10.0 * low:g}").add(
+            _histogram(self.decades, decades.words(d)).add(
                 frame, units, (at[0][rows[0]], at[1][rows[1]]), (residual[0][rows[0]], residual[1][rows[1]])
             )
 
-    def _target(
-        self, frame: int, units: int, blocks: Blocks, found: Compared, sides: tuple[Pairing, Pairing], target: BoolArray
-    ) -> None:
-        assert found.ideal is not None
+    def _target(self, frame: int, units: int, blocks: Blocks, found: Compared, bright: Bright) -> None:
         scans = (found.measured, found.simulated)
+        self.ghost_names = bright.ratios
         for axis in ("vertical", "horizontal"):
-            per_side = []
-            for scan, pairing, block in zip(scans, sides, blocks, strict=True):
-                rows, offset = beside_target(scan, pairing, found.ideal, target, axis)
-                per_side.append(_by_offset(block[rows], offset / STEP[axis], scan.area[rows], units))
+            per_side = [
+                _by_offset(block[rows], offset, strength[rows], units)
+                for block, (rows, offset), strength in zip(blocks, bright.beside[axis], bright.strength, strict=True)
+            ]
             self.blooming.setdefault(axis, Sums()).frames[frame] = np.stack(per_side)
-        parts = [ghost_rows(scan, pairing, target) for scan, pairing in zip(scans, sides, strict=True)]
+        parts = bright.ghosts
         for name, which in (("target", 0), ("ghost", 1)):
-            moments = [_moments(s, b, part[which], units) for s, b, part in zip(scans, blocks, parts, strict=True)]
+            moments = [
+                _moments(scan, strength, peak, block, part[which], units)
+                for scan, strength, peak, block, part in zip(
+                    scans, bright.strength, bright.peak, blocks, parts, strict=True
+                )
+            ]
             self.ghost.setdefault(name, Sums()).frames[frame] = np.stack(moments)
-        ratio = [s.range_m[g] / s.range_m[t[p]] for s, (t, g, p) in zip(scans, parts, strict=True)]
+        ways = [scan.range_m if scan.beams.central else paths(scan) for scan in scans]
+        ratio = [way[g] / way[t[p]] for way, (t, g, p) in zip(ways, parts, strict=True)]
         at = [block[part[1]] for block, part in zip(blocks, parts, strict=True)]
         self.ghost_range.add(frame, units, (at[0], at[1]), (ratio[0], ratio[1]))
+
+
+def _counts(blocks: list[IndexArray], units: int) -> FloatArray:
+    """How many rows of each side lie in each unit, shape (2, units, 1)."""
+    return np.stack([np.bincount(block, minlength=units).astype(np.float64) for block in blocks])[:, :, None]
 
 
 def _histogram(table: dict[str, Histogram], name: str) -> Histogram:
@@ -186,16 +211,18 @@ def _powers(block: IndexArray, values: FloatArray, units: int, highest: int) -> 
     return sums
 
 
-def _by_offset(block: IndexArray, steps: FloatArray, area: FloatArray, units: int) -> FloatArray:
-    """Number of echoes and their AREA by offset, shape (units, offsets, 2)."""
+def _by_offset(block: IndexArray, steps: FloatArray, strength: FloatArray, units: int) -> FloatArray:
+    """Number of echoes and their strength by offset, shape (units, offsets, 2)."""
     size = 2 * _OFFSETS + 1
     key = block * size + np.clip(np.rint(steps), -_OFFSETS, _OFFSETS).astype(np.int64) + _OFFSETS
-    counts = [np.bincount(key, weights=weight, minlength=units * size) for weight in (np.ones(len(key)), area)]
+    counts = [np.bincount(key, weights=weight, minlength=units * size) for weight in (np.ones(len(key)), strength)]
     return np.stack(counts, axis=1).reshape(units, size, 2).astype(np.float64)
 
 
-def _moments(scan: Scan, block: IndexArray, rows: IndexArray, units: int) -> FloatArray:
-    """Number of the rows, and sums of their AREA, PEAK, x, y, z and r², shape (units, 7)."""
+def _moments(
+    scan: Scan, strength: FloatArray, peak: FloatArray, block: IndexArray, rows: IndexArray, units: int
+) -> FloatArray:
+    """Number of the rows, and sums of their strength, PEAK, x, y, z and r², shape (units, 7)."""
     xyz = [column[rows] for column in (scan.x_m, scan.y_m, scan.z_m)]
-    columns = [np.ones(len(rows)), scan.area[rows], scan.peak[rows], *xyz, sum(c**2 for c in xyz)]
+    columns = [np.ones(len(rows)), strength[rows], peak[rows], *xyz, sum(c**2 for c in xyz)]
     return np.stack([np.bincount(block[rows], weights=column, minlength=units) for column in columns], axis=1)

@@ -11,8 +11,10 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
 from lidarcheck.kpi.distances import shared_edges
+from lidarcheck.kpi.lattice import piece_of
+from lidarcheck.sensor import Beams
 
-__all__ = ["BLOCK_COLUMNS", "Histogram", "Sums", "block_of"]
+__all__ = ["BLOCK_COLUMNS", "Histogram", "Sums", "block_of", "blocks_of"]
 
 BLOCK_COLUMNS = 16
 """Point columns of a block: what one packet of a sensor holds, and more than a shake or a lost patch spans."""
@@ -26,6 +28,17 @@ _BEYOND = 2.0 ** np.arange(-8.0, 4.0)
 def block_of(point: IntArray) -> IndexArray:
     """The block of beams by their point column, from 1; 0 for a beam that is not known; shape (n,)."""
     return np.where(point >= 0, point // BLOCK_COLUMNS + 1, 0).astype(np.int64)
+
+
+def blocks_of(beams: Beams, *numbers: tuple[IntArray, IntArray]) -> list[IndexArray]:
+    """The unit of each of several tables of beams' (layer, point), from 1, 0 for a beam that is not known: its block
+    of columns, or, where beams have no neighbours by their numbers, which of 40 equal pieces of the frame it is in."""
+    if beams.lattice:
+        return [block_of(point) for _, point in numbers]
+    points = 1 + max(int(point.max(initial=0)) for _, point in numbers)
+    return [
+        np.where(point >= 0, piece_of(beams, layer, point, points) + 1, 0).astype(np.int64) for layer, point in numbers
+    ]
 
 
 @dataclass

@@ -72,7 +72,7 @@ class Verdict:
             words = (
                 self.unit_words
                 if self.units != 1
-                else self.unit_words.replace("blocks", "block").replace("frames", "frame")
+                else self.unit_words.replace("blocks", "block").replace("pieces", "piece").replace("frames", "frame")
             )
             return f"No KPI could be judged: echoes lie in {self.units} {words}{tail}."
         out = self.standing_out
@@ -127,6 +127,7 @@ class ChanceTest:
         own = signs_of(int(seen.sum()))
         signs = np.ones((len(own), len(seen)))
         signs[:, seen] = own
-        kpis, limit = judge(list(drawn_of(self._tallies, signs, by_frame=by_frame)), "frames" if by_frame else "blocks")
-        words = "frames" if by_frame else f"blocks of {BLOCK_COLUMNS} columns"
+        part, of = ("blocks", f"{BLOCK_COLUMNS} columns") if self._tallies.lattice else ("pieces", "the sweep")
+        kpis, limit = judge(list(drawn_of(self._tallies, signs, by_frame=by_frame)), "frames" if by_frame else part)
+        words = "frames" if by_frame else f"{part} of {of}"
         return Verdict({(one.kpi, one.of): one for one in kpis}, limit, int(seen.sum()), words, frames)
