@@ -182,8 +182,8 @@ class Comparison:
         for name, gap in self.features.items():
             found.extend(_feature_rows(name, gap))
         if (bins := self.histogram) is not None:
-            found.append(KpiRow("histogram_residual", f"{bins.bins} bins", NAN, NAN, bins.residual, "√counts"))
-            found.append(KpiRow("histogram_distance", f"{bins.bins} bins", NAN, NAN, bins.distance_bins, "bins"))
+            found.append(KpiRow("histogram_residual", bins.of, NAN, NAN, bins.residual, "√counts"))
+            found.append(KpiRow("histogram_distance", bins.of, NAN, NAN, bins.distance_bins, "bins"))
         if self.surfaces is not None:
             found.extend(_surface_rows(self.surfaces))
         found.extend(_readout_rows(self))

@@ -40,6 +40,11 @@ class HistogramGap(NamedTuple):
     distance_bins: float
     worst_bin: int
 
+    @property
+    def of(self) -> str:
+        """What it is of, in a table."""
+        return f"{self.bins} bins"
+
 
 def bin_columns(scan: Scan) -> list[str]:
     """The names of the histogram's columns, h0, h1, ... in their order; none where the scan has no histogram."""

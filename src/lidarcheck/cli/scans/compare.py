@@ -14,6 +14,7 @@ from lidarcheck.cli.core.terminal import columns, hush, note, stage
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
 from lidarcheck.cli.scans.compare_results import chance_cells, check_places, say, write
 from lidarcheck.cli.scans.fail_on import Value, conditions_of, outcomes
+from lidarcheck.errors import UsageError
 from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ def compare(
     *,
     ideal: Annotated[Path | None, Parameter(help=f"The ideal scan of the scene that both show{MANY}.")] = None,
     model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
+    sensor: Annotated[
+        str | None, Parameter(help="The sensor that both scans are of, without a model: a name, or its file.")
+    ] = None,
     fail_on: Annotated[
         list[str] | None,
         Parameter(
@@ -56,30 +60,33 @@ def compare(
     hush(quiet)
     limit_rows(max_rows)
     conditions, placement = conditions_of(fail_on or ()), placement_of(placed)
-    check_places(out, json, files_given(measured, simulated, ideal, model))
+    check_places(out, json, files_given(measured, simulated, ideal, model, _file_of(sensor)))
     from lidarcheck.cases.source import frames_in, ideal_of, scan_of
     from lidarcheck.kpi.chance.verdict import ChanceTest
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.kpi.variant import OneVariant
     from lidarcheck.model import load_model
+    from lidarcheck.model.files.sensor_file import load_sensor
 
+    if model is not None and sensor is not None:
+        raise UsageError("--sensor stands beside --model, whose variant is a sensor", fix="give one of them")
     sensor_model = None if model is None else load_model(model)
+    seen_by = sensor_model.sensor if sensor_model is not None else None if sensor is None else load_sensor(sensor)
     with stage("reading"):
         sides = frames_in(measured), frames_in(simulated)
     if measured.is_dir() or max(map(len, sides)) > 1:
-        return compare_frames(*sides, ideal, sensor_model, placement, conditions, out, json)
+        return compare_frames(*sides, ideal, sensor_model, seen_by, placement, conditions, out, json)
     with stage("reading"):
-        sensor = None if sensor_model is None else sensor_model.sensor
-        scene = None if ideal is None else ideal_of(ideal, sensor)
-        scans = scan_of(sides[0][0], placement, sensor), scan_of(sides[1][0], sensor=sensor)
-        variant = OneVariant(sensor_model)
+        scene = None if ideal is None else ideal_of(ideal, seen_by)
+        scans = scan_of(sides[0][0], placement, seen_by), scan_of(sides[1][0], sensor=seen_by)
+        variant = OneVariant(sensor_model, seen_by if sensor_model is None else None)
         for scan, file in zip(scans, (measured, simulated), strict=True):
             variant.check(scan, file)
     with stage("comparing"):
         for said in geometry_notes(*scans, scene, measured, simulated):
             note(said)
         files, test = {"measured": measured, "simulated": simulated}, ChanceTest()
-        comparison = run(*scans, scene, model=sensor_model, files=files, look=test.add)
+        comparison = run(*scans, scene, model=sensor_model, sensor=seen_by, files=files, look=test.add)
         verdict = test.verdict()
     values = [Value(row.kpi, row.of, row.measured if row.kpi == "overlap" else row.value) for row in comparison.rows()]
     failed = outcomes(conditions, values, verdict, comparison.left_out)
@@ -89,6 +96,13 @@ def compare(
         left_out = [f"{name}: {why}" for name, why in comparison.left_out.items()]
         say(COLUMNS, _rows(comparison, verdict), verdict, left_out, failed)
     return int(any(one.met for one in failed))
+
+
+def _file_of(sensor: str | None) -> str | None:
+    """The file that a sensor is named by; None for a shipped one."""
+    from lidarcheck.model.files.sensor_file import is_sensor_file
+
+    return sensor if sensor is not None and is_sensor_file(sensor) else None
 
 
 def _rows(comparison: Comparison, verdict: Verdict) -> list[tuple[str, ...]]:

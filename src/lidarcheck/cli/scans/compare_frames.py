@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lidarcheck.kpi.over_frames import FrameKpi
     from lidarcheck.model import Model
     from lidarcheck.scan import IdealScan, Scan
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["compare_frames", "geometry_notes"]
 
@@ -31,12 +32,13 @@ def compare_frames(
     simulated: Sequence[FrameFile],
     ideal: Path | None,
     model: Model | None,
+    sensor: Sensor | None,
     placement: Placement,
     conditions: Sequence[Condition],
     out: Path | None,
     json: str | None,
 ) -> int:
-    """Compare the frames of two sides, each read and forgotten; `ideal`: of all, or one for each.
+    """Compare the frames of two sides, each read and forgotten; `ideal`: of all, or one for each; `sensor`: of all.
 
     The exit code: 1 where a condition is met. What chance gives is over all frames' rows together.
     """
@@ -51,9 +53,8 @@ def compare_frames(
     pairs = list(zip(measured, paired(measured, simulated), strict=True))
     ideals = [] if ideal is None else frames_in(ideal)
     scenes = paired(measured, ideals) if len(ideals) > 1 else []
-    sensor = None if model is None else model.sensor
     common = ideal_of(ideals[0], sensor) if len(ideals) == 1 else None
-    together, each, test, variant = OverFrames(), [], ChanceTest(), OneVariant(model)
+    together, each, test, variant = OverFrames(), [], ChanceTest(), OneVariant(model, sensor if model is None else None)
     first, others = common, 0
     with progress("comparing") as show:
         for done, (one, other) in enumerate(pairs):
@@ -66,7 +67,7 @@ def compare_frames(
             for scan, file in zip(scans, files.values(), strict=True):
                 variant.check(scan, file)
             said = geometry_notes(*scans, scene, Path(str(one)), Path(str(other)))
-            found = compare(*scans, scene, model=model, files=files, look=test.add)
+            found = compare(*scans, scene, model=model, sensor=sensor, files=files, look=test.add)
             together.add(found)
             each.append({**files, **found.to_dict(), "geometry": said})
     for said in [text for one in each for text in one["geometry"]]:

@@ -18,9 +18,9 @@ __all__ = ["Condition", "Outcome", "Value", "conditions_of", "outcomes"]
 ANY = "any"
 KPIS = (
     "echoes", "dvm_bias", "dvm_scatter", "wasserstein", "ks", "energy", "js", "percentile_5", "percentile_50",
-    "percentile_95", "detection_probability", "false_alarms", "walk_offset", "direction_bias", "direction_scatter",
-    "position_bias_x", "position_bias_y", "position_bias_z", "echo_number_share", "ghost", "blooming_profile",
-    "paired_range", "overlap", "chamfer",
+    "percentile_95", "histogram_residual", "histogram_distance", "detection_probability", "false_alarms",
+    "walk_offset", "direction_bias", "direction_scatter", "position_bias_x", "position_bias_y", "position_bias_z",
+    "echo_number_share", "ghost", "blooming_profile", "paired_range", "overlap", "chamfer",
 )  # fmt: skip
 """What a comparison's lines are called."""
 _FORM = re.compile(r"(?P<kpi>\w+)\s*(?::\s*(?P<of>[^>]+?))?\s*>\s*(?P<most>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")

@@ -64,9 +64,11 @@ class SelectedEchoes:
         """The echoes of several frames."""
         if len(parts) == 1:
             return parts[0]
-        columns = [np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)]
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)
+        }
         named = {name: np.concatenate([part.features[name] for part in parts]) for name in parts[0].features}
-        return cls(*columns, features=named)
+        return cls(**columns, features=named)
 
     def feature(self, name: str) -> FloatArray:
         """A feature of the echoes by its name, shape (n,); NaN where the scan has none of it."""

@@ -27,6 +27,7 @@ __all__ = ["drawn_of"]
 FEWEST_IN_BLOCK, FEWEST_IN_FRAME = 20, 100
 """Rows a side that make a unit count for a KPI: a median or a share of fewer is chance alone."""
 _NEVER = "an exchange of the sides says nothing of it"
+_COUNTS = "counting alone makes it about 1, and a distance above 0"
 _NOTHING = np.full(1, np.nan)
 
 
@@ -43,6 +44,9 @@ class _Family:
         yield from self._counted("echoes")
         for name, histogram in self.tallies.features.items():
             yield from self._feature(name, histogram)
+        if self.tallies.histogram:
+            for kpi in ("histogram_residual", "histogram_distance"):
+                yield Drawn(kpi, self.tallies.histogram, _NOTHING, 0, _COUNTS)
         yield from self._counted("detection_probability", "false_alarms")
         for of, histogram in self.tallies.decades.items():
             yield self._median("walk_offset", of, histogram)

@@ -42,6 +42,7 @@ class Tallies:
     ghost_range: Histogram = field(default_factory=Histogram)
     ghost_names: tuple[str, ...] = ()
     lattice: bool = True
+    histogram: str = ""
 
     def add(self, found: Compared) -> None:
         """Take in a frame."""
@@ -55,6 +56,8 @@ class Tallies:
         units = 1 + max(int(block.max(initial=0)) for block in (*blocks, *of_beams))
         self.units.append(units)
         self._features(frame, units, blocks, found)
+        if found.comparison.histogram is not None:
+            self.histogram = found.comparison.histogram.of
         _sums(self.counts, ("echoes", "")).frames[frame] = _counts([*blocks], units)
         self._written(frame, units, blocks, found)
         difference = found.pairs.difference_m
