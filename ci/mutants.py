@@ -58,7 +58,7 @@ def main() -> int:
     alive = []
     for number, mutant in enumerate(mutants, start=1):
         found = judged(mutant, place, runs, kept)
-        if found["verdict"] in SURVIVED and name_of(mutant) in excused:
+        if found["verdict"] in SURVIVED and is_excused(mutant, excused):
             found = {**found, "verdict": "equivalent"}
         if args.tests and found["verdict"] in SURVIVED:
             found = {**found, **tested(mutant, place, kept)}
@@ -166,14 +166,17 @@ def red_test(name: str, mutant: Mutant | None, place: Scratch, kept: Kept) -> st
 
 
 def equivalents(path: Path) -> set[tuple[str, str, str]]:
-    """The errors that change no result, which that file lists with the reason."""
+    """The errors that change no result, which that file lists with the reason: file, line, and what stands there then.
+
+    Empty instead of the last: whatever error of that line survives.
+    """
     listed = tomllib.loads(path.read_text(encoding="utf-8")).get("equivalent", [])
-    return {(entry["file"], entry["line"], entry["then"]) for entry in listed}
+    return {(entry["file"], entry["line"], entry.get("then", "")) for entry in listed}
 
 
-def name_of(mutant: Mutant) -> tuple[str, str, str]:
-    """What says which error it is, although lines move."""
-    return mutant.file, mutant.line, mutant.then
+def is_excused(mutant: Mutant, excused: set[tuple[str, str, str]]) -> bool:
+    """Whether the error is among these, although lines move."""
+    return not excused.isdisjoint({(mutant.file, mutant.line, then) for then in (mutant.then, "")})
 
 
 if __name__ == "__main__":

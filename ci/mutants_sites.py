@@ -11,9 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mutants_rules import are_reals, called, is_draw, is_key_of_beams, is_silent, is_silent_call, is_tiny, stands_in
+
 KINDS = ("comparison", "constant", "arithmetic", "dropped", "swapped")
 SKIPPED = (
     "effects/search",  # what a search must know of an effect
+    "effects/base.py",  # how effects are declared, found and described
     "effects/parameters.py",  # bounds and help texts of parameters
     "effects/plugins.py",
     "model/cuda",  # needs a GPU
@@ -23,26 +26,16 @@ SKIPPED = (
     "model/incremental.py",  # what inference keeps of a frame
     "model/fast/store.py",  # where the library of echoes lies
     "model/jit.py",  # where compiled kernels lie
+    "model/lane_math.py",  # exponentials and logarithms, as `elementary`: tests hold them to the last digits
     "model/reference.py",  # minutes a scenario; the exact chain is held to it by tests, and it by them to the chain
+    "model/spec.py",  # a model with or without an effect, for inference
     "model/sharing.py",  # which thread does what
     "model/trace.py",  # expected traces, for plots
     "model/showcase",  # demonstrations of `lidarcheck effects`
 )
 """Files that change no echoes, or whose echoes no scenario has."""
 
-_SILENT_CALLS = {"debug", "info", "warning", "error", "warn", "progress", "parameter", "list_parameter"}
-_SILENT_CALLS |= {
-    "choice_parameter",
-    "file_parameter",
-    "isinstance",
-    "cast",
-    "TypeVar",
-    "getLogger",
-    "get_close_matches",
-}
 _COMMUTE = {"minimum", "maximum", "min", "max", "hypot", "isclose", "logaddexp", "dot", "gcd"}
-_CHECKS = ("check", "_check", "_refuse", "refuse")
-_TEXTS = {"__repr__", "__str__", "__hash__", "__getstate__", "to_dict", "in_words"}
 _COMPARED: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE),
     ast.LtE: (ast.Lt, ast.Gt),
@@ -206,7 +199,7 @@ class _Place:
 def _places(body: list[ast.stmt], *, inside: bool, known: frozenset[str] = frozenset()) -> Iterator[_Place]:
     """Statements and expressions of a body that can change results."""
     for statement in body:
-        if _is_silent(statement, inside=inside):
+        if is_silent(statement, inside=inside):
             continue
         if isinstance(statement, ast.FunctionDef):
             given = statement.args
@@ -227,30 +220,6 @@ def _places(body: list[ast.stmt], *, inside: bool, known: frozenset[str] = froze
             known = known | {node.id for node in ast.walk(statement) if isinstance(node, ast.Name) and _stored(node)}
 
 
-def _is_silent(statement: ast.stmt, *, inside: bool) -> bool:
-    """Whether it is a check, a text, or a declaration."""
-    if isinstance(statement, ast.FunctionDef):
-        return statement.name in _TEXTS or statement.name.startswith(_CHECKS)
-    if isinstance(statement, ast.If):
-        return isinstance(statement.body[-1], ast.Raise) or "TYPE_CHECKING" in ast.unparse(statement.test)
-    if isinstance(statement, ast.Expr):
-        return isinstance(statement.value, ast.Constant) or _is_silent_call(statement.value)
-    if isinstance(statement, ast.AnnAssign) and not inside:
-        return True  # a field of a class: a parameter with its bounds, or what stands there unless something is given
-    if isinstance(statement, ast.Assign):
-        return ast.unparse(statement.targets[0]) in ("__all__", "tree", "name") or _is_silent_call(statement.value)
-    return isinstance(statement, ast.Raise | ast.Assert | ast.Import | ast.ImportFrom | ast.Global | ast.Nonlocal)
-
-
-def _is_silent_call(node: ast.AST) -> bool:
-    return isinstance(node, ast.Call) and _called(node.func) in _SILENT_CALLS
-
-
-def _called(function: ast.expr) -> str:
-    """The last word of what is called."""
-    return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
-
-
 def _head(statement: ast.stmt) -> list[ast.expr]:
     """The expressions that a statement evaluates itself, without its annotation and the statements below it."""
     parts: list[ast.expr] = []
@@ -267,11 +236,11 @@ def _head(statement: ast.stmt) -> list[ast.expr]:
 
 def _expressions(node: ast.AST) -> Iterator[ast.expr]:
     """An expression and all in it that is no text."""
-    if isinstance(node, ast.JoinedStr) or _is_silent_call(node):
+    if isinstance(node, ast.JoinedStr) or is_silent_call(node) or stands_in(node):
         return
     if isinstance(node, ast.expr):
         yield node
-    for child in ast.iter_child_nodes(node):
+    for child in [node.left] if is_key_of_beams(node) else ast.iter_child_nodes(node):
         yield from _expressions(child)
 
 
@@ -286,7 +255,8 @@ def _end(node: ast.AST) -> int:
 def _changes(node: ast.AST, known: frozenset[str]) -> Iterator[tuple[str, ast.AST]]:
     """What can stand in the place of a node, by kind; nodes inside it are asked for themselves."""
     if isinstance(node, ast.Compare) and len(node.ops) == 1:
-        for other in _COMPARED[type(node.ops[0])]:
+        others = _COMPARED[type(node.ops[0])]
+        for other in others[1:] if are_reals(node) else others:
             yield "comparison", _with(node, ops=[other()])
     elif isinstance(node, ast.BoolOp):
         yield "comparison", _with(node, op=ast.Or() if isinstance(node.op, ast.And) else ast.And())
@@ -299,10 +269,10 @@ def _changes(node: ast.AST, known: frozenset[str]) -> Iterator[tuple[str, ast.AS
         yield "arithmetic", node.operand
     elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in _CALCULATED and not _of_texts(node):
         yield "arithmetic", _with(node, op=_CALCULATED[type(node.op)]())
-    elif isinstance(node, ast.Call) and _called(node.func) not in _COMMUTE:
+    elif isinstance(node, ast.Call) and called(node.func) not in _COMMUTE:
         for at in range(len(node.args) - 1):
             first, second = node.args[at : at + 2]
-            same = ast.dump(first) == ast.dump(second)
+            same = ast.dump(first) == ast.dump(second) or (at == 0 and is_draw(node))
             if not same and not isinstance(first, ast.Starred) and not isinstance(second, ast.Starred):
                 yield "swapped", _with(node, args=[*node.args[:at], second, first, *node.args[at + 2 :]])
     if isinstance(node, ast.stmt) and _can_be_dropped(node, known):
@@ -312,6 +282,8 @@ def _changes(node: ast.AST, known: frozenset[str]) -> Iterator[tuple[str, ast.AS
 def _others(value: bool | int | float) -> tuple[bool | int | float, ...]:
     if isinstance(value, bool):
         return (not value,)
+    if is_tiny(value):
+        return ()
     if isinstance(value, int):
         return (value + 1, value - 1) if value > 0 else (value + 1,)
     return (1.1 * value, 2.0 * value) if value and value * 2.0 not in (value, 0.0) else (1.0,)

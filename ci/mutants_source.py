@@ -222,8 +222,9 @@ class Runs:
 def source_hash(package: Path, mutant: Mutant | None = None) -> str:
     """Of the source that gives echoes, with the mutant in it."""
     digest = hashlib.sha256()
-    paths = [path for part in ("elementary", "effects", "model") for path in (package / part).rglob("*.py")]
-    for path in sorted([*paths, package / "scan.py", package / "sensor.py", *(package / "sensors").glob("*.toml")]):
+    rooms = ("elementary", "effects", "model", "sensor")
+    paths = [path for room in rooms for path in (package / room).rglob("*.py")]
+    for path in sorted([*paths, package / "scan.py", *(package / "sensors").glob("*.toml")]):
         name, text = path.relative_to(package).as_posix(), path.read_bytes()
         digest.update(name.encode() + b"\0" + (mutant.applied(text) if mutant and mutant.file == name else text))
     return digest.hexdigest()[:32]
