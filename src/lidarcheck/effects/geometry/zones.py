@@ -37,7 +37,8 @@ def widened(ideal: IdealScan, up: float, aside: float, around: Surroundings) -> 
     if ideal.object_id is not None:
         columns["object_id"] = ideal.object_id[row]
     new = replace(ideal, rays=redirected(rays, direction), **columns)
-    return new if reflectance_of(ideal) is None else with_reflectance(new, reflectance_of(ideal)[row])
+    known = reflectance_of(ideal)
+    return new if known is None else with_reflectance(new, known[row])
 
 
 def _directions(ideal: IdealScan) -> FloatArray:
