@@ -103,6 +103,11 @@ def test_a_guess_from_x_y_z_alone_says_what_the_scans_do_not(capsys: pytest.Capt
             ["check", "ring.csv", "--sensor", "s.toml"],
             "ring.csv: a row has ring 16, the sensor's 16 channels have 0 to",
         ),
+        (
+            ["check", "layer.csv", "--sensor", "s.toml"],
+            "layer.csv: a row has Layer 99, the sensor's 16 channels have 0",
+        ),
+        (["guess", "nan.csv"], "nan.csv:3: "),
         (["check", "empty.csv", "--sensor", "s.toml"], "empty.csv: no row has an echo; give a scan with echoes"),
     ],
 )
@@ -116,6 +121,8 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     x, y, z = np.ascontiguousarray(shot.position.T)
     write_table(Table({"X": x, "Y": y}), "flat.csv")
     write_table(Table({"X": x, "Y": y, "Z": z, "ring": shot.layer + 1}), "ring.csv")
+    write_table(Table({"X": x, "Y": y, "Z": z, "Layer": np.where(shot.layer == 3, 99, shot.layer)}), "layer.csv")
+    write_table(Table({"X": x, "Y": y, "Z": z, "ring": np.where(np.arange(len(x)) == 1, 0.5, 1.0)}), "nan.csv")
     write_table(Table({"X": x * 0.0, "Y": x * 0.0, "Z": x * 0.0}), "empty.csv")
     sensor_file(BEAMS)
     before = sorted(here.iterdir())

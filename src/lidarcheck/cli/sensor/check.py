@@ -86,4 +86,6 @@ def _size(fit: Any) -> float:
 def _document(found: ScanCheck) -> dict[str, Any]:
     names = ("verdict", "said", "fix", "by", "rows", "judged", "share", "median_deg", "most_deg")
     layers = [dict(vars(fit)) for fit in found.layers]
-    return {**{name: getattr(found, name) for name in names}, "notes": list(found.notes), "layers": layers}
+    # Without a row on a beam there is no median.
+    values = {name: None if (value := getattr(found, name)) != value else value for name in names}
+    return {**values, "notes": list(found.notes), "layers": layers}

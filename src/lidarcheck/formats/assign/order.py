@@ -100,7 +100,8 @@ def _layers(rows: Rows, known: Known) -> tuple[IntArray, str, tuple[str, ...]]:
     """The channels, how they were found, and what to say."""
     head = known.head
     if rows.layer is not None:
-        return rows.layer.astype(np.int32), "Layer", ()
+        # Without a ring list: the channel's index.
+        return channels_of(rows.layer, (), head.layers, "Layer"), "Layer", ()
     if rows.ring is not None and not says_nothing(rows.ring):
         layer = channels_of(rows.ring, known.ring, head.layers)
         if rows.position is not None:

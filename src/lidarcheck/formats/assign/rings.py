@@ -24,8 +24,10 @@ def says_nothing(ring: npt.NDArray[Any]) -> bool:
     return not len(ring) or bool((ring < 0).all())
 
 
-def channels_of(ring: npt.NDArray[Any], numbers: Sequence[int], layers: int) -> IntArray:
+def channels_of(ring: npt.NDArray[Any], numbers: Sequence[int], layers: int, name: str = "ring") -> IntArray:
     """The channel of each ring number, shape (n,); `numbers`: each channel's ring, empty where it is its index.
+
+    `name`: what the file calls it.
 
     `UsageError` for a ring that the sensor does not have.
     """
@@ -36,7 +38,7 @@ def channels_of(ring: npt.NDArray[Any], numbers: Sequence[int], layers: int) -> 
     unknown = (names[order][at] != whole) | (whole != ring)
     if unknown.any():
         odd = ring[unknown][0]
-        what = f"a row has ring {odd:g}, the sensor's {layers} channels have {names.min()} to {names.max()}"
+        what = f"a row has {name} {odd:g}, the sensor's {layers} channels have {names.min()} to {names.max()}"
         fix = "give the sensor file `ring`, each channel's number in the file, or take the file of this sensor"
         raise UsageError(what, fix=fix)
     return order[at].astype(np.int32)

@@ -10,19 +10,15 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IntArray
 from lidarcheck.errors import UsageError
-from lidarcheck.formats.assign import Assigned, Known, Rows, assign
-from lidarcheck.formats.assign.clock import frame_time
+from lidarcheck.formats.assign import Assigned, Cloud, assigned_to
 from lidarcheck.formats.geometry.changes import Echoes
 from lidarcheck.formats.geometry.check import FEWEST_JUDGED, PASSED, angle_errors, outside
-from lidarcheck.formats.geometry.head import Head
 from lidarcheck.formats.geometry.lattice import Beams, Lattice
 from lidarcheck.formats.geometry.pooled import words
 from lidarcheck.formats.geometry.reader import evenly
 from lidarcheck.formats.geometry.sensor_lattice import lattice_of
 from lidarcheck.formats.geometry.unit import BEYOND_GATE_M, UnitFound, unit_of
 from lidarcheck.formats.geometry.verdict import Refusal, geometry_of
-from lidarcheck.formats.guess.cloud import Cloud
-from lidarcheck.sensor.channels import ChannelBeams
 from lidarcheck.sensor.sensor import Sensor
 
 __all__ = ["LayerFit", "ScanCheck", "check_scan"]
@@ -74,21 +70,21 @@ class ScanCheck:
 
 
 def check_scan(cloud: Cloud, sensor: Sensor) -> ScanCheck:
-    """How one frame fits a sensor. `UsageError` where nothing tells the beams of its rows."""
+    """How one frame fits a sensor. `UsageError` where nothing tells the beams of its rows, or the sensor has none."""
+    if not sensor.beams.lattice:
+        what = "the directions of this sensor are each scan's own: there is nothing to check a scan against"
+        raise UsageError(what, fix="check scans of sensors with channels, a grid or a table of beams")
     cloud = _thinned(cloud, sensor.beams.size)
     mirror = np.array([1.0, -1.0 if sensor.handedness == "left" else 1.0, 1.0])
     position = cloud.position * mirror
     lattice = lattice_of(sensor.beams, handedness=sensor.handedness)
-    assigned = _assigned(cloud, position, sensor)
+    assigned = assigned_to(sensor, cloud, position)
     # Numbers that the file says are held against the points whatever they are; those that were found name beams.
     known = sensor.beams.has(assigned.layer, assigned.point) | (assigned.layers_told and assigned.points_told)
     found = _Found(position[known], assigned.layer[known], assigned.point[known], cloud.error, lattice)
     unit = _unit(found, None if cloud.range is None else cloud.range[known], sensor)
     notes = [*assigned.notes, *_unclaimed(assigned.layer)]
-    if assigned.layers_told:
-        verdict, said, fix = _by_numbers(found, unit, assigned)
-    else:
-        verdict, said, fix = _by_direction(found, unit, int(np.count_nonzero(assigned.layer < 0)))
+    verdict, said, fix = _verdict(found, unit, assigned, sensor)
     off, off_said, off_fix = _range_offset(found, cloud, known, sensor, unit)
     notes += off_said
     if off and verdict in ("fits", "warning", "elevations fit"):
@@ -96,6 +92,17 @@ def check_scan(cloud: Cloud, sensor: Sensor) -> ScanCheck:
     share, judged, median, most = found.figures()
     by = assigned.by
     return ScanCheck(verdict, said, fix, by, len(cloud), judged, share, median, most, found.by_layer(), tuple(notes))
+
+
+def _verdict(found: _Found, unit: UnitFound, assigned: Assigned, sensor: Sensor) -> tuple[Verdict, str, str]:
+    """The verdict, in words, and what would make the scan fit."""
+    if not len(found.layer):
+        return "does not fit", "no row belongs to a beam of the sensor", "take the file of this sensor"
+    if sensor.deskewed:
+        return "not checked", "the sensor's files are deskewed: directions do not name beams", ""
+    if assigned.layers_told:
+        return _by_numbers(found, unit, assigned)
+    return _by_direction(found, unit, int(np.count_nonzero(assigned.layer < 0)))
 
 
 @dataclass(frozen=True)
@@ -152,52 +159,18 @@ def _thinned(cloud: Cloud, beams: int) -> Cloud:
     return Cloud(**taken, height=cloud.height, width=cloud.width, error=cloud.error)
 
 
-def _assigned(cloud: Cloud, position: FloatArray, sensor: Sensor) -> Assigned:
-    head = Head.of(sensor.beams)
-    if head is None:
-        if cloud.layer is not None and cloud.point is not None:
-            told = (cloud.layer.astype(np.int32), cloud.point.astype(np.int32))
-            return Assigned(*told, "Layer and Point", layers_told=True, points_told=True)
-        layer, point = sensor.beams.nearest(position)
-        return Assigned(layer, point, "direction alone", layers_told=False, points_told=False)
-    channels = sensor.beams.channels if isinstance(sensor.beams, ChannelBeams) else None
-    rows = Rows(
-        position, cloud.layer, cloud.point, cloud.ring, cloud.column, _time(cloud, sensor), cloud.kind, cloud.cell,
-        cloud.height, cloud.width,
-    )  # fmt: skip
-    known = Known(
-        head,
-        () if channels is None else channels.ring,
-        np.zeros(0, dtype=np.int64) if channels is None else np.asarray(channels.column_shift),
-        sensor.deskewed,
-    )
-    return assign(rows, known)
-
-
-def _time(cloud: Cloud, sensor: Sensor) -> FloatArray | None:
-    if cloud.time is None or sensor.sweep.order == "flash":
-        return None
-    rate_s = 1.0 / sensor.frame_rate_hz
-    unit, zero = sensor.time_unit, sensor.time_zero
-    try:
-        return frame_time(cloud.time, rate_s, unit=unit, zero=zero, duration_s=sensor.sweep.duration_s).time_s
-    except UsageError:
-        # Part of a frame spans too little to show its unit; then the azimuth tells the column.
-        if sensor.time_unit == "auto":
-            return None
-        raise
-
-
 def _unclaimed(layer: IntArray) -> list[str]:
     lost = int(np.count_nonzero(layer < 0))
     return [f"{lost} of {len(layer)} rows belong to no channel"] if lost else []
 
 
 def _unit(found: _Found, ranges: FloatArray | None, sensor: Sensor) -> UnitFound:
-    origin = found.lattice.beams(found.layer, found.point).origin_m
+    known = sensor.beams.has(found.layer, found.point)
+    layer = np.where(known, found.layer, 0)
+    origin = found.lattice.beams(layer, np.where(known, found.point, 0)).origin_m
     relative = found.position if origin is None else found.position - origin
     distance = np.linalg.norm(relative, axis=1)
-    told = None if ranges is None else ranges - sensor.beams.range_offset_m(np.maximum(found.layer, 0))
+    told = None if ranges is None else ranges - sensor.beams.range_offset_m(layer)
     gate = (0.0, sensor.max_range_m + BEYOND_GATE_M)
     return unit_of(distance, told, found.error_m, sensor.range_resolution_m, gate)
 

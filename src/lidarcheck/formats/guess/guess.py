@@ -9,8 +9,8 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
+from lidarcheck.formats.assign.cloud import Cloud
 from lidarcheck.formats.assign.columns import circular_median
-from lidarcheck.formats.guess.cloud import Cloud
 from lidarcheck.formats.guess.columns import Steps, column_step, sense_of_rows
 from lidarcheck.formats.guess.elevations import MOST_SPREAD, Rings, rings_of, sound
 from lidarcheck.formats.guess.heads import Beside, beside_columns

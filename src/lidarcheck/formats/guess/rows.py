@@ -12,9 +12,9 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.assign.bins import rings_by_wrap
+from lidarcheck.formats.assign.cloud import Cloud
 from lidarcheck.formats.assign.rings import says_nothing
 from lidarcheck.formats.geometry.unit import unit_of
-from lidarcheck.formats.guess.cloud import Cloud
 from lidarcheck.formats.guess.elevations import clusters
 from lidarcheck.formats.guess.origin import sharpest_origin
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.formats.guess.cloud import Cloud
+from lidarcheck.formats.assign.cloud import Cloud
 from lidarcheck.formats.guess.columns import turn_rate
 from lidarcheck.formats.guess.rows import Labelled
 from lidarcheck.formats.times import TIME_UNITS

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.formats.columns import missing
+from lidarcheck.formats.columns import INT32_MAX, LENGTH_MAX_M, missing, real_column, whole_column
 from lidarcheck.formats.geometry.steps import coordinate_steps, direction_error_m
 from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.table import Table
@@ -77,15 +77,19 @@ def _cloud(table: Table, rows: npt.NDArray[np.intp], ring: str | None) -> Cloud:
     kept = np.arange(len(part)) if empty is None else np.flatnonzero(~empty)
     echoes = part if empty is None else part.take(kept)
     position = np.stack([_floats(echoes, name) for name in _AXES], axis=-1)
-    names = (ring,) if ring is not None else RING_NAMES
+    layer, point = (_whole(echoes, name) for name in ("Layer", "Point"))
+    told = layer is not None and point is not None and ring is None
+    name = next((one for one in ((ring,) if ring else RING_NAMES) if echoes.get(one) is not None), None)
+    column = echoes.get("column")
     ranges = echoes.get("RANGE")
     organised = part.height > 1
     return Cloud(
         position=position,
-        layer=echoes.get("Layer"),
-        point=echoes.get("Point"),
-        ring=_first(echoes, names),
-        column=echoes.get("column"),
+        layer=layer,
+        point=point,
+        # What is surer makes these superfluous, whatever stands in them.
+        ring=None if told or name is None else _whole(echoes, name),
+        column=None if told or column is None or column.dtype.kind not in "iu" else column,
         time=_time(echoes),
         range=None if ranges is None else ranges.astype(np.float64),
         kind=_first(echoes, _KINDS),
@@ -96,10 +100,13 @@ def _cloud(table: Table, rows: npt.NDArray[np.intp], ring: str | None) -> Cloud:
     )
 
 
+def _whole(table: Table, name: str) -> Column | None:
+    """A column of whole numbers, -1 where a row has none; `InputError` for others."""
+    return None if table.get(name) is None else whole_column(table, name, -1, INT32_MAX)
+
+
 def _floats(table: Table, name: str) -> FloatArray:
-    column = table.get(name)
-    assert column is not None, "asked for above"
-    return column.astype(np.float64)
+    return np.asarray(real_column(table, name, -LENGTH_MAX_M, LENGTH_MAX_M, "m"), dtype=np.float64)
 
 
 def _first(table: Table, names: Sequence[str]) -> Column | None:
