@@ -85,7 +85,7 @@ def _cloud(table: Table, rows: npt.NDArray[np.intp], ring: str | None) -> Cloud:
     organised = part.height > 1
     return Cloud(
         position=position,
-        layer=layer,
+        layer=None if ring else layer,
         point=point,
         # What is surer makes these superfluous, whatever stands in them.
         ring=None if told or name is None else _whole(echoes, name),

@@ -100,6 +100,11 @@ def _verdict(found: _Found, unit: UnitFound, assigned: Assigned, sensor: Sensor)
         return "does not fit", "no row belongs to a beam of the sensor", "take the file of this sensor"
     if sensor.deskewed:
         return "not checked", "the sensor's files are deskewed: directions do not name beams", ""
+    last = int(found.layer.max())
+    # One too high is a numbering from 1, which the search names; more is another sensor, or one with fewer channels.
+    if last > sensor.beams.layers:
+        what = f"a row has Layer {last}, the sensor's {sensor.beams.layers} channels are 0 to {sensor.beams.layers - 1}"
+        return "does not fit", what, "take the file of this sensor, or number the layers as its channels"
     if assigned.layers_told:
         return _by_numbers(found, unit, assigned)
     return _by_direction(found, unit, int(np.count_nonzero(assigned.layer < 0)))

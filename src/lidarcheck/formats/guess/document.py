@@ -89,6 +89,4 @@ def _remarks(guess: Guess) -> list[str]:
         remarks.append("one frame does not show whether its columns are those of the next: a turn has a whole number")
     if not guess.sense:
         remarks.append("direction is supposed: right")
-    if guess.told == "Layer" and guess.numbered and guess.rings.number[-1] + 1 != len(guess.rings.number):
-        remarks.append("Layer in files is the channel's place in these lists: some layers have none")
     return remarks

@@ -84,6 +84,8 @@ def guess_beams(clouds: Sequence[Cloud]) -> Guess:
         step = Steps(step.step_deg, step.error_deg * float(np.sqrt(len(rows))))
     repeats = _repeats(step, beside, rows)
     notes = _notes(every.take(~good), rows, step, sense, beside)
+    if rows.told == "Layer" and not np.array_equal(rings.number, np.arange(len(rings.number))):
+        notes = (*notes, "layers are missing: what is Layer here is the sensor file's `ring`; check with --ring Layer")
     offset, range_step = _ranges(rows, forward, up)
     return Guess(
         rings, every.take(~good), rows.told, len(rows), rows.frames, step, beside, sense, repeats, forward, up, offset,
