@@ -107,8 +107,9 @@ class MirrorMultipath(LightEffect):
             beams=ideal.beams,
         )
         source = _rows_at(ideal, onward, hits, met)
-        if (known := reflectance_of(ideal)) is not None:
-            image = with_reflectance(image, np.where(source >= 0, known[source], np.nan))
+        own = reflectance_of(ideal)
+        if own is not None:
+            image = with_reflectance(image, np.where(source >= 0, own[source], np.nan))
         cosine = np.abs(np.einsum("ij,ij->i", rays.direction[row], mirror.normal[met]))
         signal = self._passage(cosine) * around.signal(image) * ideal.shares()[row]
         signal *= elementary.exp(-2.0 * light.extinction_per_m * way[met])

@@ -7,10 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck import elementary
-from lidarcheck.effects.base import ReadoutEffect, Surroundings
+from lidarcheck.effects.base import ReadoutEffect, Surroundings, unfit_for
 from lidarcheck.effects.empirical.covariates import EchoColumns
 from lidarcheck.effects.empirical.echoes import draws_of, whole
-from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
+from lidarcheck.effects.empirical.terms import (
+    NOT_COUNTED,
+    Additive,
+    covariate_parameter,
+    knots_parameter,
+    values_parameter,
+)
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import SpadArray
 
@@ -29,6 +35,7 @@ class EmpiricalAmplitude(Additive, ReadoutEffect):
     """
 
     name = "empirical_amplitude"
+    unfit = unfit_for(linear=NOT_COUNTED, photon_histogram=NOT_COUNTED)
     suffixes = ("", "_2", "_peak", "_area", "_width")
 
     covariate: str | None = covariate_parameter("what f depends on", example="area_log10")

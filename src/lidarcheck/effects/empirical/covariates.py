@@ -121,7 +121,7 @@ class BeamColumns:
 def _feature(name: str, scan: Scan) -> FloatArray:
     if name == "width_ns":
         return np.asarray(scan.width_ns, dtype=np.float64)
-    return np.asarray(elementary.log10(np.maximum(getattr(scan, name.removesuffix("_log10")), 1.0)))
+    return np.asarray(elementary.log10(np.maximum(scan.strength if name == "area_log10" else scan.peak, 1.0)))
 
 
 def keys_of(table: Scan | IdealScan) -> IndexArray:

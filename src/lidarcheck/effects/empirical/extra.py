@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import ReadoutEffect, Surroundings, choice_parameter, list_parameter
+from lidarcheck.effects.base import ReadoutEffect, Surroundings, choice_parameter, list_parameter, unfit_for
 from lidarcheck.effects.empirical.covariates import BeamColumns, keys_of
 from lidarcheck.effects.empirical.echoes import renumbered
-from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
+from lidarcheck.effects.empirical.terms import (
+    NOT_COUNTED,
+    Additive,
+    covariate_parameter,
+    knots_parameter,
+    values_parameter,
+)
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import SpadArray
@@ -43,6 +49,7 @@ class EmpiricalExtra(Additive, ReadoutEffect):
     """
 
     name = "empirical_extra"
+    unfit = unfit_for(linear=NOT_COUNTED, photon_histogram=NOT_COUNTED)
 
     covariate: str | None = covariate_parameter("what f depends on", example="range_m")
     knots: tuple[float, ...] = knots_parameter("where f has its values", example=(10.0, 60.0))

@@ -18,6 +18,7 @@ from lidarcheck.effects.empirical.covariates import COVARIATES, ECHO_COVARIATES
 from lidarcheck.errors import UsageError
 
 __all__ = [
+    "NOT_COUNTED",
     "Additive",
     "Column",
     "Term",
@@ -26,6 +27,9 @@ __all__ = [
     "knots_parameter",
     "values_parameter",
 ]
+
+NOT_COUNTED = "it reports no PEAK, AREA and WIDTH"
+"""Why terms of what a SPAD array counts mean nothing for another detector."""
 
 Column = Callable[[str], FloatArray]
 """A covariate's values by its name, NaN where it is not known."""

@@ -37,8 +37,8 @@ def widened(ideal: IdealScan, up: float, aside: float, around: Surroundings) -> 
     if ideal.object_id is not None:
         columns["object_id"] = ideal.object_id[row]
     new = replace(ideal, rays=redirected(rays, direction), **columns)
-    known = reflectance_of(ideal)
-    return new if known is None else with_reflectance(new, known[row])
+    own = reflectance_of(ideal)
+    return new if own is None else with_reflectance(new, own[row])
 
 
 def _directions(ideal: IdealScan) -> FloatArray:
