@@ -15,19 +15,9 @@ import numpy.typing as npt
 from lidarcheck.arrays import FloatArray, IntArray
 from lidarcheck.errors import UsageError
 
-__all__ = ["SWEEP_S", "Caster", "Hits", "Rays", "sweep_time_s"]
+__all__ = ["Caster", "Hits", "Rays", "Velocity"]
 
 Velocity = tuple[float, float, float]
-
-SWEEP_S = 0.030
-"""A frame is swept point column by point column, from the first to the last, in this time."""
-
-_LAST_POINT = 959
-
-
-def sweep_time_s(point: npt.ArrayLike) -> FloatArray:
-    """When a point column is fired, from the frame's start [s]; same shape."""
-    return np.asarray(point, dtype=np.float64) * (SWEEP_S / _LAST_POINT)
 
 
 @dataclass(frozen=True)

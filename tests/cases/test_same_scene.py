@@ -13,7 +13,6 @@ from lidarcheck.cli import main
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.model import load_model, save_model, simulate
-from lidarcheck.rays import SWEEP_S
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, beam_directions
 
@@ -186,7 +185,6 @@ def test_a_case_whose_scans_stand_beside_the_next_ideal_scan_is_refused(tmp_path
 
 
 def test_the_first_quarter_of_the_sweep_is_what_a_shift_is_tried_on() -> None:
-    assert SWEEP_S > 0.0
     late = street().take(street().point > 300)
     found = compare_scenes(measured(late), Surfaces.of(late), after=Surfaces.of(street(forward_m=0.4)))
     assert found is not None

@@ -45,6 +45,11 @@ class Around:
         return streams.uniforms(self.seed, self.purpose, 0, layer, point, draws)
 
 
+def sweep_time_s(point: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """When the built-in sensors fire a point column, from the frame's start."""
+    return np.asarray(point, dtype=np.float64) * (0.030 / 959)
+
+
 def wall(beams: int, distance_m: float | npt.NDArray[np.float64] = 50.0, material: int = 1) -> IdealScan:
     """That many beams, 960 a layer, on one wall met at 0 degrees."""
     layer, point = np.divmod(np.arange(beams), 960)

@@ -8,11 +8,11 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import kstest
 
 from analytic_scene import GROUND, WALL_AHEAD, Patch, PatchScene, around, box
+from effect_kit import sweep_time_s
 from lidarcheck import effects
 from lidarcheck.effects.geometry.aiming import rays_of, turned
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
-from lidarcheck.rays import sweep_time_s
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Material, Sensor, beam_directions
 

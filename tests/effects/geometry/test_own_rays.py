@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analytic_scene import GROUND, WALL_AHEAD, Patch, PatchScene, around
+from effect_kit import sweep_time_s
 from lidarcheck import effects
 from lidarcheck.effects.geometry.beam_grid import _stride, nearest_marked
 from lidarcheck.effects.geometry.own_rays import rays_of, second_rows, shares_that_end
@@ -14,7 +15,7 @@ from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.harness.kpis.selection import KpiSelection, SelectedEchoes
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import Model, light_of, simulate
-from lidarcheck.rays import Rays, sweep_time_s
+from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Material, Sensor
 

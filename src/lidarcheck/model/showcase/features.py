@@ -14,7 +14,7 @@ from lidarcheck.model.light import surface_signal
 from lidarcheck.model.showcase.scene import ABOVE, BESIDE, MATERIALS, RETRO, ideal_scan
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import POINTS, Sensor
+from lidarcheck.sensor import Sensor
 
 __all__ = ["Axis", "Features", "axes", "features", "stray_axes"]
 
@@ -71,8 +71,8 @@ def features(runs: Sequence[Scan]) -> Features:
 def _of_run(scan: Scan) -> tuple[FloatArray, ...]:
     ideal = ideal_scan()
     n = len(ideal)
-    key = ideal.layer.astype(np.int64) * POINTS + ideal.point
-    reported = scan.layer.astype(np.int64) * POINTS + scan.point
+    key = ideal.beams.index(ideal.layer, ideal.point)
+    reported = ideal.beams.index(scan.layer, scan.point)
     fired = np.isin(reported, key)
     scan, beam = scan.take(fired), np.searchsorted(key, reported[fired])
     surface = np.where(ideal.distance_m > 0.0, ideal.distance_m, np.nan)

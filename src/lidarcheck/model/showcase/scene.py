@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
-from lidarcheck.rays import Hits, Rays, Velocity, sweep_time_s
+from lidarcheck.rays import Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import POINTS, Material, beam_directions, layer_of, point_of
+from lidarcheck.sensor import Material, reference_beams
 
 __all__ = ["ABOVE", "BESIDE", "MATERIALS", "RETRO", "Rectangles", "ideal_scan", "scene"]
 
@@ -156,23 +156,25 @@ def scene() -> Rectangles:
 
 def _beams() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """The beams that look at it: a wide grid, finer where the panels stand, and a full cross on the retro-reflector."""
-    layer, point = int(layer_of(_RETRO_AT[1])), int(point_of(_RETRO_AT[0]))
+    beams = reference_beams()
+    layer, point = int(beams.elevation.nearest(_RETRO_AT[1])), int(beams.azimuth.nearest(_RETRO_AT[0]))
     blocks = (
-        (np.concatenate([np.arange(100, 220, 10), np.arange(220, 330, 4)]), np.arange(2, POINTS, 5)),
+        (np.concatenate([np.arange(100, 220, 10), np.arange(220, 330, 4)]), np.arange(2, beams.points, 5)),
         (np.arange(layer - ABOVE, layer + ABOVE + 1), np.arange(point - 3, point + 4)),
         (np.arange(layer - 5, layer + 6), np.arange(point - BESIDE, point + BESIDE + 1)),
     )
-    beams = np.concatenate([np.stack(np.meshgrid(*b, indexing="ij"), axis=-1).reshape(-1, 2) for b in blocks])
-    beams = np.unique(beams, axis=0).astype(np.int32)
-    return beams[:, 0], beams[:, 1]
+    looking = np.concatenate([np.stack(np.meshgrid(*b, indexing="ij"), axis=-1).reshape(-1, 2) for b in blocks])
+    looking = np.unique(looking, axis=0).astype(np.int32)
+    return looking[:, 0], looking[:, 1]
 
 
 @functools.cache
 def ideal_scan() -> IdealScan:
     """What the demonstration's beams meet, in order of (layer, point)."""
     layer, point = _beams()
-    n = len(layer)
-    rays = Rays(np.zeros((n, 3)), beam_directions(layer, point), sweep_time_s(point), np.zeros(n, dtype=np.int32))
+    n, beams = len(layer), reference_beams()
+    directions, fired_s = beams.directions(layer, point), beams.fire_time_s(layer, point)
+    rays = Rays(np.zeros((n, 3)), directions, fired_s, np.zeros(n, dtype=np.int32))
     hits = scene().cast(rays)
     return IdealScan(
         layer, point, hits.distance_m, hits.material_id, hits.incidence_deg, hits.object_id, file="the demonstration"
