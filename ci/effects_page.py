@@ -11,7 +11,6 @@ from pathlib import Path
 
 from lidarcheck.cli.simulation.effects_text import TREE, example, node_names
 from lidarcheck.effects import Effect, catalogue
-from lidarcheck.effects.base import Parameter
 from lidarcheck.effects.search import search_spec
 from lidarcheck.formats.atomic import write_text
 
@@ -119,7 +118,8 @@ def section(effect: type[Effect]) -> str:
         "".join(f"Not for the detector `{kind}`: {prose(reason)}.\n\n" for kind, reason in effect.unfit.items())
     )
     rows = [
-        f"| `{p.name}` | {cell(p.unit)} | {span(p)} | {p.typical:g} | {p.noticeable:g} | {cell(p.meaning)} |"
+        f"| `{p.name}` | {cell(p.unit)} | {p.low:g} ... {p.highest} | {p.typical:g} | {p.noticeable:g} | "
+        f"{cell(p.meaning)} |"
         for p in effect.parameters()
     ]
     rows += [
@@ -130,12 +130,6 @@ def section(effect: type[Effect]) -> str:
         text.append("| parameter | unit | range | typical | noticeable | meaning |\n|---|---|---|---|---|---|\n")
         text.append("".join(f"{row}\n" for row in rows) + "\n")
     return "".join([*text, f"```toml\n{example(effect)}```\n\n", *seen(effect)])
-
-
-def span(parameter: Parameter) -> str:
-    """Its interval; of what counts the sensor's beams, in words."""
-    ends = {"layer": "last layer", "point": "last point", "line": "last layer or zone"}
-    return f"{parameter.low:g} ... {ends.get(parameter.counts) or f'{parameter.high:g}'}"
 
 
 def seen(effect: type[Effect]) -> list[str]:

@@ -51,6 +51,7 @@ MOST_BEAMS = 1_000_000
 COUNTS = ("layer", "point", "line", "layers", "points")
 """What a parameter may count of a sensor's beams: the number of a layer, of a point, or of what has a gain of its own
 (a layer, or a zone), from 0; how many layers, points."""
+_LAST = {"layer": "the last", "point": "the last", "line": "the last"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +95,13 @@ class Parameter:
             wrong = "out of range" if number else "no number"
             raise UsageError(
                 f"{effect}: {self.name} = {value!r} is {wrong}",
-                fix=f"use {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip(),
+                fix=f"use {kind} from {self.low:g} to {self.highest} {self.unit}".rstrip(),
             )
+
+    @property
+    def highest(self) -> str:
+        """The end of its interval; of what counts the sensor's beams, in words."""
+        return _LAST.get(self.counts) or f"{self.high:g}"
 
     def most(self, numbers: Mapping[str, int]) -> float:
         """The largest value with a sensor that has so many of what it counts, by the words of `COUNTS`."""

@@ -134,7 +134,7 @@ REFUSED = {
     "layer_gain --set gain=nan": "layer_gain: gain = nan is out of range; use a number from 0 to 10",
     "layer_gain --set gain=big": "layer_gain: gain = 'big' is no number; use a number from 0 to 10",
     "layer_gain --set first_layer=1.5": (
-        "layer_gain: first_layer = 1.5 is out of range; use a whole number from 0 to 519 layer"
+        "layer_gain: first_layer = 1.5 is out of range; use a whole number from 0 to the last layer"
     ),
     "layer_gain --set gain": "--set gain is no setting; use --set PARAMETER=VALUE, as --set gain=0.5",
     "layer_gain --set gain=": "--set gain= is no setting; use --set PARAMETER=VALUE, as --set gain=0.5",

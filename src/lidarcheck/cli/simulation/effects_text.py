@@ -80,7 +80,7 @@ def explanation(effect: type[Effect], picture: str = "") -> str:
     parts.append(f"{paragraphs(f'Effect tree (PerCollECT/LidarLimbs): {node_names(effect)}')}\n")
     parts += [f"{paragraphs(f'Not for the detector {kind}: {reason}.')}\n" for kind, reason in effect.unfit.items()]
     rows = [
-        (p.name, p.unit, *(f"{number:g}" for number in (p.low, p.high, p.typical, p.noticeable)), p.meaning)
+        (p.name, p.unit, f"{p.low:g}", p.highest, f"{p.typical:g}", f"{p.noticeable:g}", p.meaning)
         for p in effect.parameters()
     ]
     if rows:
