@@ -5,12 +5,14 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from chance_kit import null
 from lidarcheck.cli.core.entry import main
 from lidarcheck.formats import save_ideal, save_scan
-from lidarcheck.scan import Scan
+from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import shipped
 
 
 def moved(scan: Scan, gain: float) -> Scan:
@@ -132,3 +134,34 @@ def test_any_needs_something_that_is_judged(scans, capsys):
     assert "no KPI could be judged; compare more beams or frames" in capsys.readouterr().err
     assert run("few_real.parquet", "few_sim.parquet") == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith("No KPI could be judged: ")
+
+
+def test_features_and_beams_of_a_named_sensor(tmp_path, monkeypatch, capsys):
+    """A feature of its own name, on beams whose origins turn with the head; files that its beams alone explain."""
+    monkeypatch.chdir(tmp_path)
+    sensor = shipped("OS1-128")
+    layer, point = (grid.ravel() for grid in np.meshgrid(np.arange(0, 128, 8), np.arange(192), indexing="ij"))
+    n, rng = len(layer), np.random.default_rng(4)
+    distance_m = 8.0 + 0.02 * point
+    save_ideal(IdealScan(layer, point, distance_m, np.ones(n), np.zeros(n), beams=sensor.beams), Path("ideal.parquet"))
+    for name, gain in (("real", 1.2), ("sim", 1.0), ("again", 1.0)):
+        value = np.rint(gain * rng.normal(60.0, 4.0, n))
+        range_m = distance_m + sensor.beams.range_offset_m(layer) + 0.008 * rng.integers(-1, 2, n)
+        features = {"REFLECTIVITY": value, "AMBIENT": np.rint(rng.normal(20.0, 3.0, n))}
+        number = np.ones(n, dtype=np.int32)
+        scan = Scan.from_beams(layer, point, range_m, echo_number=number, features=features, beams=sensor.beams)
+        save_scan(scan, Path(f"{name}.parquet"))
+    options = ("--sensor", "OS1-128", "--ideal", "ideal.parquet", "--json", "k.json")
+    assert run("real.parquet", "sim.parquet", *options, "--fail-on", "dvm_bias:REFLECTIVITY>6") == 1
+    assert capsys.readouterr().out.splitlines()[-1].endswith("stand out from chance: REFLECTIVITY.")
+    document = json.loads(Path("k.json").read_text())
+    assert list(document["features"]) == ["range_residual", "REFLECTIVITY", "AMBIENT"]
+    assert document["features"]["REFLECTIVITY"]["dvm_bias"] == pytest.approx(12.0, abs=0.5)
+    assert abs(document["features"]["range_residual"]["mean_measured"]) < 0.002
+    assert document["direction"]["azimuth"]["bias_measured"] == 0.0
+    assert run("again.parquet", "sim.parquet", *options, "--fail-on", "any") == 0
+    assert run("real.parquet", "sim.parquet", "--sensor", "OS1") == 2
+    assert "there is no sensor variant 'OS1'" in capsys.readouterr().err
+    Path("model.toml").write_text('variant = "OS1-128"\n', encoding="utf-8")
+    assert run("real.parquet", "sim.parquet", "--sensor", "OS1-128", "--model", "model.toml") == 2
+    assert "give one of them" in capsys.readouterr().err
