@@ -18,6 +18,7 @@ from lidarcheck.inference.intervals import ClassifierGap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
 from lidarcheck.kpi.classifier import classifier_gap, folds_of
+from lidarcheck.kpi.lattice import piece_of
 from lidarcheck.kpi.pairing import nearest_on_line
 from lidarcheck.model.chain import simulate
 from lidarcheck.model.spec import Model
@@ -78,7 +79,7 @@ class Classifier:
         beams = beams_of([f.ideal for f in frames], model)
         repeated = any(_REPEATED in f.ideal.extra for f in frames)
         lattice = [np.unique(number, return_inverse=True)[1] for number in (beams.layer, beams.point)]
-        fold = folds_of(beams.frame, *lattice, repeated=repeated)
+        fold = folds_of(beams.frame, *lattice, repeated=repeated, piece=_pieces(beams, frames))
         drawn = _drawn(beams.column, most) & ~_at_marked_edges(beams, frames)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
         return cls(tuple(frames), surfaces, beams, drawn, fold, _known(beams, lattice, repeated=repeated), seed)
@@ -207,6 +208,17 @@ def _at_marked_edges(beams: BeamTable, frames: Sequence[Frame]) -> BoolArray:
         marked = np.asarray(frame.ideal.extra.get(_EDGE, np.zeros(len(frame.ideal)))) == 1
         rows = key_of(np.full(int(marked.sum()), i), frame.ideal.layer[marked], frame.ideal.point[marked])
         found[np.searchsorted(beams.key, rows)] = True
+    return found
+
+
+def _pieces(beams: BeamTable, frames: Sequence[Frame]) -> IndexArray | None:
+    """The piece of its frame that each beam lies in, (n_beams,); None where beams have a lattice."""
+    if all(frame.ideal.beams.lattice for frame in frames):
+        return None
+    found, points = np.zeros(len(beams), dtype=np.int64), int(beams.point.max(initial=0)) + 1
+    for i, frame in enumerate(frames):
+        rows = beams.frame == i
+        found[rows] = piece_of(frame.ideal.beams, beams.layer[rows], beams.point[rows], points)
     return found
 
 
