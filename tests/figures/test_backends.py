@@ -245,3 +245,12 @@ def test_a_drawing_library_is_known_to_its_backend_alone(library, backend):
     files = [path for path in figures.parent.rglob("*.py") if importing.search(path.read_text(encoding="utf-8"))]
     assert files
     assert {path.parent for path in files} == {figures / backend}
+
+
+def test_dots_are_joined_by_no_line():
+    many = np.linspace(0.0, 9.0, 200)
+    figure = Course("c", "x", "y", (Curve("a", many, many, dots=True), Curve("b", many, many + 1.0)))
+    (subplot,) = subplots_of(figure, "histogram")
+    assert [line.series for line in subplot.lines] == [1]
+    assert [len(dots.x) for dots in subplot.dots] == [200]
+    assert subplot.drawn() == {0, 1}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.arrays import BoolArray
+from lidarcheck.arrays import BoolArray, FloatArray, IntArray
 from lidarcheck.errors import InputError
 from lidarcheck.formats.columns import (
     INT32_MAX,
@@ -23,6 +23,7 @@ from lidarcheck.formats.columns import (
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import RETRO_GAIN_MAX, Beams, Sensor, reference_beams
+from lidarcheck.sensor.beam_table import TableBeams
 
 __all__ = ["IDEAL_COLUMNS", "ideal_from_table", "is_ideal", "table_from_ideal"]
 
@@ -69,6 +70,10 @@ def is_ideal(table: Table) -> bool:
     if missing(table, ["Layer", "Point", "Distance"]):
         return False
     return not missing(table, ["MaterialID"]) or bool(missing(table, ["X", "Y", "Z"]))
+
+
+_BEAM, _MOST = ("Layer", "Point"), 9_999_999
+"""Numbers of beams, and the largest of those that a scan itself brings."""
 
 
 def ideal_from_table(table: Table, sensor: Sensor | None = None) -> IdealScan:
@@ -120,7 +125,10 @@ def _checked(table: Table, beams: Beams) -> dict[str, Any]:
     met = None if distance.size and distance.min() > 0.0 else distance > 0.0
     for name, (low, high) in _WHOLE.items():
         if table.spelling(name):
-            last = {"Layer": beams.layers - 1, "Point": beams.points - 1}.get(name)
+            own = (
+                {"Layer": beams.layers - 1, "Point": beams.points - 1} if beams.lattice else dict.fromkeys(_BEAM, _MOST)
+            )
+            last = own.get(name)
             where = None if last is not None else _there(table, name, met)
             fields[IDEAL_COLUMNS[name]] = whole_column(table, name, low, high if last is None else last, where=where)
     for name, (least, most, unit) in _REAL.items():
@@ -140,19 +148,38 @@ def _checked(table: Table, beams: Beams) -> dict[str, Any]:
 
 def _of_frame(beams: Beams, columns: dict[str, Any], table: Table) -> Beams:
     """The beams as this frame fires them."""
+    layer, point = columns["layer"], columns["point"]
+    if not beams.lattice:
+        return _of_rays(beams, layer, point, table)
     if beams.repeats:
         return beams
-    layer, point = columns["layer"], columns["point"]
     azimuth = table.get("Azimuth0")
     if azimuth is not None and np.isfinite(azimuth).any():
         first = float(azimuth[np.isfinite(azimuth)][0])
-        return beams.with_phase(first - float(beams.with_phase(0.0).angles_deg(0, 0)[1]))
-    axes = [table.get(name) for name in ("X", "Y", "Z")]
-    if any(axis is None for axis in axes):
+        return beams.with_phase(first - beams.with_phase(0.0).first_azimuth_deg)
+    xyz = _places(table)
+    if xyz is None:
         return beams
-    xyz = np.column_stack([np.asarray(axis, dtype=np.float64) for axis in axes])
     there = np.isfinite(xyz).all(axis=1) & (columns["distance_m"] > 0.0)
     return beams.with_phase(beams.phase_of(layer[there], point[there], xyz[there]))
+
+
+def _places(table: Table) -> FloatArray | None:
+    """X, Y, Z of each row, (n, 3), None where a column is missing."""
+    axes = [table.get(name) for name in ("X", "Y", "Z")]
+    return None if any(axis is None for axis in axes) else np.column_stack([np.asarray(a, np.float64) for a in axes])
+
+
+def _of_rays(beams: Beams, layer: IntArray, point: IntArray, table: Table) -> Beams:
+    """The beams of a sensor whose scans bring them: each row's X, Y, Z lie on its ray, whether it meets something."""
+    xyz = _places(table)
+    if xyz is None:
+        what, fix = "the sensor has no beams of its own, and X, Y, Z are missing", "cast it along a scan's rays"
+        raise InputError(what, file=table.path, line=table.line_of(0), fix=fix)
+    lost = np.flatnonzero(~(np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)))
+    if len(lost):
+        raise table.fault("X, Y, Z name no direction", row=int(lost[0]), fix="let them lie on the row's ray")
+    return TableBeams.of_echoes(beams.sweep, layer, point, xyz)
 
 
 def _there(table: Table, name: str, met: BoolArray | None) -> BoolArray | None:

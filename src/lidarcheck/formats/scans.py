@@ -22,6 +22,7 @@ from lidarcheck.formats.columns import (
 )
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.geometry.reader import checked_geometry
+from lidarcheck.formats.own_directions import beams_of_echoes
 from lidarcheck.formats.return_kinds import RETURN_KINDS, kinds_by_range, livox_numbers, return_kinds
 from lidarcheck.formats.returns import Beams, Numbering, fired_of, no_returns, numbered
 from lidarcheck.formats.sensor_columns import (
@@ -113,7 +114,10 @@ def read_scan(
     as_read = table if empty is None else table.take(np.flatnonzero(~empty))
     echoes = placement.applied(as_read)
     x_m, y_m, z_m = _positions(echoes, own)
-    beams = _beams(echoes, x_m, y_m, z_m, own)
+    if own.lattice:
+        beams = _beams(echoes, x_m, y_m, z_m, own)
+    else:
+        own, beams = beams_of_echoes(echoes, np.column_stack([x_m, y_m, z_m]), own)
     fired, unplaced = (None, 0) if empty is None else _fired(beams, table.take(np.flatnonzero(empty)))
     features = {name: _feature(echoes, name, missing_ok=missing_features) for name in FEATURES}
     others = features_of(echoes, sensor, missing_ok=missing_features)

@@ -40,7 +40,7 @@ def fired_beams(sensor: Sensor, layers: Span, points: Span, frame: int) -> tuple
     beams, columns = sensor.beams.of_frame(frame)
     layer, point = beams.every()
     if not len(layer):
-        fix = "read a scan of it, whose echoes bring their directions, and cast along its beams"
+        fix = "cast along the rays of a scan: lidarcheck scene --rays SCAN"
         raise UsageError(f"{sensor.name} has no beams of its own: each scan brings them", fix=fix)
     asked = point < columns
     for name, span, count, at in (("layers", layers, beams.layers, layer), ("points", points, beams.points, point)):
@@ -78,14 +78,15 @@ def places(
     """The columns by which a file tells where beams look that no number tells: X, Y, Z, and Azimuth0 [deg].
 
     Shape (n,) each, for rows with those distances; none for beams that look the same way in every frame. `axes`: the
-    rows' rays where they are not their beams' own. What meets nothing is at 0, 0, 0.
+    rows' rays where they are not their beams' own. What meets nothing is at 0, 0, 0; where no number names a direction,
+    1 m along its ray, which would else be lost.
     """
     if beams.repeats and beams.lattice:
         return {}
     direction = beams.directions(layer, point) if axes is None else axes.direction
     origin = beams.origins_m(layer, point) if axes is None else axes.origin_m
     met = distance_m > 0.0
-    xyz = direction * np.where(met, distance_m, 0.0)[:, None]
+    xyz = direction * np.where(met, distance_m, 0.0 if beams.lattice else 1.0)[:, None]
     if origin is not None:
         xyz += np.where(met[:, None], origin, 0.0)
     columns = dict(zip("XYZ", xyz.T, strict=True))

@@ -65,6 +65,27 @@ class TableBeams(Beams):
                 origins[layer, point, k] = columns.get(name, 0.0)
         return cls(sweep, angles, times_s, origins, from_scan)
 
+    @classmethod
+    def of_echoes(
+        cls, sweep: Sweep, layer: IntArray, point: IntArray, xyz: FloatArray, time_s: FloatArray | None = None
+    ) -> TableBeams:
+        """The beams of one scan whose echoes bring their directions: each looks at the farthest echo of its number.
+
+        `layer`, `point`, `time_s` (n,), `xyz` (n, 3), not 0. Numbers may leave gaps.
+        """
+        shape = (int(layer.max(initial=0)) + 1, int(point.max(initial=0)) + 1)
+        angles, times_s = np.full((*shape, 2), np.nan), np.zeros(shape)
+        x, y, z = xyz.T
+        level = elementary.hypot(x, y)
+        # Of several echoes of a beam the last one written counts.
+        order = np.argsort(x * x + y * y + z * z, kind="stable")
+        at = (layer[order], point[order])
+        angles[(*at, 0)] = np.rad2deg(elementary.arctan2(z, level))[order]
+        angles[(*at, 1)] = np.rad2deg(elementary.arctan2(y, x))[order]
+        if time_s is not None:
+            times_s[at] = time_s[order]
+        return cls(sweep, angles, times_s, None, from_scan=True)
+
     @property
     def layers(self) -> int:
         """Number of lines."""
@@ -149,6 +170,8 @@ class TableBeams(Beams):
     def nearest(self, xyz: npt.ArrayLike) -> tuple[IntArray, IntArray]:
         """Layer and point of the beam that points to each position (n, 3); -1, -1 farther off than a spacing."""
         xyz = np.asarray(xyz, dtype=np.float64)
+        if not len(self._tree[1]):
+            return np.full(len(xyz), -1, dtype=np.int32), np.full(len(xyz), -1, dtype=np.int32)
         length = np.maximum(np.sqrt((xyz**2).sum(axis=1)), 1e-300)
         tree, cell = self._tree
         chord, at = tree.query(xyz / length[:, None])

@@ -129,6 +129,25 @@ def test_a_sensor_is_named_by_itself_by_its_file_by_a_model_or_by_the_scenario(h
     assert Path("mine.toml").read_text().startswith("# A histogram chip")
 
 
+def test_a_scan_that_brings_its_directions_is_simulated_along_them(here, capsys):
+    rows = [f"{x},{y},0.5,{i % 2},{1000 * i}" for i, (x, y) in enumerate([(9, 1), (8, -3), (7, 0), (9, 2), (-5, 1)])]
+    Path("cloud.csv").write_text("x,y,z,line,offset_time\n" + "\n".join(rows) + "\n")
+    Path("near.toml").write_text(
+        '[[objects]]\nshape = "panel"\nposition_m = [6.0, 0.0, 0.0]\nwidth_m = 9.0\nheight_m = 9.0\nmaterial = 3\n'
+    )
+    Path("m.toml").write_text('variant = "Livox"\n[materials.3]\nreflectance = 0.8\n')
+    assert main(["scene", "near.toml", "--model", "m.toml", "--rays", "cloud.csv", "--out", "i.csv", "-q"]) == 0
+    assert main(["simulate", "i.csv", "--model", "m.toml", "--out", "s.csv", "-q"]) == 0
+    echoes = Path("s.csv").read_text().splitlines()[1:]
+    assert len(echoes) == 4
+    assert all(abs(float(line.split(",")[0]) - 6.0) < 0.2 for line in echoes)
+    assert main(["scene", "near.toml", "--model", "m.toml", "--out", "x.csv"]) == 2
+    assert main(["scene", "near.toml", "--sensor", "XT32", "--rays", "cloud.csv", "--out", "x.csv"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "Livox HAP has no beams of its own" in said[0]
+    assert "--rays is for a sensor whose scans bring their directions" in said[1]
+
+
 SCENARIO = """\
 description = "x"
 scene = "own.toml"

@@ -45,6 +45,9 @@ def scene(
         Parameter(help="Whose beams are cast: a sensor's name or file; by default the scenario's, else SMART's."),
     ] = None,
     model: Annotated[Path | None, Parameter(help="A model, whose sensor's beams are cast.")] = None,
+    rays: Annotated[
+        Path | None, Parameter(help="A scan along whose rays is cast, of a sensor whose scans bring their directions.")
+    ] = None,
     list_: Annotated[bool, Flag, Parameter(name="--list", help="List the built-in scenes.")] = False,
     sub_beams: Annotated[
         int | None,
@@ -88,7 +91,9 @@ def scene(
     with stage(f"reading {scene}"):
         file = find_scene(scene)
         beams_of = _sensor(scene, sensor, model)
-    check_writable(out, option="--out", besides=(*file.files, *_files_of(sensor, model)))
+        if rays is not None:
+            beams_of = _along(rays, beams_of)
+    check_writable(out, option="--out", besides=(*file.files, *_files_of(sensor, model), rays))
     with stage(f"casting {file.name}"):
         ideal = file.ideal(beams_of, frame=frame, **_changes(sub_beams, swept, no_second_hits))
     with stage(f"writing {out.name}"):
@@ -113,6 +118,16 @@ def _sensor(scene: str, sensor: str | None, model: Path | None) -> Sensor | None
 
         return load_model(model).sensor
     return _of_scenario(scene)
+
+
+def _along(rays: Path, sensor: Sensor | None) -> Sensor:
+    """The sensor with the beams that a scan of it brings."""
+    from lidarcheck.formats import load_scan
+
+    if sensor is None or sensor.beams.lattice:
+        what = "--rays is for a sensor whose scans bring their directions"
+        raise UsageError(what, fix="give --sensor or --model of such a one, or leave out --rays")
+    return replace(sensor, beams=load_scan(rays, sensor=sensor).beams)
 
 
 def _of_scenario(scene: str) -> Sensor | None:
