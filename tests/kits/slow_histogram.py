@@ -89,10 +89,14 @@ def echoes(sensor, histogram):
 
 
 def centroid(net, t, fwhm, b):
+    """As the contract says; a window without signal is no echo, and a centroid of noise does not leave its window."""
     edges = np.arange(len(net) + 1)
     for _ in range(10):
         part = np.clip(np.minimum(edges[1:], t + fwhm) - np.maximum(edges[:-1], t - fwhm), 0.0, 1.0)
+        if (part * net).sum() <= 0.0:
+            break
         new = (part * net * (edges[:-1] + 0.5)).sum() / (part * net).sum()
+        new = np.clip(new, max(t - fwhm, 0.0), min(t + fwhm, len(net)))
         moved, t = abs(new - t), new
         if moved < 0.01:
             break

@@ -28,6 +28,7 @@ GLASS = {"cover_glass": 0.01, "background_per_ns": 2e-4}
         {"dead_bins": 5, "shots": 2000, "cover_glass": 0.2, "background_per_ns": 0.005},
         {"spads": 1, "shots": 300, "background_per_ns": 0.01},
         {"first_bin_ns": 0.4, **GLASS},
+        {"bins": 61, "pulse_fwhm_ns": 0.65, "threshold_sigma": 0.5, "background_per_ns": 1e-3},
         {"features": (Feature("H", "histogram", bits=9), Feature("N", "photons")), **GLASS},
     ],
 )
