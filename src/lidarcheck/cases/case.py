@@ -252,7 +252,7 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex, se
         if _is_exchanged(*tables):
             what = f"frame {number}: {entry.ideal} holds echoes and {entry.measured} an ideal scan"
             raise lines.fault(("frames", number, "ideal"), what, fix="exchange `ideal` and `measured`")
-        ideal = ideal_from_table(ideal_table(tables[0]) if is_semantic(tables[0]) else tables[0], sensor)
+        ideal = ideal_from_table(ideal_table(tables[0], sensor) if is_semantic(tables[0]) else tables[0], sensor)
         file = directory / entry.measured
         scan = _with_features(
             _known_beams(scan_from_table(tables[1], entry.placement, sensor), ideal, file), file, sensor

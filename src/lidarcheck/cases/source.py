@@ -108,7 +108,7 @@ def scan_of(frame: FrameFile | PathLike, placement: Placement = AS_IT_IS, sensor
 def ideal_of(frame: FrameFile | PathLike, sensor: Sensor | None = None) -> IdealScan:
     """The ideal scan of a frame; `sensor`: whose beams they are, a built-in one's where None."""
     table = _table(frame)
-    return ideal_from_table(ideal_table(table) if is_semantic(table) else table, sensor)
+    return ideal_from_table(ideal_table(table, sensor) if is_semantic(table) else table, sensor)
 
 
 def _table(frame: FrameFile | PathLike) -> Table:

@@ -18,8 +18,10 @@ from lidarcheck.formats.recognise import Format, read_table, recognise, target_f
 from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.scans import positions_of, read_scan
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
+from lidarcheck.formats.sensor_columns import right_handed
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.times import TimeUnit, clock_of, seconds
+from lidarcheck.sensor import Sensor
 
 __all__ = ["FileDescription", "convert", "describe"]
 
@@ -37,6 +39,7 @@ def convert(
     *,
     drop_empty: bool = False,
     time_unit: TimeUnit | None = None,
+    sensor: Sensor | None = None,
 ) -> None:
     """Write the file `source` as `target`, in the format of the target's suffix.
 
@@ -44,7 +47,8 @@ def convert(
     semantic LiDAR become an ideal scan, and X, Y, Z of a scan are placed as declared. From text to text (or CSV to CSV)
     every other byte stays as it was. Rows without a return stay such, as the target's format has them; `drop_empty`
     leaves them out. `time_unit`: the unit of the time column, which makes a column `Time` [s from the frame's start]
-    beside it; a column of that name becomes `TimeRaw`.
+    beside it; a column of that name becomes `TimeRaw`. `sensor`: what measured, a built-in one where None;
+    its hand is that of both files.
 
     `UsageError` for a suffix that cannot be written, when `target` is `source`, or for a `time_unit` without a time;
     `InputError` for what is wrong with the file. Nothing is written then.
@@ -53,29 +57,30 @@ def convert(
     if Path(target).exists() and Path(source).exists() and Path(target).samefile(source):
         raise UsageError(f"{target} would be overwritten by its own conversion", fix="name another file to write")
     table = read_table(source)
-    scan = _checked(table, placement)
-    columns = table if scan else ideal_table(table) if is_semantic(table) else table
+    scan = _checked(table, placement, sensor)
+    columns = table if scan else ideal_table(table, sensor) if is_semantic(table) else table
     if time_unit is not None:
         columns = _with_time(columns, time_unit)
     empty = no_returns(columns) if scan else None
     if empty is not None and drop_empty:
         columns, empty = replace(columns.take(np.flatnonzero(~empty)), origin=None, first_line=None), None
-    columns = _placed(columns, placement, empty)
+    if scan and placement.moves:
+        columns = right_handed(_placed(right_handed(columns, sensor), placement, empty), sensor)
     if scan and form.name in _NEEDS_POSITION:
-        columns = _with_positions(columns, form, empty, same=recognise(source) == form.name)
+        columns = _with_positions(columns, form, empty, sensor, same=recognise(source) == form.name)
     form.write(_whole_numbers(columns), target)
 
 
-def _checked(table: Table, placement: Placement) -> bool:
+def _checked(table: Table, placement: Placement, sensor: Sensor | None) -> bool:
     """Whether the columns are a scan, once they are known to be one or an ideal scan."""
     if not is_semantic(table) and not is_ideal(table):
-        read_scan(table, placement)
+        read_scan(table, placement, sensor=sensor)
         return True
     if placement.moves:
         what = "is an ideal scan, whose beams have no mirror, unit or pose to declare"
         raise InputError(what, file=table.path, fix="leave --mirror, --unit and --pose out")
     if is_ideal(table):
-        ideal_from_table(table)
+        ideal_from_table(table, sensor)
     return False
 
 
@@ -112,15 +117,18 @@ def _whole_numbers(table: Table) -> Table:
     return table
 
 
-def _with_positions(table: Table, form: Format, empty: BoolArray | None, *, same: bool) -> Table:
+def _with_positions(table: Table, form: Format, empty: BoolArray | None, sensor: Sensor | None, *, same: bool) -> Table:
     """A position where a point must have one, and none, as the format says that, where there was no return."""
     lacking = bool(missing(table, ["X", "Y", "Z"]))
     if not lacking and (empty is None or same or form.name not in _NO_POSITION):
         return table
     nothing = _NO_POSITION.get(form.name, 0.0)
-    xyz = positions_of(table, empty) if lacking else [table.columns[table.spelling(name) or name] for name in "XYZ"]
+    if lacking:
+        xyz = positions_of(table, empty, None if sensor is None else sensor.beams)
+    else:
+        xyz = tuple(table.columns[table.spelling(name) or name] for name in "XYZ")  # type: ignore[assignment]
     for name, column in zip("XYZ", xyz, strict=True):
         if empty is not None and (column.dtype.kind == "f" or not np.isnan(nothing)):
             column = np.where(empty, column.dtype.type(nothing), column)
         table = table.with_column(name, column)
-    return table
+    return right_handed(table, sensor) if lacking else table

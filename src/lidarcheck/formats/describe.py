@@ -19,9 +19,11 @@ from lidarcheck.formats.ideals import ideal_from_table, is_ideal
 from lidarcheck.formats.recognise import FORMATS, read_table, recognise
 from lidarcheck.formats.scans import RowCounts, read_scan
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
+from lidarcheck.formats.sensor_columns import histogram_names, spellings
 from lidarcheck.formats.table import Column, Table, counted
 from lidarcheck.formats.times import TimeUnit, clock_of, seconds
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import COUNTED, IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["ColumnSummary", "FileDescription", "describe"]
 
@@ -114,16 +116,18 @@ def describe(
     load_model: Callable[[str | os.PathLike[str]], Any] | None = None,
     placement: Placement = AS_IT_IS,
     time_unit: TimeUnit | None = None,
+    sensor: Sensor | None = None,
 ) -> FileDescription:
     """What a file is and what is in it: scans and ideal scans in any format, LUTs, settings, models.
 
     `load_model`: what reads a model (`lidarcheck.model.load_model`); a TOML file is refused without it. `placement`:
-    what is declared of a scan; `time_unit`: of its time column, where that does not tell. `InputError` or `ConfigError`
+    what is declared of a scan; `time_unit`: of its time column, where that does not tell; `sensor`: what measured, a
+    built-in one where None. `InputError` or `ConfigError`
     when the file is none of these or has faults.
     """
     name = recognise(path)
     if name in FORMATS:
-        return _describe_table(read_table(path), FORMATS[name].title, placement, time_unit)
+        return _describe_table(read_table(path), FORMATS[name].title, placement, time_unit, sensor)
     if name == "lut":
         return _describe_lut(path)
     if name == "settings":
@@ -133,15 +137,17 @@ def describe(
     return _describe_model(path, load_model(path))
 
 
-def _describe_table(table: Table, form: str, placement: Placement, time_unit: TimeUnit | None) -> FileDescription:
+def _describe_table(
+    table: Table, form: str, placement: Placement, time_unit: TimeUnit | None, sensor: Sensor | None
+) -> FileDescription:
     rows: Scan | IdealScan
     facts: dict[str, Any] = {}
     whole, frames = _with_frames(table)
     if is_semantic(table) or is_ideal(table):
-        rows = ideal_from_table(ideal_table(table) if is_semantic(table) else table)
+        rows = ideal_from_table(ideal_table(table, sensor) if is_semantic(table) else table, sensor)
         kind, range_m, facts = "ideal", rows.distance_m[rows.distance_m > 0], _ideal_facts(rows)
     else:
-        rows, found = read_scan(whole, placement)
+        rows, found = read_scan(whole, placement, sensor=sensor)
         kind, range_m, facts = "scan", rows.range_m, {**_row_facts(rows, found), **_time_facts(table, time_unit)}
     frame = rows.extra[whole.spelling("Frame") or ""] if whole is not table else np.zeros(len(rows), dtype=np.int64)
     counts = np.concatenate([_rows_per_beam(rows.layer[at], rows.point[at]) for at in _each(frame)])
@@ -154,9 +160,32 @@ def _describe_table(table: Table, form: str, placement: Placement, time_unit: Ti
         beams=len(_rows_per_beam(rows.layer, rows.point)),
         range_m=_span(range_m),
         echoes_per_beam={str(number): int(np.count_nonzero(counts == number)) for number in np.unique(counts)},
-        defaulted=rows.defaulted,
-        facts={**frames, **facts},
+        defaulted=tuple(name for name in rows.defaulted if _expected(name, sensor)),
+        facts={**frames, **_sensor_facts(table, sensor, kind), **facts},
     )
+
+
+def _expected(column: str, sensor: Sensor | None) -> bool:
+    """Whether a standard column that the file lacks is missing: another sensor's features are not."""
+    return sensor is None or column not in COUNTED or any(feature.name == column for feature in sensor.features)
+
+
+def _sensor_facts(table: Table, sensor: Sensor | None, kind: str) -> dict[str, Any]:
+    """How the file is read as that sensor's: its beams, the hand of Y, the column of each feature."""
+    if sensor is None:
+        return {}
+    beams = sensor.beams
+    said = [f"{sensor.name}, {beams.layers} layers x {beams.points} points"]
+    if kind == "scan":
+        own = spellings(table, sensor) | {name: name for name in COUNTED if table.spelling(name)}
+        own |= {f.name: f"h0 ... h{n - 1}" for f in sensor.features if f.law == "histogram" and (n := _bins(table))}
+        said += ["left-handed, Y is negated"] if sensor.handedness == "left" else []
+        said += [f"{f.name} {f'is {own[f.name]}' if f.name in own else 'is not there'}" for f in sensor.features]
+    return {"sensor": said}
+
+
+def _bins(table: Table) -> int:
+    return len(histogram_names(table))
 
 
 def _with_frames(table: Table) -> tuple[Table, dict[str, Any]]:

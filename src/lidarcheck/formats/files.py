@@ -46,7 +46,7 @@ def load_ideal(path: str | PathLike[str], sensor: Sensor | None = None) -> Ideal
     splits it.
     """
     table = one_frame(read_table(path))
-    return ideal_from_table(ideal_table(table) if is_semantic(table) else table, sensor)
+    return ideal_from_table(ideal_table(table, sensor) if is_semantic(table) else table, sensor)
 
 
 def save_ideal(ideal: IdealScan, path: str | PathLike[str]) -> None:

@@ -1,7 +1,7 @@
 """The semantic LiDAR of a driving simulator: a PLY of hit points, converted into an ideal scan.
 
 Its columns are `x y z CosAngle ObjIdx ObjTag`, a point each, left-handed: X forward, Y right, Z up, so Y is negated.
-Every point goes to the nearest beam of the sensor's grid; several points in one beam remain as its sub-beams:
+Every point goes to the nearest beam of the sensor; several points in one beam remain as its sub-beams:
 
     Distance = |xyz|    IncidenceAngle = acos(CosAngle)    MaterialID = ObjTag    ObjectID = ObjIdx
 
@@ -10,7 +10,7 @@ dropped, and the log says how many.
 
 A beam that met nothing leaves no point. Which layers and point columns the simulator fired can be known only from those
 that hit something somewhere: every beam of such a layer and such a column that has no point is added with Distance 0.
-Layers and columns without any point are not added, so a simulated sensor coarser than this grid gains no false misses.
+Layers and columns without any point are not added, so a simulated sensor coarser than this one gains no false misses.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.ply import read_ply
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import beams_of
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import Beams, Sensor, reference_beams
 
 __all__ = ["COLUMNS", "MAX_RANGE_M", "ideal_table", "is_semantic", "read_semantic_ply"]
 
@@ -39,13 +39,14 @@ COSINE_SLACK = 1e-3  # text with four decimals rounds a cosine by half of 1e-4, 
 Rows = npt.NDArray[np.bool_]
 
 
-def read_semantic_ply(path: str | Path) -> Table:
+def read_semantic_ply(path: str | Path, sensor: Sensor | None = None) -> Table:
     """The ideal scan in a semantic-LiDAR PLY: Layer, Point, Distance, MaterialID, IncidenceAngle, ObjectID.
 
-    Rows in the order of layer and point, sub-beams in the file's order. `InputError` when the file is no such PLY, when
-    a column is missing, a cosine beyond -1 ... 1 or an id beyond 32 bits (with its row), or no point is left.
+    Rows in the order of layer and point, sub-beams in the file's order. `sensor`: whose beams are looked for, a
+    built-in one's where None. `InputError` when the file is no such PLY, when a column is missing, a cosine beyond
+    -1 ... 1 or an id beyond 32 bits (with its row), or no point is left.
     """
-    return ideal_table(read_ply(path))
+    return ideal_table(read_ply(path), sensor)
 
 
 def is_semantic(table: Table) -> bool:
@@ -53,7 +54,7 @@ def is_semantic(table: Table) -> bool:
     return all(table.spelling(name) for name in COLUMNS)
 
 
-def ideal_table(table: Table) -> Table:
+def ideal_table(table: Table, sensor: Sensor | None = None) -> Table:
     """The same conversion of points that have been read; other columns are dropped and logged."""
     lacking = [name for name in COLUMNS if table.spelling(name) is None]
     if lacking:
@@ -69,8 +70,10 @@ def ideal_table(table: Table) -> Table:
         whole = (ids == np.rint(ids)) & (ids >= 0) & (ids <= np.iinfo(np.int32).max)
         _check(table, name, whole, "must be a whole number from 0 to 2147483647")
     distance = np.sqrt(x**2 + y**2 + z**2)
-    layer, point = beams_of(x, -y, z)
-    kept = _kept(table, layer, point, distance)
+    beams = reference_beams() if sensor is None else sensor.beams
+    layer, point = beams_of(x, -y, z, beams)
+    most_m = MAX_RANGE_M if sensor is None else sensor.max_range_m
+    kept = _kept(table, beams.has(layer, point), distance, most_m)
     columns: dict[str, FloatArray | npt.NDArray[np.int32]] = {
         "Layer": layer,
         "Point": point,
@@ -80,7 +83,7 @@ def ideal_table(table: Table) -> Table:
         "ObjectID": object_index.astype(np.int32),
     }
     hits = {name: column[kept] for name, column in columns.items()}
-    return _completed(hits, table)
+    return _completed(hits, table, beams)
 
 
 def _finite(table: Table) -> Table:
@@ -112,29 +115,28 @@ def _incidence_deg(table: Table, cosine: FloatArray) -> FloatArray:
     return np.asarray(np.rad2deg(elementary.arccos(np.clip(cosine, 0.0, 1.0))))
 
 
-def _kept(table: Table, layer: Column, point: Column, distance: FloatArray) -> Rows:
-    """Which points lie on a beam and in range; the log counts the others."""
-    seen = (layer >= 0) & (layer < LAYERS) & (point >= 0) & (point < POINTS)
-    near = (distance > 0) & (distance <= MAX_RANGE_M)
+def _kept(table: Table, seen: Rows, distance: FloatArray, most_m: float) -> Rows:
+    """Which points, of those `seen` by a beam, are in range; the log counts the others."""
+    near = (distance > 0) & (distance <= most_m)
     outside, far = int((~seen).sum()), int((seen & ~near).sum())
     if outside:
         logger.warning("%s: dropped %d of %d points outside the field of view", table.path, outside, len(table))
     if far:
-        logger.warning("%s: dropped %d of %d points at 0 m or beyond %g m", table.path, far, len(table), MAX_RANGE_M)
+        logger.warning("%s: dropped %d of %d points at 0 m or beyond %g m", table.path, far, len(table), most_m)
     kept: Rows = seen & near
     if not kept.any():
-        what = f"none of the {len(table)} points lies on a beam within {MAX_RANGE_M:g} m"
-        fix = "the sensor looks along +X, 120 by 26 degrees"
+        what = f"none of the {len(table)} points lies on a beam within {most_m:g} m"
+        fix = "is it the sensor that was simulated? Built-in ones look along +X, 120 by 26 degrees"
         raise InputError(what, file=table.path, fix=fix)
     return kept
 
 
-def _completed(hits: dict[str, Column], table: Table) -> Table:
+def _completed(hits: dict[str, Column], table: Table, beams: Beams) -> Table:
     """The hits and, with Distance 0, the other beams of their layers and columns; ordered by layer and point."""
     layers, points = np.unique(hits["Layer"]), np.unique(hits["Point"])
-    grid = np.add.outer(layers.astype(np.int64) * POINTS, points).ravel()
-    missed = np.setdiff1d(grid, hits["Layer"].astype(np.int64) * POINTS + hits["Point"], assume_unique=False)
-    added = {"Layer": missed // POINTS, "Point": missed % POINTS}
+    grid = np.add.outer(layers.astype(np.int64) * beams.points, points).ravel()
+    missed = np.setdiff1d(grid, beams.index(hits["Layer"], hits["Point"]), assume_unique=False)
+    added = {"Layer": missed // beams.points, "Point": missed % beams.points}
     columns = {
         name: np.concatenate([column, added.get(name, np.zeros(len(missed))).astype(column.dtype)])
         for name, column in hits.items()

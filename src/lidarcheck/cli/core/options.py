@@ -16,6 +16,8 @@ from lidarcheck.permissions import Permissions
 
 if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
+    from lidarcheck.model import Model
+    from lidarcheck.sensor import Sensor
 
 __all__ = [
     "MANY",
@@ -31,10 +33,12 @@ __all__ = [
     "Quiet",
     "Rooted",
     "Seed",
+    "SensorName",
     "Several",
     "TimeUnit",
     "Whole",
     "placement_of",
+    "sensor_named",
     "up_to",
 ]
 
@@ -103,6 +107,12 @@ MaxRows = Annotated[
 Quiet = Annotated[
     bool, Flag, Parameter(name=("--quiet", "-q"), help="Results and errors only, no progress or warnings.")
 ]
+SensorName = Annotated[
+    str | None,
+    Parameter(
+        name="--sensor", help="What measured: a sensor's name or file; by default the model's, else a built-in one."
+    ),
+]
 JsonFile = Annotated[str, Parameter(help="Also write the result as JSON to this file; `-` is standard output.")]
 JsonFlag = Annotated[bool, Flag, Parameter(help="Print JSON instead of text.")]
 
@@ -168,3 +178,16 @@ def placement_of(placed: Placed | None) -> Placement:
     given = placed or Placed()
     pose = None if given.pose is None else parse_pose(given.pose)
     return Placement(given.unit or "m", given.mirror or "", pose)
+
+
+def sensor_named(name: str | None, model: Model | None = None) -> Sensor | None:
+    """The sensor of `--sensor`, else the model's; None where nobody names one. A model's own stands alone."""
+    if model is not None:
+        if name is not None:
+            raise UsageError("--sensor stands beside --model, whose variant is a sensor", fix="give one of them")
+        return model.sensor
+    if name is None:
+        return None
+    from lidarcheck.model.files.sensor_file import load_sensor
+
+    return load_sensor(name)
