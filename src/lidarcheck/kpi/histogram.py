@@ -57,6 +57,10 @@ def histograms_of(scan: Scan) -> tuple[IndexArray, FloatArray]:
 
     Several echoes of a beam repeat its histogram; a row without one (NaN) has none.
     """
+    if scan.histograms is not None:
+        keys = beam_keys(scan.histograms.layer, scan.histograms.point)
+        order = np.argsort(keys, kind="stable")
+        return keys[order], scan.histograms.counts[order]
     names = bin_columns(scan)
     if not names:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 0))

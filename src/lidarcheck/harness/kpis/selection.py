@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.formats.scans import numbers_as_written
+from lidarcheck.formats.sensor_columns import histogram_columns
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.kpi.direction import Directions, off_beam
 from lidarcheck.kpi.features import decades_of, feature_column, strength_name
@@ -87,6 +88,8 @@ def _features(scan: Scan, sensor: Sensor | None) -> Mapping[str, npt.NDArray[Any
     if sensor is None:
         return scan.features
     bins = {name.lower(): scan.extra[name] for name in bin_columns(scan) if name in scan.extra}
+    if scan.histograms is not None:
+        bins = dict(histogram_columns(scan.histograms, scan.layer, scan.point))
     found = {f.name: feature_column(scan, f.name, f.aliases) for f in sensor.features if f.law != "histogram"}
     own = {name: column for name, column in found.items() if column is not None and name not in COUNTED}
     return {**scan.features, **bins, **own}
