@@ -103,6 +103,18 @@ class Beams(abc.ABC):
         xyz = (elementary.cos(azimuth) * level, elementary.sin(azimuth) * level, elementary.sin(elevation))
         return np.moveaxis(np.array(np.broadcast_arrays(*xyz)), 0, -1)
 
+    @functools.cached_property
+    def _cells(self) -> tuple[FloatArray, FloatArray]:
+        layer = np.repeat(np.arange(self.layers), self.points)
+        point = np.tile(np.arange(self.points), self.layers)
+        directions, origins = self.directions(layer, point), self.origins_m(layer, point)
+        nothing = np.zeros((0, 3)) if origins is None else origins
+        return np.ascontiguousarray(directions), np.ascontiguousarray(nothing)
+
+    def cells(self) -> tuple[FloatArray, FloatArray]:
+        """Directions and origins of all beams by their `index`, shape (size, 3) each; no origins where all are 0."""
+        return self._cells
+
     def origins_m(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray | None:
         """Where beams begin [m], shape (n, 3); None where all begin at 0."""
         return None

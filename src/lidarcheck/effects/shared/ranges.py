@@ -12,7 +12,11 @@ from lidarcheck.effects.base import choice_parameter
 from lidarcheck.scan import Haze, Light, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "reported", "what_moves"]
+__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "reported", "what_moves", "within_gate"]
+
+
+_SLACK_M = 1e-6
+"""By so much may a range that was rounded to the gate's limit seem to lie outside."""
 
 
 def what_moves() -> Any:
@@ -39,11 +43,16 @@ def reported(scan: Scan, sensor: Sensor) -> Scan:
     """The same echoes as the sensor reports them: at ranges with its constant error, rounded, within its gate."""
     range_m = quantised(scan.range_m + sensor.range_offset_m, sensor)
     xyz = scan.beams.positions_m(scan.layer, scan.point, range_m)
-    found = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
+    return within_gate(replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2]), sensor)
+
+
+def within_gate(scan: Scan, sensor: Sensor) -> Scan:
+    """The echoes that lie no nearer than the sensor reports any."""
     if sensor.min_range_m == 0.0:
-        return found
-    inside = np.flatnonzero(range_m >= sensor.min_range_m)
-    return found if len(inside) == len(scan) else _in_order(found.take(inside), range_m[inside])
+        return scan
+    range_m = scan.range_m
+    inside = np.flatnonzero(range_m >= sensor.min_range_m - _SLACK_M)
+    return scan if len(inside) == len(scan) else _in_order(scan.take(inside), range_m[inside])
 
 
 def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:

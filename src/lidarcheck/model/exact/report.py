@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.shared.ranges import reported
+from lidarcheck.effects.shared.ranges import reported, within_gate
 from lidarcheck.model.jit import inlined
+from lidarcheck.model.placing import placed
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Beams, SpadArray
 from lidarcheck.sensor.grid import GridBeams
@@ -85,10 +86,10 @@ def scan_of_table(rows: EchoTable, beams: Beams, sensor: SpadArray, rounded: boo
     if isinstance(beams, GridBeams):
         scan = Scan(*rows, beams=beams)
         return reported(scan, sensor) if rounded and not _simple(sensor, beams) else scan
-    range_m = rows.x_m + beams.range_offset_m(rows.layer)
-    x_m, y_m, z_m = np.moveaxis(beams.positions_m(rows.layer, rows.point, range_m), -1, 0)
-    scan = Scan(x_m, y_m, z_m, *rows[3:], beams=beams)
-    return reported(scan, sensor) if rounded else scan
+    more_m, step_m = (sensor.range_offset_m, sensor.range_resolution_m) if rounded else (0.0, 0.0)
+    xyz = placed(beams, rows.layer, rows.point, rows.x_m, more_m=more_m, step_m=step_m)
+    scan = Scan(*rows._replace(x_m=xyz[0], y_m=xyz[1], z_m=xyz[2]), beams=beams)
+    return within_gate(scan, sensor) if rounded else scan
 
 
 def _simple(sensor: SpadArray, beams: Beams) -> bool:
