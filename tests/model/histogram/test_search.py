@@ -118,6 +118,13 @@ def test_confidence_and_photons_are_those_of_the_echo():
     assert found.features["CONFIDENCE"].max() < 255.0
 
 
+def test_the_background_feature_is_the_floor_of_all_bins():
+    detector = chip(features=(Feature("H", "histogram", bits=32), Feature("AMBIENT", "background")))
+    found = histogram_echoes(same(5, 0.9, 0.01, background=1e-5), detector, threads=1)
+    floor = [128.0 * slow_histogram.background(found.histogram[zone].astype(float)) for zone in found.beam]
+    assert found.features["AMBIENT"] == pytest.approx(floor)
+
+
 def test_the_stronger_of_two_by_photons_is_kept():
     detector = chip(max_echoes=1, features=FEATURES)
     found = histogram_echoes(same(100, [0.4, 1.2], [0.01, 0.02], background=1e-5), detector, threads=1)
