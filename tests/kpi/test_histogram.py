@@ -1,13 +1,15 @@
 """Histograms against closed forms; echoes of a zone against what its rows send back together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from lidarcheck.beams import BeamHistograms
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.compare import compare
 from lidarcheck.kpi.distances import wasserstein
 from lidarcheck.kpi.histogram import (
-    bin_columns,
     bin_residuals,
     earth_movers_distance,
     histogram_gap,
@@ -45,9 +47,9 @@ CHIP: Sensor = sensor_of(
 
 def scan_of(counts: np.ndarray, range_m: float = 1.0) -> Scan:
     layer, point = CHIP.beams.every()
-    features = {f"h{k}": counts[:, k] for k in range(counts.shape[1])}
     number = np.ones(len(layer), dtype=np.int32)
-    return Scan.from_beams(layer, point, np.full(9, range_m), echo_number=number, features=features, beams=CHIP.beams)
+    scan = Scan.from_beams(layer, point, np.full(9, range_m), echo_number=number, beams=CHIP.beams)
+    return replace(scan, histograms=BeamHistograms(layer, point, counts))
 
 
 def test_counts_of_one_mean_are_a_standard_normal_apart() -> None:
@@ -78,7 +80,8 @@ def test_histograms_of_two_scans_are_compared_as_one_feature() -> None:
     rng = np.random.default_rng(2)
     mean = 50.0 + 300.0 * np.exp(-0.5 * (np.arange(BINS) - 8.0) ** 2 / 2.0)
     m, s, later = (scan_of(rng.poisson(np.roll(mean, by), (9, BINS)).astype(float)) for by in (0, 0, 1))
-    assert bin_columns(m) == [f"h{k}" for k in range(BINS)]
+    columns = {f"H{k}": m.histograms.counts[:, k] for k in range(BINS)}
+    assert histogram_gap(replace(m, histograms=None, extra=columns), s) == histogram_gap(m, s)  # read without a sensor
     same, moved = histogram_gap(m, s), histogram_gap(later, s)
     assert (same.zones, same.bins) == (9, BINS)
     assert same.residual == pytest.approx(1.0, abs=0.15)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -34,8 +33,6 @@ STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
 """What sensors without PEAK and AREA bring, where no sensor is given that names its features."""
 _MONOTONE = ("area_counts", "photons", "affine", "log", "range_corrected", "calibrated_reflectivity", "table")
 """Laws whose value rises with the amplitude."""
-_BIN = re.compile(r"h\d+", re.IGNORECASE)
-"""Columns of a histogram, of whatever name: they are compared as one (`lidarcheck.kpi.histogram`)."""
 _MOST_DECIMALS = 6
 _OFF, _OFF_SINGLE = 2.0**-48, 2.0**-23
 """How far numbers of 64 and of 32 bits may lie off their decimals, as a part of them."""
@@ -76,7 +73,7 @@ def features_to_compare(measured: Scan, simulated: Scan, sensor: Sensor | None =
     """The features that are looked for, by name, the standard ones first: those of the sensor and of the scans."""
     own = {} if sensor is None else {f.name: f for f in sensor.features if f.law != "histogram"}
     others = [*STAND_INS, *measured.features, *simulated.features]
-    names = dict.fromkeys((*(own or COLUMNS), *(name for name in others if not _BIN.fullmatch(name))))
+    names = dict.fromkeys((*(own or COLUMNS), *others))
     standard = [name for name in COLUMNS if name in names]
     return {
         name: own.get(name, Feature(name, "", unit=COLUMNS.get(name, ("", ""))[1]))

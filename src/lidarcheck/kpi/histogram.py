@@ -15,7 +15,6 @@ from lidarcheck.scan import Scan
 
 __all__ = [
     "HistogramGap",
-    "bin_columns",
     "bin_residuals",
     "earth_movers_distance",
     "histogram_gap",
@@ -46,29 +45,29 @@ class HistogramGap(NamedTuple):
         return f"{self.bins} bins"
 
 
-def bin_columns(scan: Scan) -> list[str]:
-    """The names of the histogram's columns, h0, h1, ... in their order; none where the scan has no histogram."""
-    known = {int(found[1]): name for name in (*scan.features, *scan.extra) if (found := _BIN.fullmatch(name))}
-    return [known[k] for k in range(len(known))] if known and max(known) == len(known) - 1 else []
-
-
 def histograms_of(scan: Scan) -> tuple[IndexArray, FloatArray]:
     """One histogram a beam that has one: the beams' keys, ascending (n,), and the counts (n, bins).
 
-    Several echoes of a beam repeat its histogram; a row without one (NaN) has none.
+    Where the reader knew of none, those in the columns h0, h1, ..., which several echoes of a beam repeat; a row that
+    lacks some (NaN) has none.
     """
-    if scan.histograms is not None:
-        keys = beam_keys(scan.histograms.layer, scan.histograms.point)
+    if (own := scan.histograms) is not None:
+        keys = beam_keys(own.layer, own.point)
         order = np.argsort(keys, kind="stable")
-        return keys[order], scan.histograms.counts[order]
-    names = bin_columns(scan)
+        return keys[order], own.counts[order]
+    names = _bin_columns(scan)
     if not names:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-    columns = [scan.features[name] if name in scan.features else scan.extra[name] for name in names]
-    counts = np.stack([np.asarray(column, dtype=np.float64) for column in columns], axis=1)
+    counts = np.stack([np.asarray(scan.extra[name], dtype=np.float64) for name in names], axis=1)
     rows = np.flatnonzero(np.isfinite(counts).all(axis=1))
     keys, first = np.unique(beam_keys(scan.layer, scan.point)[rows], return_index=True)
     return keys, counts[rows[first]]
+
+
+def _bin_columns(scan: Scan) -> list[str]:
+    """The names of a histogram's columns, h0, h1, ... in their order; none where the scan has no histogram."""
+    known = {int(found[1]): name for name in scan.extra if (found := _BIN.fullmatch(name))}
+    return [known[k] for k in range(len(known))] if known and max(known) == len(known) - 1 else []
 
 
 def bin_residuals(measured: npt.ArrayLike, simulated: npt.ArrayLike) -> FloatArray:

@@ -20,7 +20,14 @@ def seen(found: np.ndarray, residual_m: np.ndarray | None = None, area: np.ndarr
     fired = FiredBeams(layer, point, np.arange(n), np.full(n, 20.0), np.zeros(n), np.zeros((n, 3)), BEAMS)
     frame, beam = np.nonzero(found.reshape(frames, n))
     columns = {name: np.zeros(len(beam)) for name in SelectedEchoes.__dataclass_fields__}
-    columns |= {"features": {}, "beam": beam, "frame": frame, "surface": beam, "range_m": np.full(len(beam), 20.0)}
+    columns |= {
+        "features": {},
+        "histograms": None,
+        "beam": beam,
+        "frame": frame,
+        "surface": beam,
+        "range_m": np.full(len(beam), 20.0),
+    }
     if residual_m is not None:
         columns["residual_m"] = residual_m.reshape(frames, n)[frame, beam]
     if area is not None:

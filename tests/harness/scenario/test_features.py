@@ -1,10 +1,12 @@
 """Scenarios of sensors that report other features than a SPAD array's, or further columns of an ideal scan."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lidarcheck.beams import BeamHistograms
 from lidarcheck.errors import ConfigError
 from lidarcheck.formats import save_ideal
 from lidarcheck.harness.kpis.features import FEATURE_KINDS
@@ -101,8 +103,8 @@ def test_a_histogram_is_one_feature() -> None:
     parts = []
     for frame in range(frames):
         counts = rng.poisson(mean, (n, 12)).astype(float)
-        features = {f"h{k}": counts[:, k] for k in range(12)}
-        scan = Scan.from_beams(layer, point, np.full(n, 1.0), features=features, beams=sensor.beams)
+        scan = Scan.from_beams(layer[:5], point[:5], np.full(5, 1.0), beams=sensor.beams)  # the others see nothing
+        scan = replace(scan, histograms=BeamHistograms(layer, point, counts))
         parts.append(SelectedEchoes.of(scan, pair_with_ideal(ideal, scan, sensor), frame, sensor))
     rows = np.ones(n, dtype=bool)
     seen = KpiSelection(FiredBeams.of(ideal), rows, 0.1, feature="HISTOGRAM", sensor=sensor).seen(

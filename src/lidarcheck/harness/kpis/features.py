@@ -32,14 +32,12 @@ def _of_histogram(seen: KpiInput) -> bool:
 
 
 def _histograms(seen: KpiInput) -> tuple[IndexArray, FloatArray]:
-    """The histogram of each selected beam in each frame that shows one: beam (n,), and counts (n, bins)."""
-    features = seen.echoes.features
-    bins = sum(name[0] == "h" and name[1:].isdigit() for name in features)
-    if not bins:
+    """The histogram of each selected beam in each frame that has one: beam (n,), and counts (n, bins)."""
+    if seen.echoes.histograms is None:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-    known = seen.every[np.isfinite(features["h0"][seen.every])]
-    known = known[np.unique(seen.beam_of(known), return_index=True)[1]]
-    return seen.echoes.beam[known], np.stack([features[f"h{k}"][known] for k in range(bins)], axis=1)
+    beam, _, counts = seen.echoes.histograms
+    selected = seen.selection.beams[beam]
+    return beam[selected], counts[selected]
 
 
 def _mean(seen: KpiInput) -> float:

@@ -3,96 +3,24 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.formats.scans import numbers_as_written
-from lidarcheck.formats.sensor_columns import histogram_columns
+from lidarcheck.harness.kpis.echo_table import SelectedEchoes
 from lidarcheck.harness.kpis.fired import FiredBeams
 from lidarcheck.kpi.direction import Directions, off_beam
-from lidarcheck.kpi.features import decades_of, feature_column, strength_name
-from lidarcheck.kpi.histogram import bin_columns
+from lidarcheck.kpi.features import decades_of, strength_name
 from lidarcheck.kpi.numbering import beams_in_order, with_copies
-from lidarcheck.kpi.pairing import Pairing, paths, ranges
-from lidarcheck.scan import COUNTED, Scan
 from lidarcheck.sensor import Sensor
 
 __all__ = ["KpiInput", "KpiSelection", "SelectedEchoes", "Window"]
 
 Mask = npt.NDArray[np.bool_]
 Window = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class SelectedEchoes:
-    """The echoes of a seed beside the surfaces of their beams, all frames together; shape (n,) each.
-
-    `beam`: of the scenario, counted from 0 in ascending (layer, point); `frame`, from 0; `surface`: the row of the
-    ideal scan that is nearest in range on that beam, -1 where the beam meets nothing; `residual_m`: range minus that
-    row's, NaN where there is none; `number`: as written, before a reader counts from 1; `xyz_m`: shape (n, 3);
-    `path_m`: the range without the beam's range offset; `features`: of sensors that report others than a SPAD array.
-    """
-
-    beam: IndexArray
-    frame: IndexArray
-    surface: IndexArray
-    residual_m: FloatArray
-    range_m: FloatArray
-    area: FloatArray
-    peak: FloatArray
-    width_ns: FloatArray
-    number: npt.NDArray[Any]
-    xyz_m: FloatArray
-    path_m: FloatArray
-    features: Mapping[str, FloatArray] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, scan: Scan, pairing: Pairing, frame: int = 0, sensor: Sensor | None = None) -> SelectedEchoes:
-        """The echoes of one frame. `sensor`: whose features a file may have under other names."""
-        frames = np.full(len(scan), frame, dtype=np.int64)
-        xyz_m = np.stack([scan.x_m, scan.y_m, scan.z_m], axis=1)
-        columns = (ranges(scan), scan.area, scan.peak, scan.width_ns, numbers_as_written(scan), xyz_m, paths(scan))
-        named = {name: np.asarray(column, dtype=np.float64) for name, column in _features(scan, sensor).items()}
-        return cls(pairing.echo_beam, frames, pairing.surface, pairing.residual_m, *columns, named)
-
-    @classmethod
-    def joined(cls, parts: list[SelectedEchoes]) -> SelectedEchoes:
-        """The echoes of several frames."""
-        if len(parts) == 1:
-            return parts[0]
-        columns: dict[str, Any] = {
-            name: np.concatenate([getattr(part, name) for part in parts]) for name in _names(cls)
-        }
-        named = {name: np.concatenate([part.features[name] for part in parts]) for name in parts[0].features}
-        return cls(**columns, features=named)
-
-    def feature(self, name: str) -> FloatArray:
-        """A feature of the echoes by its name, shape (n,); NaN where the scan has none of it."""
-        if name in self.features:
-            return self.features[name]
-        own: FloatArray = getattr(self, COUNTED[name]) if name in COUNTED else np.full(len(self.beam), np.nan)
-        return own
-
-
-def _names(table: type[SelectedEchoes]) -> list[str]:
-    return [column.name for column in fields(table) if column.name != "features"]
-
-
-def _features(scan: Scan, sensor: Sensor | None) -> Mapping[str, npt.NDArray[Any]]:
-    """What the scan reports besides what a SPAD array counts, by the sensor's names."""
-    if sensor is None:
-        return scan.features
-    bins = {name.lower(): scan.extra[name] for name in bin_columns(scan) if name in scan.extra}
-    if scan.histograms is not None:
-        bins = dict(histogram_columns(scan.histograms, scan.layer, scan.point))
-    found = {f.name: feature_column(scan, f.name, f.aliases) for f in sensor.features if f.law != "histogram"}
-    own = {name: column for name, column in found.items() if column is not None and name not in COUNTED}
-    return {**scan.features, **bins, **own}
 
 
 @dataclass(frozen=True)

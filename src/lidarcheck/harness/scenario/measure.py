@@ -64,3 +64,5 @@ def _feed(digest: hashlib._Hash, scan: Scan) -> None:
         digest.update(column.tobytes())
     for name in sorted(scan.features):
         digest.update(name.encode() + scan.features[name].tobytes())
+    if scan.histograms is not None:
+        digest.update(scan.histograms.counts.tobytes())
