@@ -84,7 +84,7 @@ class TestOptionalColumns:
         write_table(table, tmp_path / f"a{suffix}")
         with caplog.at_level(logging.WARNING, logger="lidarcheck"):
             save_ideal(load_ideal(tmp_path / f"a{suffix}"), tmp_path / f"b{suffix}")
-        assert "nothing uses it yet: ReflectanceError, DistanceError, Edge" in caplog.text
+        assert "nothing uses it yet: ReflectanceError, DistanceError\n" in caplog.text
         convert(tmp_path / f"a{suffix}", tmp_path / f"c{suffix}")
         for path in ("b", "c"):
             back = read_table(tmp_path / f"{path}{suffix}")

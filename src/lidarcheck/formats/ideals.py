@@ -60,7 +60,7 @@ _OPTIONAL = {
     "Azimuth0": (-360.0, 360.0, "degrees"),
 }
 """Least, most and unit of columns of real numbers; the optional ones may have rows without a value."""
-_NOT_YET_USED = ("ReflectanceError", "DistanceError", "Edge")
+_NOT_YET_USED = ("ReflectanceError", "DistanceError")
 """Read, checked and kept, but nothing counts on them."""
 _log = logging.getLogger(__name__)
 
