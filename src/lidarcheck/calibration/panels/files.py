@@ -14,6 +14,7 @@ from lidarcheck.kpi.scenes import same_scene
 from lidarcheck.kpi.variant import OneVariant
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["arrangements_of", "provenance"]
 
@@ -27,36 +28,38 @@ def arrangements_of(
     model: Model | None,
     seed: int,
     placement: Placement = AS_IT_IS,
+    sensor: Sensor | None = None,
 ) -> Iterator[Arrangement]:
     """The frames by the scene that they show: those of ideal scans that say the same belong together.
 
     A frame of another variant than the model's, or than the frames before, is refused when it is read. `placement`:
-    what is declared of the measured files.
+    what is declared of the measured files; `sensor`: what measured, else the model's.
     """
-    variant = OneVariant(model)
-    real = [_frame(path, variant, placement) for path in measured]
+    own = sensor if model is None else model.sensor
+    variant = OneVariant(model, sensor)
+    real = [_frame(path, variant, own, placement) for path in measured]
     if len(ideals) < 2:
-        scene = ideal_of(ideals[0]) if ideals else None
+        scene = ideal_of(ideals[0], own) if ideals else None
         made = (
-            [_frame(path, variant) for path in simulated]
+            [_frame(path, variant, own) for path in simulated]
             if scene is None or model is None
             else _made(scene, model, seed, real)
         )
         yield Arrangement(scene, real, made)
         return
-    for scene, members in _scenes(ideals):
+    for scene, members in _scenes(ideals, own):
         if model is not None:
             made = _made(scene, model, seed + members[0], [real[i] for i in members])
         else:
-            made = [_frame(simulated[i], variant) for i in members] if simulated else []
+            made = [_frame(simulated[i], variant, own) for i in members] if simulated else []
         yield Arrangement(scene, [real[i] for i in members], made)
 
 
-def _scenes(ideals: Sequence[Named]) -> list[tuple[IdealScan, list[int]]]:
+def _scenes(ideals: Sequence[Named], sensor: Sensor | None) -> list[tuple[IdealScan, list[int]]]:
     """The scenes that differ, each with the numbers of its ideal scans."""
     scenes: list[tuple[IdealScan, list[int]]] = []
     for i, path in enumerate(ideals):
-        one = ideal_of(path)
+        one = ideal_of(path, sensor)
         members = next((members for other, members in scenes if same_scene(one, other)), None)
         if members is None:
             scenes.append((one, [i]))
@@ -65,9 +68,9 @@ def _scenes(ideals: Sequence[Named]) -> list[tuple[IdealScan, list[int]]]:
     return scenes
 
 
-def _frame(path: Named, variant: OneVariant, placement: Placement = AS_IT_IS) -> PanelFrame:
+def _frame(path: Named, variant: OneVariant, sensor: Sensor | None, placement: Placement = AS_IT_IS) -> PanelFrame:
     def load() -> Scan:
-        scan = scan_of(path, placement)
+        scan = scan_of(path, placement, sensor)
         variant.check(scan, str(path))
         return scan
 

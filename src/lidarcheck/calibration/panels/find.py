@@ -105,7 +105,7 @@ def find_panels(image: BeamImage, settings: PanelSettings) -> FoundPanels:
 
 def _panel(image: BeamImage, outline: Outline, trimmed: BoolArray) -> Panel:
     """The panel of an outline; it has no number yet."""
-    rows, columns = np.nonzero(trimmed)
+    layer, point = np.divmod(image.beam[outline.box][trimmed], image.points)
     azimuth, elevation = _angles_deg(outline.middle)
     material = image.material[outline.box][trimmed]
     return Panel(
@@ -119,8 +119,8 @@ def _panel(image: BeamImage, outline: Outline, trimmed: BoolArray) -> Panel:
         material=int(material[0]),
         plane=outline.piece.plane,
         outline_beams=outline.beams,
-        layer=rows + outline.box[0].start,
-        point=columns + outline.box[1].start,
+        layer=layer,
+        point=point,
         expected_m=outline.expected_m[trimmed],
         hidden_share=outline.hidden / max(outline.free + outline.joined + outline.hidden, 1e-12),
     )

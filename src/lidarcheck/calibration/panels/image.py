@@ -8,17 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.errors import InputError
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from lidarcheck.calibration.amplitude import amplitude
+from lidarcheck.errors import InputError, UsageError
+from lidarcheck.kpi.lattice import Lattice, lattice_of
+from lidarcheck.kpi.pairing import paths
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LAYERS, POINTS, beam_directions
+from lidarcheck.sensor import Beams, Sensor
 
-__all__ = ["BeamImage", "StrongestEchoes", "amplitude", "echoes_of", "image_of_frames", "image_of_ideal", "strongest"]
+__all__ = ["BeamImage", "StrongestEchoes", "echoes_of", "image_of_frames", "image_of_ideal", "strongest", "ways"]
 
-STAND_INS = ("SIGNAL", "INTENSITY", "REFLECTIVITY")
-"""What other sensors bring in the place of AREA."""
 MOST_BEAMS = 8_000_000
-OF_GRID_DEG = 0.03
+OF_BEAM_DEG = 0.03
 SEEN_SHARE = 0.1
 SPLIT_M = 2.0
 """A saturated echo may split into two, a dead time apart: 12 ns are 1.8 m."""
@@ -26,11 +27,12 @@ SPLIT_M = 2.0
 
 @dataclass(frozen=True)
 class BeamImage:
-    """What each beam meets, on the grid of layers and points.
+    """What each beam meets, in rows and columns as the beams stand.
 
-    `range_m` (layers, points): NaN where nothing was met. `key`: what the ideal scan says the surface is, object and
+    `range_m` (rows, columns): NaN where nothing was met. `beam`: which beam stands there, layer times `points` plus
+    point. `key`: what the ideal scan says the surface is, object and
     material; all 0 where there is none. `material`: its number, -1 where not known. `log_area`: logarithm of the
-    amplitude, NaN where not known. `fired`: the beams that there are. `direction` (layers, points, 3): unit vectors.
+    amplitude, NaN where not known. `fired`: the beams that there are. `direction` (rows, columns, 3): unit vectors.
     `layer_step_rad`, `point_step_rad`: the angles between neighbours. `ideal`: free of noise.
     """
 
@@ -43,41 +45,41 @@ class BeamImage:
     layer_step_rad: float
     point_step_rad: float
     ideal: bool
+    beam: IndexArray
+    points: int
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Layers and points."""
+        """Rows and columns."""
         return self.range_m.shape[0], self.range_m.shape[1]
 
 
 @dataclass(frozen=True)
 class StrongestEchoes:
-    """The strongest echo of each beam of a frame, shapes (n,); `direction` (n, 3) as measured."""
+    """The strongest echo of each beam of a frame, shapes (n,); `direction` (n, 3) as measured, of `beams`."""
 
     layer: npt.NDArray[np.int32]
     point: npt.NDArray[np.int32]
     range_m: npt.NDArray[np.float32]
     amplitude: npt.NDArray[np.float32]
     direction: npt.NDArray[np.float32]
+    beams: Beams
+
+    @property
+    def at(self) -> tuple[IndexArray, IndexArray]:
+        """Row and column of each in the image, shapes (n,)."""
+        return _place(self.beams, self.layer, self.point)
 
 
-def amplitude(scan: Scan) -> tuple[str, FloatArray]:
-    """Name and values of the column that tells an echo's strength, shape (n,); empty name and NaN without one."""
-    if "AREA" not in scan.defaulted:
-        return "AREA", scan.area
-    named = {name.upper(): column for name, column in scan.extra.items()}
-    for name in STAND_INS:
-        if name in named:
-            return name, np.asarray(named[name], dtype=np.float64)
-    if "PEAK" not in scan.defaulted:
-        return "PEAK", scan.peak
-    return "", np.full(len(scan), np.nan)
+def ways(scan: Scan) -> FloatArray:
+    """From each beam's origin to its echoes [m], shape (n,), as exact as the scan is."""
+    return scan.range_m if scan.beams.central else paths(scan)
 
 
-def strongest(scan: Scan, range_m: FloatArray | None = None) -> IndexArray:
+def strongest(scan: Scan, range_m: FloatArray | None = None, sensor: Sensor | None = None) -> IndexArray:
     """Rows of the strongest echo of each known beam, ascending in (layer, point); the first where none is stronger."""
-    _, strength = amplitude(scan)
-    range_m = scan.range_m if range_m is None else range_m
+    _, strength = amplitude(scan, sensor)
+    range_m = ways(scan) if range_m is None else range_m
     known = np.flatnonzero((scan.layer >= 0) & (scan.point >= 0) & (range_m > 0.0))
     key = scan.layer[known].astype(np.int64) << 32 | scan.point[known]
     order = known[np.lexsort((np.nan_to_num(-strength[known]), key))]
@@ -86,20 +88,24 @@ def strongest(scan: Scan, range_m: FloatArray | None = None) -> IndexArray:
     return np.asarray(order[first], dtype=np.int64)
 
 
-def echoes_of(scan: Scan) -> StrongestEchoes:
+def echoes_of(scan: Scan, sensor: Sensor | None = None) -> StrongestEchoes:
     """The strongest echo of each beam, in single precision: so frames are held while panels are looked for.
 
     Its range is the mean, weighted by amplitude, of the beam's echoes within 2 m of it: a saturated echo may split.
     """
-    range_m, strength = scan.range_m, amplitude(scan)[1]
-    rows = strongest(scan, range_m)
+    range_m, strength = ways(scan), amplitude(scan, sensor)[1]
+    rows = strongest(scan, range_m, sensor)
+    layer, point, beams = scan.layer[rows], scan.point[rows], scan.beams
     xyz = np.stack([scan.x_m[rows], scan.y_m[rows], scan.z_m[rows]], axis=-1)
+    origins = beams.origins_m(layer, point) if beams.has(layer, point).all() else None
+    xyz = xyz if origins is None else xyz - origins
     return StrongestEchoes(
-        scan.layer[rows],
-        scan.point[rows],
+        layer,
+        point,
         _rejoined(scan, rows, range_m, strength).astype(np.float32),
         strength[rows].astype(np.float32),
         (xyz / range_m[rows, None]).astype(np.float32),
+        beams,
     )
 
 
@@ -121,18 +127,18 @@ def image_of_ideal(ideal: IdealScan) -> BeamImage:
     hit = np.flatnonzero(ideal.distance_m > 0.0)
     # Descending distance: the last written, and so kept, is the nearest.
     order = hit[np.argsort(-ideal.distance_m[hit], kind="stable")]
-    at = (ideal.layer[order], ideal.point[order])
-    shape = (LAYERS, POINTS)
+    at = _place(ideal.beams, ideal.layer[order], ideal.point[order])
+    shape = (ideal.beams.layers, ideal.beams.points)
     range_m, fired = np.full(shape, np.nan), np.zeros(shape, dtype=np.bool_)
     key, material = np.zeros(shape, dtype=np.int64), np.full(shape, -1, dtype=np.int64)
-    fired[ideal.layer, ideal.point] = True
+    fired[_place(ideal.beams, ideal.layer, ideal.point)] = True
     range_m[at], material[at] = ideal.distance_m[order], ideal.material_id[order]
     key[at] = ideal.material_id[order]
     if ideal.object_id is not None:
         key[at] |= ideal.object_id[order].astype(np.int64) << 32
-    return BeamImage(
-        range_m, key, material, np.full(shape, np.nan), fired, _grid_directions(shape), *_REFERENCE_STEPS, ideal=True
-    )
+    nothing = np.full(shape, np.nan)
+    beam, direction, steps = _of_beams(ideal.beams)
+    return BeamImage(range_m, key, material, nothing, fired, direction, *steps, ideal=True, beam=beam, points=shape[1])
 
 
 def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) -> BeamImage:
@@ -144,8 +150,9 @@ def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) 
     shape = _shape(frames, file)
     ranges, areas = (np.full((len(frames), *shape), np.nan, dtype=np.float32) for _ in range(2))
     for i, frame in enumerate(frames):
-        ranges[i, frame.layer, frame.point] = frame.range_m
-        areas[i, frame.layer, frame.point] = frame.amplitude
+        rows, columns = frame.at
+        ranges[i, rows, columns] = frame.range_m
+        areas[i, rows, columns] = frame.amplitude
     seen = np.count_nonzero(np.isfinite(ranges), axis=0)
     enough = seen >= max(1, int(np.ceil(SEEN_SHARE * len(frames))))
     range_m = np.where(enough, _median(ranges), np.nan)
@@ -154,13 +161,38 @@ def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) 
     fired = np.zeros(shape, dtype=np.bool_)
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     fired[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = True
-    direction, steps = _directions(frames[0], shape)
+    beam, direction, steps = _directions(frames[0], shape)
     nothing = np.zeros(shape, dtype=np.int64)
     log_area[~np.isfinite(log_area)] = np.nan
-    return BeamImage(range_m, nothing, nothing - 1, log_area, fired, direction, *steps, ideal=False)
+    return BeamImage(
+        range_m, nothing, nothing - 1, log_area, fired, direction, *steps, ideal=False, beam=beam, points=shape[1]
+    )
 
 
-_REFERENCE_STEPS = (float(np.deg2rad(0.05)), float(np.deg2rad(0.125)))
+def _lattice(beams: Beams) -> Lattice:
+    lattice = lattice_of(beams)
+    if lattice is None:
+        what = "these beams have no neighbours by their numbers, and panels are looked for among neighbours"
+        raise UsageError(what, fix="use a sensor with lines and columns")
+    return lattice
+
+
+def _place(beams: Beams, layer: IntArray, point: IntArray) -> tuple[IndexArray, IndexArray]:
+    """Row and column of beams; numbers that are no beam of the sensor stay."""
+    lattice = _lattice(beams)
+    return lattice.row(layer).astype(np.int64), lattice.column(layer, point).astype(np.int64)
+
+
+def _of_beams(beams: Beams) -> tuple[IndexArray, FloatArray, tuple[float, float]]:
+    """Which beam stands at each row and column, where it looks, and the angles between neighbours."""
+    layer, point = beams.every()
+    shape = (beams.layers, beams.points)
+    beam = np.zeros(shape, dtype=np.int64)
+    beam[_place(beams, layer, point)] = beams.index(layer, point)
+    layer, point = (index.reshape(shape).astype(np.int32) for index in np.divmod(beam, beams.points))
+    steps = (float(np.median(np.deg2rad(step))) for step in beams.spacing_deg(layer.ravel(), point.ravel()))
+    direction = beams.directions(layer.ravel(), point.ravel()).reshape(*shape, 3)
+    return beam, direction, (next(steps), next(steps))
 
 
 def _shape(frames: Sequence[StrongestEchoes], file: str | None) -> tuple[int, int]:
@@ -168,8 +200,9 @@ def _shape(frames: Sequence[StrongestEchoes], file: str | None) -> tuple[int, in
     points = 1 + max(int(f.point.max(initial=-1)) for f in frames)
     if layers < 2 or points < 2:
         raise InputError("no echo lies on a known beam", file=file, fix="Layer and Point say which beam an echo is of")
-    if layers <= LAYERS and points <= POINTS:
-        return LAYERS, POINTS
+    beams = frames[0].beams
+    if layers <= beams.layers and points <= beams.points:
+        return beams.layers, beams.points
     if layers * points > MOST_BEAMS:
         raise InputError(
             f"Layer up to {layers - 1} and Point up to {points - 1} are no grid of beams",
@@ -188,36 +221,36 @@ def _median(stack: npt.NDArray[np.float32]) -> FloatArray:
     return np.asarray(np.take_along_axis(ordered, middle[None], axis=0)[0], dtype=np.float64)
 
 
-def _grid_directions(shape: tuple[int, int]) -> FloatArray:
-    layer, point = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
-    return beam_directions(layer, point)
+def _directions(frame: StrongestEchoes, shape: tuple[int, int]) -> tuple[IndexArray, FloatArray, tuple[float, float]]:
+    """As `_of_beams`, where the echoes lie on the sensor's beams.
 
-
-def _directions(frame: StrongestEchoes, shape: tuple[int, int]) -> tuple[FloatArray, tuple[float, float]]:
-    """Where every beam looks, and the steps between neighbours: the reference grid where the echoes lie on it.
-
-    Else of the form azimuth(point) + offset(layer), elevation(layer), from the measured positions.
+    Else of the form azimuth(column) + offset(row), elevation(row), from the measured positions.
     """
-    if shape == (LAYERS, POINTS):
-        off = np.linalg.norm(beam_directions(frame.layer, frame.point) - frame.direction, axis=1)
-        if np.quantile(off, 0.95) <= np.deg2rad(OF_GRID_DEG):
-            return _grid_directions(shape), _REFERENCE_STEPS
+    beams, beam = frame.beams, np.arange(shape[0] * shape[1]).reshape(shape)
+    if shape == (beams.layers, beams.points):
+        found = _of_beams(beams)
+        off = np.linalg.norm(beams.directions(frame.layer, frame.point) - frame.direction, axis=1)
+        if np.quantile(off, 0.95) <= np.deg2rad(OF_BEAM_DEG):
+            return found
+        beam = found[0]
+    row, column = frame.at
     azimuth = np.arctan2(frame.direction[:, 1], frame.direction[:, 0]).astype(np.float64)
     elevation = np.arcsin(np.clip(frame.direction[:, 2], -1.0, 1.0)).astype(np.float64)
     offset = np.zeros(shape[0])
     for _ in range(2):
-        of_point = _circular(azimuth - offset[frame.layer], frame.point, shape[1])
-        offset = _circular(azimuth - of_point[frame.point], frame.layer, shape[0])
-    count = np.bincount(frame.layer, minlength=shape[0])
+        of_column = _circular(azimuth - offset[row], column, shape[1])
+        offset = _circular(azimuth - of_column[column], row, shape[0])
+    count = np.bincount(row, minlength=shape[0])
     some = np.flatnonzero(count)
-    mean = np.bincount(frame.layer, weights=elevation, minlength=shape[0])[some] / count[some]
-    of_layer = np.interp(np.arange(shape[0]), some, mean)
-    a, e = of_point[None, :] + offset[:, None], np.broadcast_to(of_layer[:, None], shape)
-    steps = tuple(max(float(np.median(np.abs(np.diff(x)))), 1e-5) for x in (of_layer, of_point))
-    return np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=-1), (steps[0], steps[1])
+    mean = np.bincount(row, weights=elevation, minlength=shape[0])[some] / count[some]
+    of_row = np.interp(np.arange(shape[0]), some, mean)
+    a, e = of_column[None, :] + offset[:, None], np.broadcast_to(of_row[:, None], shape)
+    steps = tuple(max(float(np.median(np.abs(np.diff(x)))), 1e-5) for x in (of_row, of_column))
+    direction = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=-1)
+    return beam, direction, (steps[0], steps[1])
 
 
-def _circular(angle_rad: FloatArray, index: npt.NDArray[np.int32], length: int) -> FloatArray:
+def _circular(angle_rad: FloatArray, index: IndexArray, length: int) -> FloatArray:
     """Mean angle of each index, interpolated where there is none; shape (length,)."""
     east = np.bincount(index, weights=np.cos(angle_rad), minlength=length)
     north = np.bincount(index, weights=np.sin(angle_rad), minlength=length)

@@ -4,32 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.calibration.panels.image import STAND_INS, amplitude
+from lidarcheck.calibration.amplitude import amplitude, features_of
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap
 from lidarcheck.kpi.detection import wilson
+from lidarcheck.kpi.features import decades_of
 from lidarcheck.kpi.scatter import RangeScatter, central_half_width, range_scatter
 from lidarcheck.kpi.walk import WalkOffset, walk_offset
-from lidarcheck.scan import Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = [
     "NoiseSide",
     "PanelNoise",
     "WalkCurve",
     "compare_sides",
-    "features_of",
     "noise_of",
     "resolution_of",
     "scatter_of",
     "walk_curve",
 ]
 
-FEATURES = {"AREA": ("area", ""), "PEAK": ("peak", ""), "WIDTH": ("width_ns", "ns")}
 RESIDUAL = "range residual"
 GRIDS_M = (0.01, 0.005, 0.004, 0.003, 0.002, 0.001)
 WALK_BINS = 8
@@ -86,26 +87,14 @@ class NoiseSide:
 class PanelNoise:
     """Measured and simulated beside each other; what needs both is empty or None where nothing was simulated.
 
-    `gaps`: feature to distances, the range residual among them. `walk`: measured minus simulated per decade of AREA.
+    `gaps`: feature to distances, the range residual among them. `walk`: measured minus simulated per decade
+    of AREA, or of the sensor's own strength.
     """
 
     measured: NoiseSide
     simulated: NoiseSide | None
     gaps: Mapping[str, FeatureGap]
     walk: WalkOffset | None
-
-
-def features_of(scan: Scan) -> dict[str, tuple[str, FloatArray]]:
-    """The features that the scan has: name to unit and values, shape (n,)."""
-    out = {
-        name: (unit, np.asarray(getattr(scan, field), dtype=np.float64))
-        for name, (field, unit) in FEATURES.items()
-        if name not in scan.defaulted
-    }
-    for name, column in scan.extra.items():
-        if name.upper() in STAND_INS:
-            out[name.upper()] = ("", np.asarray(column, dtype=np.float64))
-    return out
 
 
 def resolution_of(range_m: FloatArray) -> float:
@@ -120,14 +109,14 @@ def resolution_of(range_m: FloatArray) -> float:
     return 0.0
 
 
-def noise_of(samples: PanelSamples, beams: int, *, known_truth: bool) -> NoiseSide:
-    """The figures of one side; `known_truth`: an ideal scan says where the panel stands."""
+def noise_of(samples: PanelSamples, beams: int, *, known_truth: bool, sensor: Sensor | None = None) -> NoiseSide:
+    """The figures of one side; `known_truth`: an ideal scan says where the panel stands; `sensor`: what measured."""
     residual, range_m = samples.residual_m, samples.scan.range_m
     low, high = (float(v) for v in wilson(samples.detected, samples.trials))
     resolution = resolution_of(np.round(range_m, 4))
     noise, robust = _from_frame_to_frame(samples, resolution)
     flat = _from_plane(samples, residual)
-    features = features_of(samples.scan)
+    features = features_of(samples.scan, sensor)
     some = len(range_m) > 0
     return NoiseSide(
         frames=len(samples.detected_in),
@@ -147,27 +136,31 @@ def noise_of(samples: PanelSamples, beams: int, *, known_truth: bool) -> NoiseSi
         resolution_m=resolution,
         means={name: float(values.mean()) if some else NAN for name, (_, values) in features.items()},
         spreads={name: _deviation(values) for name, (_, values) in features.items()},
-        walk=walk_curve(amplitude(samples.scan)[1], residual),
+        walk=walk_curve(amplitude(samples.scan, sensor)[1], residual),
     )
 
 
-def compare_sides(measured: PanelSamples, simulated: PanelSamples) -> tuple[dict[str, FeatureGap], WalkOffset | None]:
-    """Distances of every feature that both have, and the walk where both have an AREA."""
-    m, s = features_of(measured.scan), features_of(simulated.scan)
+def compare_sides(
+    measured: PanelSamples, simulated: PanelSamples, sensor: Sensor | None = None
+) -> tuple[dict[str, FeatureGap], WalkOffset | None]:
+    """Distances of every feature that both have, and the walk where both have an AREA, or the sensor's own strength."""
+    m, s = features_of(measured.scan, sensor), features_of(simulated.scan, sensor)
     gaps = {RESIDUAL: feature_gap(measured.residual_m, simulated.residual_m, unit="m")}
     gaps |= {name: feature_gap(m[name][1], s[name][1], unit=m[name][0]) for name in m if name in s}
-    if "AREA" not in m or "AREA" not in s:
+    decades = decades_of(sensor)
+    if decades is None or decades.name not in m or decades.name not in s:
         return gaps, None
-    return gaps, walk_offset(measured.residual_m, m["AREA"][1], simulated.residual_m, s["AREA"][1])
+    strengths = m[decades.name][1], s[decades.name][1]
+    return gaps, walk_offset(measured.residual_m, strengths[0], simulated.residual_m, strengths[1], decades)
 
 
-def scatter_of(samples: Sequence[PanelSamples]) -> RangeScatter:
+def scatter_of(samples: Sequence[PanelSamples], sensor: Sensor | None = None) -> RangeScatter:
     """Range noise over the amplitude, from the successive echoes of each beam of all panels."""
     first, second, signal = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
     for one in samples:
         order = np.lexsort((one.frame, one.beam))
         pair = np.flatnonzero(np.diff(one.beam[order]) == 0)
-        range_m, strength = np.round(one.scan.range_m[order], 4), amplitude(one.scan)[1][order]
+        range_m, strength = np.round(one.scan.range_m[order], 4), amplitude(one.scan, sensor)[1][order]
         first.append(range_m[pair])
         second.append(range_m[pair + 1])
         signal.append(0.5 * (strength[pair] + strength[pair + 1]))
@@ -208,12 +201,21 @@ def _from_plane(samples: PanelSamples, residual_m: FloatArray) -> FloatArray:
     """Residuals without their mean and their slopes over the panel: an error of its pose is no noise. Shape (n,)."""
     if residual_m.size < 4:
         return residual_m
-    rows = np.stack([np.ones(len(residual_m)), samples.scan.layer, samples.scan.point], axis=1).astype(np.float64)
+    rows = np.column_stack([np.ones(len(residual_m)), *_places(samples)]).astype(np.float64)
     rows[:, 1:] -= rows[:, 1:].mean(axis=0)
     middle = np.median(residual_m)
     kept = np.abs(residual_m - middle) <= 5.0 * max(central_half_width(np.abs(residual_m - middle)), 1e-4)
     slopes = np.linalg.lstsq(rows[kept], residual_m[kept])[0]
     return np.asarray(residual_m - rows @ slopes, dtype=np.float64)
+
+
+def _places(samples: PanelSamples) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Where the beams of echoes stand beside each other, upward and sideways, shapes (n,)."""
+    scan = samples.scan
+    if scan.beams.grid or not scan.beams.has(scan.layer, scan.point).all():
+        return scan.layer, scan.point
+    elevation, azimuth = scan.beams.angles_deg(scan.layer, scan.point)
+    return elevation, np.mod(azimuth - azimuth[0] + 180.0, 360.0)
 
 
 def walk_curve(strength: FloatArray, residual_m: FloatArray, bins: int = WALK_BINS) -> WalkCurve:

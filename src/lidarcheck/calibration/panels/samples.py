@@ -9,10 +9,11 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.panels.find import Panel
-from lidarcheck.calibration.panels.image import strongest
+from lidarcheck.calibration.panels.image import strongest, ways
 from lidarcheck.formats.geometry import pooled
 from lidarcheck.scan import Scan
 from lidarcheck.scan import joined as rows_of_all
+from lidarcheck.sensor import Sensor
 
 __all__ = ["MOST_ECHOES", "PanelSamples", "Sampler", "joined"]
 
@@ -41,17 +42,19 @@ class PanelSamples:
 
     @property
     def residual_m(self) -> FloatArray:
-        """Range minus the expected one, to a tenth of a millimetre, shape (n,)."""
-        return np.round(self.scan.range_m, 4) - self.expected_m
+        """The way from the beam's origin minus the expected one, to a tenth of a millimetre, shape (n,)."""
+        return np.round(ways(self.scan), 4) - self.expected_m
 
 
 class Sampler:
     """Takes frames one at a time and keeps of each what lies on a panel."""
 
-    def __init__(self, panels: Sequence[Panel], window_m: float, shape: tuple[int, int]) -> None:
+    def __init__(
+        self, panels: Sequence[Panel], window_m: float, shape: tuple[int, int], sensor: Sensor | None = None
+    ) -> None:
         self.panels = tuple(panels)
         self.window_m = window_m
-        self._shape = shape
+        self._shape, self._sensor = shape, sensor
         self._panel = np.full(shape, -1, dtype=np.int32)
         self._beam = np.zeros(shape, dtype=np.int32)
         self._expected_m = np.zeros(shape)
@@ -70,10 +73,10 @@ class Sampler:
         known = (scan.layer >= 0) & (scan.point >= 0) & (scan.layer < layers) & (scan.point < points)
         layer, point = np.where(known, scan.layer, 0), np.where(known, scan.point, 0)
         panel = np.where(known, self._panel[layer, point], -1)
-        off = np.abs(scan.range_m - self._expected_m[layer, point])
+        off = np.abs(ways(scan) - self._expected_m[layer, point])
         rows = np.flatnonzero((panel >= 0) & (off <= self.window_m))
         on = scan.take(rows)
-        best = strongest(on)
+        best = strongest(on, sensor=self._sensor)
         on, of = on.take(best), panel[rows][best]
         beam = self._beam[on.layer, on.point].astype(np.int64)
         for i, one in enumerate(self.panels):

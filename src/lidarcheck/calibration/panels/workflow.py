@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.calibration.amplitude import amplitude
 from lidarcheck.calibration.panels.find import FoundPanels, Panel, Reject, find_panels
 from lidarcheck.calibration.panels.image import (
     BeamImage,
     StrongestEchoes,
-    amplitude,
     echoes_of,
     image_of_frames,
     image_of_ideal,
@@ -23,6 +23,7 @@ from lidarcheck.calibration.panels.settings import PanelSettings
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.scatter import RangeScatter
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["Arrangement", "PanelFrame", "PanelSettings", "PanelsResult", "characterise", "panel_scan"]
 
@@ -62,7 +63,8 @@ class PanelsResult:
     """All panels in order of range, and what real and simulated frames show of each; the sequences go together.
 
     `found_in`: "ideal" or "measured". `rejects`: the largest flat surfaces that are no panels. `floor_m`, `roof_m`:
-    below and above the sensor, NaN where there is none. `materials`: names by number. `walk_*`, `scatter_*`: over all
+    below and above the sensor, NaN where there is none. `materials`: names by number. `sensor`: what measured, where
+    that is known. `walk_*`, `scatter_*`: over all
     panels. `notes`: what a reader should know.
     """
 
@@ -83,6 +85,7 @@ class PanelsResult:
     settings: PanelSettings
     materials: Mapping[int, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    sensor: Sensor | None = None
 
 
 @dataclass(frozen=True)
@@ -100,23 +103,24 @@ def characterise(
     settings: PanelSettings | None = None,
     *,
     materials: Mapping[int, str] | None = None,
+    sensor: Sensor | None = None,
     progress: Progress = lambda _done, _total, _label: None,
 ) -> PanelsResult:
     """Find the panels of every arrangement and say of each what its echoes show, real and simulated.
 
     Panels are found in the ideal scan, or, without one, in up to 16 measured frames merged. Frames are read one at a
-    time; of each only what lies on panels is kept. `materials`: names by number. `InputError`: no panel, another
-    number than `settings.expect`, a frame without echoes or of another scene, no echo on any panel; each says what
-    was found instead.
+    time; of each only what lies on panels is kept. `materials`: names by number; `sensor`: what measured.
+    `InputError`: no panel, another number than `settings.expect`, a frame without echoes or of another scene, no echo
+    on any panel; each says what was found instead.
     """
     settings = settings or PanelSettings()
     with_ideal = False
     parts = []
     for arrangement in arrangements:
         with_ideal = arrangement.ideal is not None
-        parts.append(_one(arrangement, settings, progress))
+        parts.append(_one(arrangement, settings, sensor, progress))
     _check_expected(parts, settings)
-    return _together(parts, settings, materials or {}, with_ideal)
+    return _together(parts, settings, materials or {}, sensor, with_ideal)
 
 
 def panel_scan(samples: PanelSamples) -> Scan:
@@ -125,47 +129,49 @@ def panel_scan(samples: PanelSamples) -> Scan:
     return replace(samples.scan, extra={**extra, "Frame": samples.frame.astype(np.int32)})
 
 
-def _one(arrangement: Arrangement, settings: PanelSettings, progress: Progress) -> _Part:
+def _one(arrangement: Arrangement, settings: PanelSettings, sensor: Sensor | None, progress: Progress) -> _Part:
     held: dict[int, Scan] = {}
     if arrangement.ideal is not None:
         image, where = image_of_ideal(arrangement.ideal), arrangement.ideal.file
     else:
-        image, where = _survey(arrangement.measured, held, progress), arrangement.measured[0].name
+        image, where = _survey(arrangement.measured, held, sensor, progress), arrangement.measured[0].name
     found = find_panels(image, settings)
     if not found.panels:
         raise InputError(f"no panel found; {_instead(found)}", file=where or None, fix=_REMEDY)
-    measured, notes = _sampled(arrangement.measured, found, image, settings, progress, held)
+    measured, notes = _sampled(arrangement.measured, found, image, settings, sensor, progress, held)
     if not any(sample.detected for sample in measured):
         raise _nothing_on_panels(arrangement, found, settings)
     simulated = None
     if arrangement.simulated:
-        simulated, more = _sampled(arrangement.simulated, found, image, settings, progress, {})
+        simulated, more = _sampled(arrangement.simulated, found, image, settings, sensor, progress, {})
         notes += more
     return _Part(found, measured, simulated, notes)
 
 
-def _survey(frames: Sequence[PanelFrame], held: dict[int, Scan], progress: Progress) -> BeamImage:
+def _survey(
+    frames: Sequence[PanelFrame], held: dict[int, Scan], sensor: Sensor | None, progress: Progress
+) -> BeamImage:
     """The first frames merged; `held` gets those that need not be read again."""
     surveyed = min(len(frames), MOST_SURVEYED)
     echoes = []
     for i in range(surveyed):
         progress(i, surveyed, f"looking for panels, {frames[i].name}")
         scan = _loaded(frames[i])
-        echoes.append(echoes_of(scan))
+        echoes.append(echoes_of(scan, sensor))
         if sum(len(other) for other in held.values()) + len(scan) <= MOST_HELD:
             held[i] = scan
     image = image_of_frames(echoes, frames[0].name)
     shown = np.zeros(image.shape, dtype=np.int64)
     for echo in echoes:
-        shown[echo.layer, echo.point] += 1
+        shown[echo.at] += 1
     for frame, echo in zip(frames, echoes, strict=False):
-        _check_still(image, echo, shown[echo.layer, echo.point] > 1, frame.name)
+        _check_still(image, echo, shown[echo.at] > 1, frame.name)
     return image
 
 
 def _check_still(image: BeamImage, echo: StrongestEchoes, shared: npt.NDArray[np.bool_], name: str) -> None:
     """Refuse a frame that shows another scene than the frames together, on the beams that another frame shows too."""
-    off = np.abs(echo.range_m - image.range_m[echo.layer, echo.point])[shared]
+    off = np.abs(echo.range_m - image.range_m[echo.at])[shared]
     if not len(off):
         return
     moved = float(np.mean(off > STILL_M + 0.01 * echo.range_m[shared]))
@@ -178,11 +184,11 @@ def _check_still(image: BeamImage, echo: StrongestEchoes, shared: npt.NDArray[np
 
 
 def _sampled(
-    frames: Sequence[PanelFrame], found: FoundPanels, image: BeamImage, settings: PanelSettings, progress: Progress,
-    held: dict[int, Scan],
+    frames: Sequence[PanelFrame], found: FoundPanels, image: BeamImage, settings: PanelSettings,
+    sensor: Sensor | None, progress: Progress, held: dict[int, Scan],
 ) -> tuple[tuple[PanelSamples, ...], tuple[str, ...]]:  # fmt: skip
     """The echoes on panels of every frame, and a note on each frame that shows far less than the others."""
-    sampler = Sampler(found.panels, settings.window_m, image.shape)
+    sampler = Sampler(found.panels, settings.window_m, image.shape, sensor)
     counts = []
     for i, frame in enumerate(frames):
         progress(i, len(frames), frame.name)
@@ -243,7 +249,8 @@ def _check_expected(parts: Sequence[_Part], settings: PanelSettings) -> None:
 def _nothing_on_panels(arrangement: Arrangement, found: FoundPanels, settings: PanelSettings) -> InputError:
     """What the first frame shows on the beams that should hit panels."""
     frame = arrangement.measured[0]
-    sampler = Sampler(found.panels, np.inf, (1 << 10, 1 << 10))
+    shape = tuple(max(int(getattr(p, name).max()) for p in found.panels) + 1 for name in ("layer", "point"))
+    sampler = Sampler(found.panels, np.inf, (shape[0], shape[1]))
     beams = sum(len(panel.layer) for panel in found.panels)
     count = sampler.add(frame.load())
     seen = f"{count} of the {beams} beams that should hit one echo"
@@ -258,7 +265,11 @@ def _nothing_on_panels(arrangement: Arrangement, found: FoundPanels, settings: P
 
 
 def _together(
-    parts: Sequence[_Part], settings: PanelSettings, materials: Mapping[int, str], with_ideal: bool
+    parts: Sequence[_Part],
+    settings: PanelSettings,
+    materials: Mapping[int, str],
+    sensor: Sensor | None,
+    with_ideal: bool,
 ) -> PanelsResult:
     """The parts' panels in order of range, numbered on, with their figures."""
     panels = [panel for part in parts for panel in part.found.panels]
@@ -270,7 +281,9 @@ def _together(
     s = tuple(simulated[i] for i in order) if both else None
     numbered = tuple(replace(panels[i], number=k) for k, i in enumerate(order, start=1))
     rejects = sorted((r for part in parts for r in part.found.rejects), key=lambda r: -r.beams)
-    noise = tuple(_noise(panel, m[k], None if s is None else s[k], with_ideal) for k, panel in enumerate(numbered))
+    noise = tuple(
+        _noise(panel, m[k], None if s is None else s[k], sensor, with_ideal) for k, panel in enumerate(numbered)
+    )
     return PanelsResult(
         panels=numbered,
         noise=noise,
@@ -282,28 +295,31 @@ def _together(
         found_in="ideal" if with_ideal else "measured",
         frames_measured=sum(len(part.measured[0].detected_in) for part in parts),
         frames_simulated=sum(len(part.simulated[0].detected_in) for part in parts if part.simulated),
-        walk_measured=_walk(m),
-        walk_simulated=None if s is None else _walk(s),
-        scatter_measured=scatter_of(m),
-        scatter_simulated=None if s is None else scatter_of(s),
+        walk_measured=_walk(m, sensor),
+        walk_simulated=None if s is None else _walk(s, sensor),
+        scatter_measured=scatter_of(m, sensor),
+        scatter_simulated=None if s is None else scatter_of(s, sensor),
         settings=settings,
         materials=dict(materials),
         notes=tuple(note for part in parts for note in part.notes),
+        sensor=sensor,
     )
 
 
-def _noise(panel: Panel, measured: PanelSamples, simulated: PanelSamples | None, with_ideal: bool) -> PanelNoise:
+def _noise(
+    panel: Panel, measured: PanelSamples, simulated: PanelSamples | None, sensor: Sensor | None, with_ideal: bool
+) -> PanelNoise:
     beams = len(panel.layer)
-    real = noise_of(measured, beams, known_truth=with_ideal)
+    real = noise_of(measured, beams, known_truth=with_ideal, sensor=sensor)
     if simulated is None:
         return PanelNoise(real, None, {}, None)
-    gaps, walk = compare_sides(measured, simulated)
-    return PanelNoise(real, noise_of(simulated, beams, known_truth=with_ideal), gaps, walk)
+    gaps, walk = compare_sides(measured, simulated, sensor)
+    return PanelNoise(real, noise_of(simulated, beams, known_truth=with_ideal, sensor=sensor), gaps, walk)
 
 
-def _walk(samples: Sequence[PanelSamples]) -> WalkCurve:
+def _walk(samples: Sequence[PanelSamples], sensor: Sensor | None) -> WalkCurve:
     """Over all panels, in finer bins than of one."""
-    strength = [amplitude(sample.scan)[1] for sample in samples]
+    strength = [amplitude(sample.scan, sensor)[1] for sample in samples]
     return walk_curve(np.concatenate(strength), np.concatenate([s.residual_m for s in samples]), bins=WALK_BINS_ALL)
 
 

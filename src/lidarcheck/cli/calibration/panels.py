@@ -20,8 +20,10 @@ from lidarcheck.cli.core.options import (
     Placed,
     Quiet,
     Seed,
+    SensorName,
     Whole,
     placement_of,
+    sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress
@@ -55,6 +57,7 @@ def panels(
     model: Annotated[
         Path | None, Parameter(help="Simulate as many frames as were measured with this model; names materials.")
     ] = None,
+    sensor: SensorName = None,
     seed: Seed = 0,
     out: Annotated[
         Path, Parameter(help="Directory for the report, the numbers, the pictures and each panel's echoes.")
@@ -120,10 +123,11 @@ def panels(
 
     with drawing_ahead(out):
         sensor_model = None if model is None else load_model(model)
+        known = sensor_named(sensor, sensor_model)
         names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
         with progress("panels:") as show:
-            arrangements = arrangements_of(real, ideals, frames, sensor_model, seed, placement)
-            result = characterise(arrangements, settings, materials=names, progress=show)
+            arrangements = arrangements_of(real, ideals, frames, sensor_model, seed, placement, known)
+            result = characterise(arrangements, settings, materials=names, sensor=known, progress=show)
         origin: dict[str, Sequence[Named]] = {
             "measured": real,
             "ideal": ideals,
@@ -177,7 +181,7 @@ def _save(result: PanelsResult, place: Path, suffix: str) -> None:
     from lidarcheck.formats import save_scan
 
     for name, sample in _samples(result):
-        save_scan(panel_scan(sample), place / f"{name}.{suffix}")
+        save_scan(panel_scan(sample), place / f"{name}.{suffix}", result.sensor)
 
 
 def _samples(result: PanelsResult) -> list[tuple[str, PanelSamples]]:

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.calibration.panels.noise import NoiseSide, WalkCurve, features_of
+from lidarcheck.calibration.amplitude import features_of
+from lidarcheck.calibration.panels.noise import NoiseSide, WalkCurve
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.calibration.panels.workflow import PanelsResult
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Figure, Page, Section
@@ -26,7 +27,9 @@ from lidarcheck.figures.pages.panel_tables import (
     rejects_section,
 )
 from lidarcheck.figures.pages.thinning import thinned
+from lidarcheck.kpi.features import strength_name
 from lidarcheck.kpi.scatter import RangeScatter
+from lidarcheck.sensor import Sensor
 
 __all__ = ["document", "page"]
 
@@ -183,7 +186,10 @@ def _panel_section(result: PanelsResult, i: int) -> Section:
         samples[SIMULATED] = result.simulated[i]
     figures: list[Figure] = [
         Distribution(
-            f"{title}: {name}", name, unit, {side: thinned(_values(s, name), MOST_SHOWN) for side, s in samples.items()}
+            f"{title}: {name}",
+            name,
+            unit,
+            {side: thinned(_values(s, name, result.sensor), MOST_SHOWN) for side, s in samples.items()},
         )
         for name, unit in _shown(result)
     ]
@@ -199,11 +205,11 @@ def _panel_section(result: PanelsResult, i: int) -> Section:
 def _shown(result: PanelsResult) -> tuple[tuple[str, str], ...]:
     """The quantities of which each panel gets a picture: the amplitude and the distance."""
     features = features_shown(result)
-    first = next((name for name in ("AREA", *features) if name in features), None)
+    first = next((name for name in (strength_name(result.sensor), *features) if name in features), None)
     return (*(((first, ""),) if first else ()), ("distance", "m"))
 
 
-def _values(sample: PanelSamples, name: str) -> FloatArray:
+def _values(sample: PanelSamples, name: str, sensor: Sensor | None) -> FloatArray:
     if name == "distance":
         return np.round(sample.scan.range_m, 4)
-    return features_of(sample.scan).get(name, ("", np.zeros(0)))[1]
+    return features_of(sample.scan, sensor).get(name, ("", np.zeros(0)))[1]
