@@ -107,7 +107,8 @@ def write_case(order: CaseOrder, directory: Path, frames: int | None = None) -> 
     visible = {}
     if s.hidden:
         without = [s.echoes(k, (), repeat=1) for k in range(count)]
-        visible = dict.fromkeys(order.effects, stands_out(echoes, without, [s.beams(k) for k in range(count)], parts))
+        found = stands_out(s.device, echoes, without, [s.beams(k) for k in range(count)], parts)
+        visible = dict.fromkeys(order.effects, found)
     salt = hashlib.sha256(f"{order.seed} {order.number} foreign".encode()).hexdigest()[:32]
     sealed = Sealed.seal(_truth(s, visible), salt)
     write(directory, "sealed.txt", sealed.digest + "\n")

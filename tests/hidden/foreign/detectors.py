@@ -54,7 +54,7 @@ class Echoes:
     beam: N
     path_m: F
     amplitude: F
-    more: dict[str, F] = field(default_factory=dict)  # of echoes: peak, width_ns, snr
+    more: dict[str, F] = field(default_factory=dict)  # of echoes: peak, width_ns, snr; a chip's width is that of its counts
     of_beams: dict[str, F] = field(default_factory=dict)  # counts (beams, bins), ambient (beams,)
 
     def kept(self, rows: NDArray[np.bool_] | N) -> "Echoes":
@@ -174,10 +174,10 @@ def _histogram(shine: Shine, device: Device, rng: np.random.Generator) -> Echoes
     clean = -np.diff(np.exp(-np.concatenate([[0.0], np.cumsum(glass)])))
     found = [_peaks(row, clean, edges, device, float(t)) for row, t in zip(counts, shine.threshold, strict=True)]
     rows = [(zone, *echo) for zone, echoes in enumerate(found) for echo in echoes]
-    table = np.array(rows, np.float64).reshape(-1, 4)
+    table = np.array(rows, np.float64).reshape(-1, 5)
     snr = table[:, 2] / np.sqrt(np.maximum(table[:, 2] + table[:, 3], 1.0))
     return Echoes(
-        table[:, 0].astype(np.int64), table[:, 1] * LIGHT_M_NS / 2, table[:, 2], {"snr": snr}, {"counts": counts}
+        table[:, 0].astype(np.int64), table[:, 1] * LIGHT_M_NS / 2, table[:, 2], {"snr": snr, "width_ns": table[:, 4]}, {"counts": counts}
     )
 
 
@@ -188,8 +188,8 @@ def _floor(counts: F) -> float:
     return float(last[np.abs(last - middle) <= 3.0 * math.sqrt(max(middle, 1.0))].mean())
 
 
-def _peaks(counts: F, clean: F, edges: F, device: Device, threshold: float) -> list[tuple[float, float, float]]:
-    """Echoes of a histogram as (time [ns], counts, background counts in the window)."""
+def _peaks(counts: F, clean: F, edges: F, device: Device, threshold: float) -> list[tuple[float, ...]]:
+    """Echoes of a histogram as (time [ns], counts, background counts in the window, its counts' spread [ns])."""
     width, fwhm = edges[1] - edges[0], device.fwhm_ns
     centre = (edges[1:] + edges[:-1]) / 2
     floor = _floor(counts)
@@ -211,7 +211,7 @@ def _peaks(counts: F, clean: F, edges: F, device: Device, threshold: float) -> l
     return [_centroid(left, floor, edges, float(centre[k]), fwhm) for k in taken]
 
 
-def _centroid(left: F, floor: float, edges: F, at: float, fwhm: float) -> tuple[float, float, float]:
+def _centroid(left: F, floor: float, edges: F, at: float, fwhm: float) -> tuple[float, ...]:
     width, centre = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
     total, inside = 0.0, np.zeros(len(left))
     for _ in range(10):
@@ -223,7 +223,8 @@ def _centroid(left: F, floor: float, edges: F, at: float, fwhm: float) -> tuple[
         done, at = abs(new - at) < 0.01 * width, new
         if done:
             break
-    return at, total, floor * float(inside.sum())
+    spread = math.sqrt(max(float((left * inside * (centre - at) ** 2).sum()) / max(total, 1.0), 0.0))
+    return at, total, floor * float(inside.sum()), spread
 
 
 # --- an array of SPADs ----------------------------------------------------------------------------------------------

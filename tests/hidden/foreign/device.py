@@ -65,6 +65,10 @@ class Device:
         default = {"linear": 5.0, "photon_histogram": 1.0, "spad_array": 5.0}[self.detector]
         return float(self.numbers.get("pulse_fwhm_ns", default))
 
+    def reports(self, law: str) -> bool:
+        """Whether a feature of the file follows that law."""
+        return any(feature["law"] == law for feature in self.document["features"].values())
+
     @property
     def rotating(self) -> bool:
         return str(self.document["beams"]["kind"]) == "channels"

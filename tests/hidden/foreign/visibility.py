@@ -5,7 +5,7 @@ from hidden.rays import Hits
 from numpy.typing import NDArray
 
 from .detectors import Echoes
-from .device import Beams
+from .device import Beams, Device
 
 F = NDArray[np.float64]
 VISIBLE_Z = 5.0
@@ -13,7 +13,9 @@ FEWEST = 30
 ON_SURFACE_M = 1.0
 
 
-def _table(frames: list[Echoes], beams: list[Beams], parts: list[list[Hits]]) -> tuple[dict[str, F], dict[str, F]]:
+def _table(
+    device: Device, frames: list[Echoes], beams: list[Beams], parts: list[list[Hits]]
+) -> tuple[dict[str, F], dict[str, F]]:
     """Features (n,) of every beam's strongest echo, NaN where there is none; and what groups them."""
     values: dict[str, list[F]] = {name: [] for name in ("residual", "strength", "found", "extra", "ambient", "width")}
     groups: dict[str, list[F]] = {name: [] for name in ("layer", "column", "range", "material")}
@@ -35,8 +37,8 @@ def _table(frames: list[Echoes], beams: list[Beams], parts: list[list[Hits]]) ->
         row["extra"] = np.bincount(echoes.beam[~on], minlength=n).astype(float)
         if "counts" in echoes.of_beams:
             row["ambient"] = echoes.of_beams["counts"][:, -30:].mean(axis=1)
-        elif "ambient" in echoes.of_beams:
-            row["ambient"] = echoes.of_beams["ambient"]
+        elif device.reports("background"):
+            row["ambient"][echoes.beam] = echoes.of_beams["ambient"][echoes.beam]
         for name in values:
             values[name].append(row[name])
         middle = hits[len(hits) // 2]
@@ -56,10 +58,10 @@ def _z(a: F, b: F, rare: bool) -> float:
 
 
 def stands_out(
-    with_effect: list[Echoes], without: list[Echoes], beams: list[Beams], parts: list[list[Hits]]
+    device: Device, with_effect: list[Echoes], without: list[Echoes], beams: list[Beams], parts: list[list[Hits]]
 ) -> tuple[float, str]:
     """The largest z of all summaries, and which one it is. Groups are taken alone, since chance has more places there."""
-    (one, groups), (other, _) = (_table(frames, beams, parts) for frames in (with_effect, without))
+    (one, groups), (other, _) = (_table(device, frames, beams, parts) for frames in (with_effect, without))
     best = (0.0, "")
     for name in one:
         middle = np.nanmedian(other[name]) if np.isfinite(other[name]).any() else 0.0
