@@ -1,4 +1,4 @@
-"""Whole frames of other sensors against an independent simulator's: read, held against their beams, simulated, written."""
+"""Whole frames of other sensors against an independent simulator's: read, held against beams, simulated, written."""
 
 import numpy as np
 import pytest

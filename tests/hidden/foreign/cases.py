@@ -5,13 +5,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+
 from hidden.chain import Nuisance
 from hidden.files import case_text, write
 from hidden.files import model_text as _model_text
 from hidden.forms import Draw
 from hidden.rays import Hits, Scene
 from hidden.sealing import Sealed, Truth
-from numpy.typing import NDArray
 
 from .chain import Effect, headings, measure, nominal
 from .detectors import Echoes

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+
 from hidden.chain import Nuisance
 from hidden.rays import Hits, Scene, cast, directions
-from numpy.typing import NDArray
 
 from .detectors import Echoes, Shine, detect
 from .device import Beams, Device

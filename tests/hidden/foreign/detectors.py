@@ -4,10 +4,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from hidden import kernel
-from hidden import sensor as spads
 from numpy.typing import NDArray
 from scipy.special import erf
+
+from hidden import kernel
+from hidden import sensor as spads
 
 from .device import LIGHT_M_NS, Device
 

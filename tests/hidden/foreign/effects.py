@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from hidden.forms import Draw
 from numpy.typing import NDArray
+
+from hidden.forms import Draw
 
 from .chain import Aim, Effect, Frame, turn
 from .detectors import AIR_STEP_M, Echoes, Shine

@@ -26,7 +26,7 @@ EFFECTS: Final = {
     ),
 }  # fmt: skip
 ALIENS: Final = ("range_ripple", "column_gain")
-DETECTOR: Final = {name: "linear" for name in SENSORS} | {
+DETECTOR: Final = dict.fromkeys(SENSORS, "linear") | {
     "TMF8820-short": "photon_histogram", "SLIM-channels": "spad_array",
 }  # fmt: skip
 

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+
 from hidden.places import CAR, CONCRETE, PANEL_10, PANEL_50, PANEL_80, SIGN, TABLE, VEGETATION, Builder
 from hidden.rays import Rectangle, Scene
 

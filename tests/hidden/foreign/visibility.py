@@ -1,8 +1,9 @@
 """How far an effect stands out of the noise: means, spreads and losses with it and without it, as z."""
 
 import numpy as np
-from hidden.rays import Hits
 from numpy.typing import NDArray
+
+from hidden.rays import Hits
 
 from .detectors import Echoes
 from .device import Beams, Device
