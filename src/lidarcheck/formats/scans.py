@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.beams import Fired
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.columns import (
     INT32_MAX,
     LENGTH_MAX_M,
@@ -115,7 +115,7 @@ def read_scan(
     echoes = placement.applied(as_read)
     x_m, y_m, z_m = _positions(echoes, own)
     if own.lattice:
-        beams = _beams(echoes, x_m, y_m, z_m, own)
+        beams = _beams(echoes, x_m, y_m, z_m, own, sensor)
     else:
         own, beams = beams_of_echoes(echoes, np.column_stack([x_m, y_m, z_m]), own)
     fired, unplaced = (None, 0) if empty is None else _fired(beams, table.take(np.flatnonzero(empty)))
@@ -191,14 +191,28 @@ def positions_of(
     return xyz[0], xyz[1], xyz[2]
 
 
-def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column, own: SensorBeams) -> Beams:
-    """Layer and Point, the missing ones from the positions."""
+def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column, own: SensorBeams, sensor: Sensor | None) -> Beams:
+    """Layer and Point, the missing ones from rings, times and directions, or from the positions alone."""
     given = [name for name in ("Layer", "Point") if table.spelling(name)]
+    if sensor is not None and len(given) < 2 and len(table) and frame_of(table.columns) is None:
+        return _assigned(table, np.stack([x_m, y_m, z_m], axis=-1), sensor)
     columns = {name: whole_column(table, name, 0, INT32_MAX) for name in given}
     if len(given) < 2:
         layer, point = beams_of(x_m, y_m, z_m, own)
         columns = {"Layer": layer, "Point": point, **columns}
     return Beams(columns["Layer"], columns["Point"], frame_of(table.columns), told=len(given) == 2)
+
+
+def _assigned(table: Table, xyz: FloatArray, sensor: Sensor) -> Beams:
+    """The beam of each row of one frame, by whatever the file says of it, in the order of trust."""
+    from lidarcheck.formats.assign.cloud import clouds_of
+    from lidarcheck.formats.assign.of_sensor import assigned_to
+
+    try:
+        found = assigned_to(sensor, clouds_of(table)[0], xyz)
+    except UsageError as error:
+        raise InputError(error.what, file=table.path, fix=error.fix) from None
+    return Beams(found.layer.astype(np.int32), found.point.astype(np.int32), None, told=found.layers_told)
 
 
 def _fired(echoes: Beams, empty: Table) -> tuple[Fired | None, int]:
