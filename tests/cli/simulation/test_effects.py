@@ -40,7 +40,9 @@ def test_json_of_all_effects(capsys):
     found = json.loads(output(capsys, "--json"))
     assert [effect["name"] for effect in found] == NAMES
     for effect in found:
-        assert set(effect) == {"name", "stage", "summary", "description", "tree", "parameters", "files"}
+        facts = {"name", "stage", "summary", "description", "tree", "parameters", "files", "detectors", "unfit"}
+        assert set(effect) == facts
+        assert {*effect["detectors"], *effect["unfit"]} == {"spad_array", "linear", "photon_histogram"}
         assert effect["stage"] in ("aim", "light", "detector", "readout")
         assert effect["description"].startswith(effect["summary"])
         assert all(isinstance(node, int) for node in effect["tree"])
