@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck import elementary
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.errors import UsageError
 from lidarcheck.kpi.fired import at_marked_edges, judged_rows
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, PhotonHistogram, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Material, PhotonHistogram, Sensor
 
 if TYPE_CHECKING:
     from lidarcheck.model.spec import Model
@@ -210,20 +209,13 @@ def _mean_surface_m(
 
 
 def _signal(ideal: IdealScan, rows: IndexArray, sensor: Sensor, model: Model | None) -> FloatArray:
-    """What each row sends back, in proportion: share · reflectance · cos(incidence)^m / (R² + near²)."""
-    cosine = elementary.cos(np.deg2rad(ideal.incidence_deg[rows]))
-    number, material = ideal.material_id[rows], {} if model is None else model.materials
-    reflectance = np.ones(len(rows))
-    for known, entry in material.items():
-        of = number == known
-        reflectance[of] = entry.reflectance * (entry.retro_gain if entry.kind == "retro" else 1.0)
-        cosine[of & (entry.kind == "retro")] = 1.0
-    own = next((column for name, column in ideal.extra.items() if name.upper() == "REFLECTANCE"), None)
-    if own is not None:
-        told = np.asarray(own[rows], dtype=np.float64)
-        reflectance = np.where(np.isfinite(told), told, reflectance)
-    light = ideal.shares()[rows] * reflectance * np.maximum(cosine, 0.0)
-    return np.asarray(light / (ideal.distance_m[rows] ** 2 + sensor.near_m**2), dtype=np.float64)
+    """What each row sends back; of equal reflectances where no model tells them."""
+    from lidarcheck.model.light import surface_signal
+    from lidarcheck.model.spec import Model
+
+    if model is None:
+        model = Model(sensor, {int(number): Material("", 1.0) for number in np.unique(ideal.material_id)})
+    return np.asarray(surface_signal(ideal.take(rows), model) * ideal.shares()[rows])
 
 
 def pair_echoes(measured: Scan, simulated: Scan, *, tolerance_m: float = OF_SURFACE_M) -> EchoPairs:

@@ -31,6 +31,7 @@ _LATER_KEYS = ("layers", "points", "echo_range_m", "number", "feature")
 _NOT_MEASURED = {"requirement", "catches"}
 """Keys that change neither what is measured nor a verdict: no golden is another for them."""
 
+_OF_HISTOGRAM = {"feature_mean": "counts", "feature_spread": "1"}
 _WALK = "range_residual_per_decade"
 
 _FORMER_WINDOW_M = 0.5
@@ -99,7 +100,7 @@ def _one(kpi: KpiTable, ideal: IdealScan, model: Model, fired: FiredBeams, measu
     spec = KpiSpec(
         name=name,
         kind="mean" if from_file else kind.gate,
-        unit=kind.unit if kpi.feature is None else _unit(sensor, kpi.feature),
+        unit=kind.unit if kpi.feature is None else _unit(sensor, kpi.kpi, kpi.feature),
         direction=kpi.direction or kind.direction,
         tolerance=kpi.tolerance,
         low=kpi.low,
@@ -130,10 +131,10 @@ def _check_feature(kpi: KpiTable, sensor: Sensor) -> None:
         raise UsageError(f"{kpi.kpi} needs a feature that rises with the amplitude", fix="ask for another KPI")
 
 
-def _unit(sensor: Sensor, name: str) -> str:
-    """The unit of a feature; a histogram's KPIs count bins."""
+def _unit(sensor: Sensor, kind: str, name: str) -> str:
+    """The unit of a feature's KPI; of a histogram's own, which are of counts or of places in bins."""
     feature = sensor.feature(name)
-    return "bins" if feature.law == "histogram" else feature.unit
+    return _OF_HISTOGRAM.get(kind, "bins") if feature.law == "histogram" else feature.unit
 
 
 def _selection(kpi: KpiTable, ideal: IdealScan, model: Model, fired: FiredBeams) -> KpiSelection:
