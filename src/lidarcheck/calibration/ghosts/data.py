@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.calibration.echoes import place_of
 from lidarcheck.calibration.ghosts.returns import Returns, grid_steps
 from lidarcheck.calibration.ghosts.targets import clusters_of
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
@@ -21,7 +22,7 @@ from lidarcheck.model.stages import aimed, light_after_effects
 from lidarcheck.scan import IdealScan, PulseShape
 from lidarcheck.sensor import SpadArray
 
-__all__ = ["WINDOW_M", "SignBeams", "check_expected", "sign_beams", "with_ghost"]
+__all__ = ["WINDOW_M", "SignBeams", "check_expected", "check_fit", "sign_beams", "with_ghost"]
 
 WINDOW_M = 1.0
 """An echo this close to where the ghost should be is taken for it; so is none that is further away."""
@@ -85,9 +86,14 @@ def check_expected(found: GhostScan, ideal: IdealScan, model: Model) -> None:
         what = f"the ideal scan has {len(rows)} beams on a retro-reflector of the model, so no sign"
         raise InputError(what, file=ideal.file or found.name, fix="check the material IDs, or name another ideal scan")
     part = ideal.take(rows)
-    observations = Returns(part.layer, part.point, part.distance_m, np.ones(len(rows)), np.arange(len(rows)))
+    place = place_of(ideal.beams, part.layer, part.point)
+    observations = Returns(*place, part.distance_m, np.ones(len(rows)), np.arange(len(rows)))
     largest = next(
-        iter(clusters_of(observations, np.arange(len(rows)), grid_steps(ideal.layer, ideal.point))),
+        iter(
+            clusters_of(
+                observations, np.arange(len(rows)), grid_steps(*place_of(ideal.beams, ideal.layer, ideal.point))
+            )
+        ),
         np.arange(len(rows)),
     )
     range_m = float(np.median(part.distance_m[largest]))
@@ -101,12 +107,22 @@ def check_expected(found: GhostScan, ideal: IdealScan, model: Model) -> None:
         )
 
 
+def check_fit(model: Model) -> None:
+    """Refuse a model whose ghosts cannot be fitted: their S is told by the AREA of a SPAD array."""
+    if not isinstance(model.sensor, SpadArray):
+        what = (
+            f"{model.sensor.name} has the detector {model.sensor.detector}; the S of a ghost is told by the AREA of a "
+        )
+        raise InputError(f"{what}spad_array alone", file=model.file, fix="find ghosts, and set retro_ghost by hand")
+
+
 def sign_beams(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: Model) -> list[SignBeams]:
     """The beams of each dataset on which a ghost can stand, and what does; a ghost's AREA is needed.
 
     The place of the ghosts is where those that were found stand most; without any, one cannot know what to look for.
     `InputError` where a dataset lacks its sign, or none has a ghost.
     """
+    check_fit(model)
     lit = [_lit(ideal, model) for ideal in ideals]
     for one, ideal in zip(found, ideals, strict=True):
         if one.brightness.column != "AREA":

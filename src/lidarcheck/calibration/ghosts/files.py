@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
+from lidarcheck.calibration.echoes import place_of
 from lidarcheck.calibration.ghosts.data import check_expected
 from lidarcheck.calibration.ghosts.workflow import GhostScan, find_ghosts
 from lidarcheck.cases.source import Named, scan_of
@@ -16,7 +17,7 @@ from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import load_model, simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor
 
 __all__ = ["dataset_names", "find_in", "find_simulated", "load_ghost_model", "stripped_files", "stripped_name"]
 
@@ -37,9 +38,9 @@ def stripped_name(name: str) -> str:
     return f"{name}_ghosts.pcd"
 
 
-def stripped_files(stripped: Mapping[str, Scan]) -> dict[str, Callable[[Path], object]]:
-    """What writes the signs and ghosts of each dataset, by the name of its file."""
-    return {stripped_name(name): partial(save_scan, scan) for name, scan in stripped.items()}
+def stripped_files(stripped: Mapping[str, Scan], sensor: Sensor | None = None) -> dict[str, Callable[[Path], object]]:
+    """What writes the signs and ghosts of each dataset, by the name of its file; `sensor`: whose files they are."""
+    return {stripped_name(name): partial(save_scan, scan, sensor=sensor) for name, scan in stripped.items()}
 
 
 def load_ghost_model(path: Path) -> Model:
@@ -60,10 +61,14 @@ def find_in(
     expected_m: Sequence[float] = (),
     bright: float | None = None,
     placement: Placement = AS_IT_IS,
+    sensor: Sensor | None = None,
 ) -> GhostScan:
-    """What a scan, placed as declared, shows. `InputError` where it is not what the ideal scan and the model say."""
-    scan = scan_of(path, placement)
-    sensor = None if model is None else SpadArray.narrow(model.sensor)
+    """What a scan, placed as declared, shows; `sensor`: what measured, else the model's.
+
+    `InputError` where it is not what the ideal scan and the model say.
+    """
+    sensor = sensor if model is None else model.sensor
+    scan = scan_of(path, placement, sensor)
     if sensor is not None:
         check_variant(scan, sensor, str(path))
     view = None if ideal is None else _view(ideal)
@@ -85,5 +90,6 @@ def find_simulated(
 
 
 def _view(ideal: IdealScan) -> tuple[int, int, int, int]:
-    """First and last layer, first and last point that were fired."""
-    return (int(ideal.layer.min()), int(ideal.layer.max()), int(ideal.point.min()), int(ideal.point.max()))
+    """First and last row, first and last column of beams as they stand that were fired."""
+    row, column = place_of(ideal.beams, ideal.layer, ideal.point)
+    return (int(row.min()), int(row.max()), int(column.min()), int(column.max()))

@@ -11,7 +11,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.ghosts.data import WINDOW_M
 from lidarcheck.model.chain import echoes_of
 from lidarcheck.scan import Light, PulseShape
-from lidarcheck.sensor import POINTS, Sensor
+from lidarcheck.sensor import Sensor
 
 __all__ = ["FaintPulseLibrary", "library_of"]
 
@@ -85,10 +85,12 @@ def _row(
     signal: float, at_m: FloatArray, sensor: Sensor, shape: PulseShape | None, background_per_ns: float, seed: int
 ) -> list[float]:
     n = len(at_m)
-    layer, point = np.divmod(np.arange(n, dtype=np.int32), np.int32(POINTS))
-    light = Light(layer, point, np.full(n, background_per_ns), np.arange(n + 1), at_m, np.full(n, signal), shape=shape)
+    beams = sensor.beams
+    layer, point = np.divmod(np.arange(n, dtype=np.int32), np.int32(beams.points))
+    background = np.full(n, background_per_ns)
+    light = Light(layer, point, background, np.arange(n + 1), at_m, np.full(n, signal), shape=shape, beams=beams)
     scan = echoes_of(light, sensor, seed=seed)
-    beam = scan.layer * POINTS + scan.point
+    beam = beams.index(scan.layer, scan.point)
     behind = scan.range_m - at_m[beam]
     near = np.flatnonzero(np.abs(behind) <= WINDOW_M)
     order = near[np.lexsort((np.abs(behind[near]), beam[near]))]

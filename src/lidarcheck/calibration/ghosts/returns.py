@@ -14,10 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.calibration.echoes import amplitude, place_of
 from lidarcheck.errors import InputError
+from lidarcheck.kpi.features import STAND_INS
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import VARIANTS, SpadArray
+from lidarcheck.sensor import Sensor, SpadArray, reference_beams, shipped, shipped_names
 
 __all__ = ["Brightness", "Returns", "SearchEchoes", "brightness", "grid_steps", "returns_of", "sensor_of"]
 
@@ -33,7 +35,8 @@ STRONG = 0.25
 """The same for both echoes of a return that fell apart."""
 AGAIN_M = 2.4
 """How far behind an echo that of the same SPADs' next avalanches may stand: a dead time and a pulse."""
-STAND_INS = ("INTENSITY", "SIGNAL", "REFLECTIVITY")
+FAR_ABOVE = 0.5
+"""Of a calibrated reflectivity, how far a sign lies above a white surface: half of the way to the largest value."""
 BRIGHTEST_SHARE = 0.01
 
 
@@ -42,7 +45,8 @@ class Brightness:
     """How bright returns are told from others: `column`'s values of the echoes (n,), the least, and why that.
 
     `far_above`: the least at `far_m` and beyond. `strong`: what each echo of a return has that fell apart; infinite
-    where echoes are not put together. `relative`: bright only beside the scan's other echoes.
+    where echoes are not put together. `relative`: bright only beside the scan's other echoes. `most`: what the sensor
+    reports of all that is brighter.
     """
 
     column: str
@@ -53,13 +57,15 @@ class Brightness:
     far_m: float = float("inf")
     strong: float = float("inf")
     relative: bool = False
+    most: float = float("inf")
 
 
 @dataclass(frozen=True)
 class Returns:
     """What comes back from one surface on one beam: an echo, or several that belong together; shapes (m,).
 
-    `of` (n,): the return of each echo. `amplitude`: the sum of its echoes', `range_m`: their mean, weighted by it.
+    `layer`, `point`: row and column of the beam as it stands. `of` (n,): the return of each echo. `amplitude`: the sum
+    of its echoes', `range_m`: their mean, weighted by it.
     """
 
     layer: npt.NDArray[np.int32]
@@ -76,7 +82,8 @@ class Returns:
 
 @dataclass(frozen=True)
 class SearchEchoes:
-    """What a search needs of echoes, shapes (n,): beam, range, amplitude, and the return that each is part of."""
+    """What a search needs of echoes, shapes (n,): row and column of the beam as it stands, the way from its origin,
+    amplitude, and the return that each is part of."""
 
     layer: npt.NDArray[np.int32]
     point: npt.NDArray[np.int32]
@@ -90,51 +97,58 @@ class SearchEchoes:
 
 
 def sensor_of(scan: Scan) -> SpadArray | None:
-    """The variant whose saturation the PEAKs fit; None where the scan has no PEAK or no AREA."""
-    if {"PEAK", "AREA"} & set(scan.defaulted) or not len(scan):
+    """The built-in sensor whose saturation the PEAKs fit; None for other beams, or without PEAK or AREA."""
+    if {"PEAK", "AREA"} & set(scan.defaulted) or not len(scan) or scan.beams != reference_beams():
         return None
-    fits = [name for name in VARIANTS if scan.peak.max() <= SpadArray.of(name).peak_saturation]
-    return SpadArray.of(fits[0] if fits else VARIANTS[-1])
+    own = [one for name in shipped_names() if isinstance(one := shipped(name), SpadArray) and one.beams == scan.beams]
+    own.sort(key=lambda one: one.peak_saturation)
+    return next((one for one in own if scan.peak.max() <= one.peak_saturation), own[-1])
 
 
-def brightness(scan: Scan, sensor: SpadArray | None, above: float | None = None, *, once: bool = False) -> Brightness:
-    """What counts as bright: `above` where it is given, else by the sensor's detectors, else the brightest 1 %.
+def brightness(scan: Scan, sensor: Sensor | None, above: float | None = None, *, once: bool = False) -> Brightness:
+    """What counts as bright: `above` where it is given, else by the sensor's detectors or by what no ordinary surface
+    reports, else the brightest 1 %.
 
-    `once`: also what all detectors fired for only once. `InputError` for a scan without any amplitude.
+    `once`: also what all detectors of a SPAD array fired for only once. `InputError` for a scan without any amplitude.
     """
-    column, values = _amplitude(scan)
-    once_all = float("inf") if sensor is None or column != "AREA" else float(sensor.detectors * sensor.on_bins)
+    column, values = amplitude(scan, sensor)
+    if not column:
+        raise InputError(
+            f"the scan has no amplitude: no AREA, PEAK, {', '.join(STAND_INS)}",
+            fix="a sign is told by its brightness; give a scan with one of these columns",
+        )
+    counted = sensor if isinstance(sensor, SpadArray) and column == "AREA" else None
+    once_all = float("inf") if counted is None else float(counted.detectors * counted.on_bins)
     if above is not None:
         return Brightness(column, values, above, "as given", above, strong=STRONG * once_all)
-    if column == "AREA" and sensor is not None:
+    if counted is not None:
         level = FIRED_ONCE if once else FIRED_TWICE
-        why = f"{level:g} x {sensor.detectors} detectors of {sensor.variant} x {sensor.on_bins} bins"
-        far_m = float(np.sqrt(sensor.signal_at_1m / ORDINARY_FIRES))
+        why = f"{level:g} x {counted.detectors} detectors of {counted.variant} x {counted.on_bins} bins"
+        far_m = float(np.sqrt(counted.signal_at_1m / ORDINARY_FIRES))
         return Brightness(
             column, values, level * once_all, why, min(FIRED_FAR, level) * once_all, far_m, STRONG * once_all
         )
+    if (white := _above_white(sensor, column)) is not None:
+        return Brightness(column, values, white[0], f"far above {white[1]}", white[0], most=white[2])
     least = float(np.quantile(values, 1.0 - BRIGHTEST_SHARE)) if len(values) else 0.0
     return Brightness(column, values, least, f"the brightest {100 * BRIGHTEST_SHARE:g} %", least, relative=True)
 
 
-def _amplitude(scan: Scan) -> tuple[str, FloatArray]:
-    if "AREA" not in scan.defaulted:
-        return "AREA", scan.area
-    named = {key.upper(): np.asarray(value, dtype=np.float64) for key, value in scan.extra.items()}
-    for name in STAND_INS:
-        if name in named:
-            return name, named[name]
-    if "PEAK" not in scan.defaulted:
-        return "PEAK", scan.peak
-    raise InputError(
-        f"the scan has no amplitude: no AREA, PEAK, {', '.join(STAND_INS)}",
-        fix="a sign is told by its brightness; give a scan with one of these columns",
-    )
+def _above_white(sensor: Sensor | None, column: str) -> tuple[float, str, float] | None:
+    """Where the sensor calibrates its amplitude: the least value far above a white surface's, that, and the largest."""
+    feature = next((f for f in (() if sensor is None else sensor.features) if f.name == column), None)
+    if sensor is None or feature is None or feature.law != "calibrated_reflectivity" or feature.most is None:
+        return None
+    knee = float(feature.numbers.get("knee", 100.0))
+    least = min(knee + FAR_ABOVE * (feature.most - knee), feature.most)
+    what = f"the {knee:g} of a white surface, as {sensor.name} reports it"
+    return (least, what, feature.most) if least > knee else None
 
 
 def returns_of(scan: Scan, range_m: FloatArray, bright: Brightness) -> Returns:
     """The echoes put together where they belong to one return; `range_m` of all echoes, shape (n,)."""
     n = len(scan)
+    row, column = place_of(scan.beams, scan.layer, scan.point)
     keys = beam_keys(scan.layer, scan.point)
     strong = np.flatnonzero(bright.values >= bright.strong)
     order = strong[np.lexsort((range_m[strong], keys[strong]))]
@@ -151,7 +165,7 @@ def returns_of(scan: Scan, range_m: FloatArray, bright: Brightness) -> Returns:
     alone = np.bincount(of, minlength=len(heads)) == 1
     together_m = range_m[heads]
     together_m[~alone] = moment[~alone] / amplitude[~alone]
-    return Returns(scan.layer[heads], scan.point[heads], together_m, amplitude, of)
+    return Returns(row[heads], column[heads], together_m, amplitude, of)
 
 
 def grid_steps(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> tuple[int, int]:

@@ -70,11 +70,18 @@ class _Behind:
 
 
 def search_ghost(
-    echoes: SearchEchoes, patch: Patch, target: IndexArray, *, view_m: float, trials: int = 1
+    echoes: SearchEchoes,
+    patch: Patch,
+    target: IndexArray,
+    *,
+    view_m: float,
+    trials: int = 1,
+    most: float = float("inf"),
 ) -> GhostEchoes:
     """The ghost of the target whose echoes are the rows `target` of those around it.
 
     `view_m`: the scan's farthest echo. `trials`: how many targets are looked at, so that chance is not asked too often.
+    `most`: what the sensor reports of all that is brighter.
     At the target's edge a wide beam may see past it: where the edge shows more than the core, echoes there that
     continue a surface beside the target do not tell of a ghost, and belong to it only where they are as bright as those
     that do.
@@ -91,7 +98,8 @@ def search_ghost(
     telling = int(np.count_nonzero(tells))
     chance = _chance(int(np.count_nonzero(~at)), telling, tolerance, view_m - patch.range_m)
     seen = int(np.count_nonzero(near.core))
-    why = _against(telling, trials * chance, echoes.amplitude[near.rows[tells]], _of_returns(echoes, target))
+    ghost, own = echoes.amplitude[near.rows[tells]], _of_returns(echoes, target)
+    why = _against(telling, trials * chance, np.minimum(ghost, most), own, most)
     searched, clusters = np.sort(behind.rows[inside]), tuple(looked_at.rows[part] for part in parts)
     if why:
         nothing = np.zeros(0, dtype=np.int64)
@@ -156,12 +164,12 @@ def _chance(others: int, seen: int, tolerance: float, view_m: float) -> float:
     return min(1.0, float(gammainc(seen, expected)) * places)
 
 
-def _against(seen: int, chance: float, ghost: FloatArray, target: FloatArray) -> str:
+def _against(seen: int, chance: float, ghost: FloatArray, target: FloatArray, most: float) -> str:
     if seen == 0:
         return "no echo at twice its range"
     if seen < FEWEST_GHOSTS or chance > CHANCE:
         return f"{seen} echo{'es' if seen != 1 else ''} at twice its range, as chance gives"
-    if np.median(ghost) > FAINTER * np.median(target):
+    if np.median(ghost) > FAINTER * np.median(target) and np.median(ghost) < most:
         return f"the {seen} echoes at twice its range are not fainter than it"
     return ""
 

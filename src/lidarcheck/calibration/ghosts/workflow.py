@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.calibration.echoes import place_of, ways
 from lidarcheck.calibration.ghosts.returns import (
     Brightness,
     Returns,
@@ -28,9 +29,10 @@ from lidarcheck.calibration.ghosts.search import search_ghost
 from lidarcheck.calibration.ghosts.sign import Sign, sign_of
 from lidarcheck.calibration.ghosts.targets import ByLayer, Patch, clusters_of, patch_of
 from lidarcheck.calibration.ghosts.wording import LARGEST_M, no_sign, notes_on, those_expected
+from lidarcheck.kpi.features import feature_column
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import SpadArray, azimuth_deg, elevation_deg
+from lidarcheck.sensor import Beams, Sensor, SpadArray
 
 __all__ = ["GHOST", "OTHER", "SIGN", "GhostScan", "Sign", "find_ghosts"]
 
@@ -58,7 +60,7 @@ class GhostScan:
     name: str
     scan: Scan
     brightness: Brightness
-    sensor: SpadArray | None
+    sensor: Sensor | None
     signs: tuple[Sign, ...]
     label: npt.NDArray[np.int32]
     sign_number: npt.NDArray[np.int32]
@@ -72,9 +74,10 @@ class GhostScan:
         return replace(self.scan, extra=extra).take(np.flatnonzero(self.label != OTHER))
 
     def values(self, label: int, column: str) -> FloatArray:
-        """`area`, `peak`, `width_ns` or `amplitude` of the echoes with a label."""
-        chosen = self.label == label
-        return np.asarray((self.brightness.values if column == "amplitude" else getattr(self.scan, column))[chosen])
+        """A feature of the echoes with a label, by its name; `amplitude`: what they are told bright by."""
+        values = self.brightness.values if column == "amplitude" else feature_column(self.scan, column)
+        assert values is not None
+        return np.asarray(values[self.label == label])
 
 
 class _Looked(NamedTuple):
@@ -90,7 +93,7 @@ def find_ghosts(
     scan: Scan,
     *,
     name: str = "scan",
-    sensor: SpadArray | None = None,
+    sensor: Sensor | None = None,
     above: float | None = None,
     expected_m: Sequence[float] = (),
     view: tuple[int, int, int, int] | None = None,
@@ -98,15 +101,15 @@ def find_ghosts(
     """The signs of a scan and their ghosts.
 
     `sensor`: what measured, else the variant that the PEAKs fit; `above`: the least AREA (or what stands in for it)
-    of a sign's echo, else by the sensor's detectors; `expected_m`: ranges near which a sign must be; `view`: first and
+    of a sign's echo, else by the sensor; `expected_m`: ranges near which a sign must be; `view`: first and
     last layer, first and last point that were fired. `InputError` where there is no sign, or none where expected; it
     says what there is.
     """
     sensor = sensor or sensor_of(scan)
-    range_m = scan.range_m
+    range_m = ways(scan)
     bright = brightness(scan, sensor, above)
     looked = _signs(scan, range_m, bright, sensor, view)
-    if not looked.signs and not bright.relative and above is None:
+    if not looked.signs and isinstance(sensor, SpadArray) and not bright.relative and above is None:
         saturated = brightness(scan, sensor, once=True)
         again = _signs(scan, range_m, saturated, sensor, view)
         if with_ghost := [sign for sign in again.signs if sign.has_ghost]:
@@ -126,21 +129,22 @@ def _signs(
     scan: Scan,
     range_m: FloatArray,
     bright: Brightness,
-    sensor: SpadArray | None,
+    sensor: Sensor | None,
     view: tuple[int, int, int, int] | None,
 ) -> _Looked:
     """Compact bright clusters that no ordinary surface explains, those with most ghosts first; words on the others."""
-    step = grid_steps(scan.layer, scan.point)
+    row, column = place_of(scan.beams, scan.layer, scan.point)
+    step = grid_steps(row, column)
     returns = returns_of(scan, range_m, bright)
     shining = returns.bright(bright)
     clusters = clusters_of(returns, shining, step)
-    extents_m = [_extent_m(returns, rows) for rows in clusters]
+    extents_m = [_extent_m(scan.beams, returns, rows) for rows in clusters]
     compact = [rows for rows, extent_m in zip(clusters, extents_m, strict=True) if extent_m <= LARGEST_M][
         :MOST_CLUSTERS
     ]
     large = [rows for rows, extent_m in zip(clusters, extents_m, strict=True) if extent_m > LARGEST_M]
     ordinary_m = _ordinary_m(returns, large, bright, sensor)
-    echoes = SearchEchoes(scan.layer, scan.point, range_m, bright.values, returns.of)
+    echoes = SearchEchoes(row, column, range_m, bright.values, returns.of)
     echoes_at, returns_at = (ByLayer.of(table.layer, table.point) for table in (echoes, returns))
     view_m = float(range_m.max(initial=0.0))
     signs, others = [], []
@@ -150,12 +154,14 @@ def _signs(
         around = echoes_at.around(patch)
         here = echoes.take(around)
         target = np.flatnonzero(np.isin(here.of, rows))
-        found = search_ghost(here, patch, target, view_m=view_m, trials=len(compact))
+        found = search_ghost(here, patch, target, view_m=view_m, trials=len(compact), most=bright.most)
         if len(found.rows) or patch.range_m > ordinary_m:
             pulled = _pulled(returns, patch, rows)
-            signs.append(sign_of(scan, bright, patch, around[target], found.among(around), pulled, view))
+            signs.append(sign_of(scan, echoes, bright, patch, around[target], found.among(around), pulled, view))
         else:
             others.append(f"{len(target)} echoes at {patch.range_m:.2f} m, {found.why}")
+    ghosts = np.concatenate([np.zeros(0, dtype=np.int64), *(sign.ghost_rows for sign in signs)])
+    signs = [sign for sign in signs if np.mean(np.isin(sign.rows, ghosts)) < 0.5]
     signs.sort(key=lambda sign: (-len(sign.ghost_rows), -len(sign.rows)))
     if bright.relative:
         # Some echoes always are the brightest: without a ghost the largest cluster of them is all that can be a sign.
@@ -174,17 +180,19 @@ def _of_echoes(
     return shines[returns.of], number[returns.of]
 
 
-def _extent_m(returns: Returns, rows: IndexArray) -> float:
+def _extent_m(beams: Beams, returns: Returns, rows: IndexArray) -> float:
     """Length of the diagonal of what a cluster spans, at its range."""
-    angles = np.ptp(azimuth_deg(returns.point[rows])), np.ptp(elevation_deg(returns.layer[rows]))
+    steps_deg = (float(np.median(step)) for step in beams.spacing_deg(returns.layer[rows], returns.point[rows]))
+    spans = (np.ptp(index[rows]) for index in (returns.layer, returns.point))
+    angles = [step * span for step, span in zip(steps_deg, spans, strict=True)]
     return float(np.hypot(*np.deg2rad(angles)) * np.median(returns.range_m[rows]))
 
 
-def _ordinary_m(returns: Returns, large: list[IndexArray], bright: Brightness, sensor: SpadArray | None) -> float:
+def _ordinary_m(returns: Returns, large: list[IndexArray], bright: Brightness, sensor: Sensor | None) -> float:
     """Up to what range a bright cluster may be an ordinary surface; beyond, it is a sign even without a ghost."""
     if bright.relative:
         return 0.0
-    white_m = 0.0 if sensor is None else float(np.sqrt(sensor.signal_at_1m / FIRED_TWICE_SIGNAL))
+    white_m = 0.0 if not isinstance(sensor, SpadArray) else float(np.sqrt(sensor.signal_at_1m / FIRED_TWICE_SIGNAL))
     walls_m = [BEYOND_ORDINARY * float(np.quantile(returns.range_m[rows], 0.9)) for rows in large]
     return max([white_m, *walls_m])
 

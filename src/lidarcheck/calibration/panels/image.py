@@ -9,14 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from lidarcheck.calibration.amplitude import amplitude
-from lidarcheck.errors import InputError, UsageError
-from lidarcheck.kpi.lattice import Lattice, lattice_of
-from lidarcheck.kpi.pairing import paths
+from lidarcheck.calibration.echoes import amplitude, place_of, ways
+from lidarcheck.errors import InputError
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Beams, Sensor
 
-__all__ = ["BeamImage", "StrongestEchoes", "echoes_of", "image_of_frames", "image_of_ideal", "strongest", "ways"]
+__all__ = ["BeamImage", "StrongestEchoes", "echoes_of", "image_of_frames", "image_of_ideal", "strongest"]
 
 MOST_BEAMS = 8_000_000
 OF_BEAM_DEG = 0.03
@@ -66,14 +64,9 @@ class StrongestEchoes:
     beams: Beams
 
     @property
-    def at(self) -> tuple[IndexArray, IndexArray]:
+    def at(self) -> tuple[IntArray, IntArray]:
         """Row and column of each in the image, shapes (n,)."""
-        return _place(self.beams, self.layer, self.point)
-
-
-def ways(scan: Scan) -> FloatArray:
-    """From each beam's origin to its echoes [m], shape (n,), as exact as the scan is."""
-    return scan.range_m if scan.beams.central else paths(scan)
+        return place_of(self.beams, self.layer, self.point)
 
 
 def strongest(scan: Scan, range_m: FloatArray | None = None, sensor: Sensor | None = None) -> IndexArray:
@@ -127,11 +120,11 @@ def image_of_ideal(ideal: IdealScan) -> BeamImage:
     hit = np.flatnonzero(ideal.distance_m > 0.0)
     # Descending distance: the last written, and so kept, is the nearest.
     order = hit[np.argsort(-ideal.distance_m[hit], kind="stable")]
-    at = _place(ideal.beams, ideal.layer[order], ideal.point[order])
+    at = place_of(ideal.beams, ideal.layer[order], ideal.point[order])
     shape = (ideal.beams.layers, ideal.beams.points)
     range_m, fired = np.full(shape, np.nan), np.zeros(shape, dtype=np.bool_)
     key, material = np.zeros(shape, dtype=np.int64), np.full(shape, -1, dtype=np.int64)
-    fired[_place(ideal.beams, ideal.layer, ideal.point)] = True
+    fired[place_of(ideal.beams, ideal.layer, ideal.point)] = True
     range_m[at], material[at] = ideal.distance_m[order], ideal.material_id[order]
     key[at] = ideal.material_id[order]
     if ideal.object_id is not None:
@@ -169,29 +162,15 @@ def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) 
     )
 
 
-def _lattice(beams: Beams) -> Lattice:
-    lattice = lattice_of(beams)
-    if lattice is None:
-        what = "these beams have no neighbours by their numbers, and panels are looked for among neighbours"
-        raise UsageError(what, fix="use a sensor with lines and columns")
-    return lattice
-
-
-def _place(beams: Beams, layer: IntArray, point: IntArray) -> tuple[IndexArray, IndexArray]:
-    """Row and column of beams; numbers that are no beam of the sensor stay."""
-    lattice = _lattice(beams)
-    return lattice.row(layer).astype(np.int64), lattice.column(layer, point).astype(np.int64)
-
-
 def _of_beams(beams: Beams) -> tuple[IndexArray, FloatArray, tuple[float, float]]:
     """Which beam stands at each row and column, where it looks, and the angles between neighbours."""
     layer, point = beams.every()
     shape = (beams.layers, beams.points)
-    beam = np.zeros(shape, dtype=np.int64)
-    beam[_place(beams, layer, point)] = beams.index(layer, point)
-    layer, point = (index.reshape(shape).astype(np.int32) for index in np.divmod(beam, beams.points))
-    steps = (float(np.median(np.deg2rad(step))) for step in beams.spacing_deg(layer.ravel(), point.ravel()))
-    direction = beams.directions(layer.ravel(), point.ravel()).reshape(*shape, 3)
+    beam: IndexArray = np.zeros(shape, dtype=np.int64)
+    beam[place_of(beams, layer, point)] = beams.index(layer, point)
+    there = [index.ravel().astype(np.int32) for index in np.divmod(beam, beams.points)]
+    steps = (float(np.median(np.deg2rad(step))) for step in beams.spacing_deg(*there))
+    direction = beams.directions(*there).reshape(*shape, 3)
     return beam, direction, (next(steps), next(steps))
 
 
@@ -250,7 +229,7 @@ def _directions(frame: StrongestEchoes, shape: tuple[int, int]) -> tuple[IndexAr
     return beam, direction, (steps[0], steps[1])
 
 
-def _circular(angle_rad: FloatArray, index: IndexArray, length: int) -> FloatArray:
+def _circular(angle_rad: FloatArray, index: IntArray, length: int) -> FloatArray:
     """Mean angle of each index, interpolated where there is none; shape (length,)."""
     east = np.bincount(index, weights=np.cos(angle_rad), minlength=length)
     north = np.bincount(index, weights=np.sin(angle_rad), minlength=length)

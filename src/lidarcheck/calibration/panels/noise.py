@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.calibration.amplitude import amplitude, features_of
+from lidarcheck.calibration.echoes import amplitude, features_of
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.calibration.echoes import ways
 from lidarcheck.calibration.panels.find import Panel
-from lidarcheck.calibration.panels.image import strongest, ways
+from lidarcheck.calibration.panels.image import strongest
 from lidarcheck.formats.geometry import pooled
 from lidarcheck.scan import Scan
 from lidarcheck.scan import joined as rows_of_all

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.calibration.amplitude import amplitude
+from lidarcheck.calibration.echoes import amplitude
 from lidarcheck.calibration.panels.find import FoundPanels, Panel, Reject, find_panels
 from lidarcheck.calibration.panels.image import (
     BeamImage,

@@ -14,6 +14,7 @@ from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
 __all__ = ["provenance_of", "read_frame"]
 
@@ -31,14 +32,16 @@ def read_frame(
     seed: int = 0,
     number: int = 0,
     placement: Placement = AS_IT_IS,
+    sensor: Sensor | None = None,
 ) -> SceneFrame:
     """A frame to compare: simulated with `model`, as frame `number`, or else read from `simulated`.
 
-    `placement`: what is declared of the measured file.
+    `placement`: what is declared of the measured file; `sensor`: what measured, else the model's.
 
     `InputError` names the file of another variant, and the ideal scan that was not cast from `scene`.
     """
-    scan, meets = scan_of(measured, placement), ideal_of(ideal)
+    known = sensor if model is None else model.sensor
+    scan, meets = scan_of(measured, placement, known), ideal_of(ideal, known)
     _belong(scan, meets, measured, str(ideal))
     if scene is not None:
         check_scene(meets, scene, scene_name, str(ideal))
@@ -49,7 +52,7 @@ def read_frame(
         return simulated_frame(scan, meets, model, seed=seed, number=number, scene=scene, **files)
     if simulated is None:
         raise ValueError("neither a model nor a simulated frame")
-    shown = scan_of(simulated)
+    shown = scan_of(simulated, sensor=known)
     check_variants(scan, shown, str(measured))
     return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
 

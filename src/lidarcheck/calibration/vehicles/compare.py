@@ -18,14 +18,13 @@ from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.plain import plain
 from lidarcheck.kpi.compare import feature_gap
 from lidarcheck.kpi.comparison import FeatureGap
-from lidarcheck.kpi.features import COLUMNS, STAND_INS, feature_column
+from lidarcheck.kpi.features import COLUMNS, feature_column, features_to_compare
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.sensor import Sensor
 
-__all__ = ["FEATURES", "AtDistance", "Pair", "VehicleComparison", "compare_vehicles", "joined", "stand_apart"]
+__all__ = ["AtDistance", "Pair", "VehicleComparison", "compare_vehicles", "joined", "stand_apart"]
 
-FEATURES = {**COLUMNS, **dict.fromkeys(STAND_INS, ("", ""))}
-"""What is compared, where both scans have it: column of the scan, unit."""
 KS_95 = 1.358
 """The Kolmogorov-Smirnov statistic that chance passes in 5 % of cases, times sqrt(n m / (n + m)): Smirnov's limit."""
 APART_M, APART_SHARE = 1.5, 0.05
@@ -37,7 +36,8 @@ class Pair:
     """A real and a simulated frame of a vehicle at one distance.
 
     `ideal`: what their beams meet, None where it is not known; `real_source`, `simulated_source`: what the vehicle is
-    cut out by in either. The ideal scan, and the object that has the vehicle's size in it, come in by themselves.
+    cut out by in either; `sensor`: what measured, where that is known. The ideal scan, and the object that has the
+    vehicle's size in it, come in by themselves.
     """
 
     real: Scan
@@ -45,6 +45,7 @@ class Pair:
     real_source: CutSource
     simulated_source: CutSource
     ideal: IdealScan | None = None
+    sensor: Sensor | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ def _at_distance(vehicle: VehicleKind, pair: Pair, left_out: dict[str, str]) -> 
     real = cut_vehicle(pair.real, vehicle, pair.real_source)
     simulated = cut_vehicle(pair.simulated, vehicle, pair.simulated_source)
     _check_same(real, simulated, pair)
-    samples = _samples(pair, real.scan, simulated.scan, left_out)
+    samples, units = _samples(pair, real.scan, simulated.scan, left_out)
     shares = [_detected(pair.ideal, source, scan) for source, scan in _sides(pair)]
     return AtDistance(
         distance_m=0.5 * (real.distance_m + simulated.distance_m),
@@ -136,7 +137,7 @@ def _at_distance(vehicle: VehicleKind, pair: Pair, left_out: dict[str, str]) -> 
         detection_ratio=real.beams / simulated.beams,
         detection_real=shares[0],
         detection_simulated=shares[1],
-        features={name: feature_gap(*both, unit=FEATURES[name][1]) for name, both in samples.items()},
+        features={name: feature_gap(*both, unit=units[name]) for name, both in samples.items()},
         ks_chance={name: KS_95 * math.sqrt(1.0 / len(r) + 1.0 / len(s)) for name, (r, s) in samples.items()},
         samples=samples,
         cuts=(real, simulated),
@@ -207,20 +208,24 @@ def _step(index: npt.NDArray[np.int32]) -> float:
 
 def _samples(
     pair: Pair, real: Scan, simulated: Scan, left_out: dict[str, str]
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """The features that both scans have; `InputError` where they share none."""
-    samples = {}
-    for name in FEATURES:
-        both = feature_column(real, name), feature_column(simulated, name)
+) -> tuple[dict[str, tuple[FloatArray, FloatArray]], dict[str, str]]:
+    """The features that both scans have, and their units; `InputError` where they share none."""
+    samples, units = {}, {}
+    expected = COLUMNS if pair.sensor is None else [feature.name for feature in pair.sensor.features]
+    wanted = features_to_compare(real, simulated, pair.sensor)
+    for name, feature in wanted.items():
+        both = [feature_column(scan, name, feature.aliases) for scan in (real, simulated)]
         if both[0] is not None and both[1] is not None:
             samples[name] = (both[0], both[1])
-        elif name in COLUMNS or both[0] is not None or both[1] is not None:
+            units[name] = COLUMNS[name][1] if name in COLUMNS else feature.unit
+        elif name in expected or both[0] is not None or both[1] is not None:
             lacking = [file for one, file in zip(both, _files(pair), strict=True) if one is None]
             left_out[name] = f"not in {' nor in '.join(lacking)}"
     if not samples:
-        what = f"has none of {', '.join(FEATURES)} that the simulated scan has too"
-        raise InputError(what, file=pair.real_source.file or None, fix="compare scans that have PEAK, AREA or WIDTH")
-    return samples
+        what = f"has none of {', '.join(wanted)} that the simulated scan has too"
+        fix = "compare scans that have PEAK, AREA or WIDTH" if pair.sensor is None else "compare scans that have one"
+        raise InputError(what, file=pair.real_source.file or None, fix=fix)
+    return samples, units
 
 
 def _files(pair: Pair) -> tuple[str, str]:

@@ -37,30 +37,33 @@ def read_pair(
     seed: int = 0,
     number: int = 0,
     placement: Placement = AS_IT_IS,
+    sensor: Sensor | None = None,
 ) -> Pair:
     """A pair to compare: `simulated` is read, or `ideal` simulated with `model`, as frame `number`.
 
     `variant`: what both must have been measured with. `distance_m`, `object_id`, `box`: what the vehicle is cut out by.
-    `placement`: what is declared of the real frame's file.
+    `placement`: what is declared of the real frame's file; `sensor`: what measured, else the model's, or the variant.
     `InputError` names the file that another variant has measured.
     """
-    scan = scan_of(real, placement)
-    meets = ideal_of(ideal) if ideal is not None else None
+    named = None if variant is None else Sensor.of(variant)
+    own = (sensor or named) if model is None else model.sensor
+    scan = scan_of(real, placement, own)
+    meets = ideal_of(ideal, own) if ideal is not None else None
     other = str(simulated) if simulated is not None else str(model.file if model is not None else "")
     if simulated is not None:
-        shown = scan_of(simulated)
+        shown = scan_of(simulated, sensor=own)
     elif model is not None and meets is not None:
         if model.external is None:
             check_variant(scan, model.sensor, str(real))
         shown = simulate(meets, model, seed=seed, frame=number)
     else:
         raise UsageError(f"{real} has nothing to be compared with", fix="give a simulated frame, or an ideal scan")
-    if variant is not None:
+    if named is not None:
         for side, file in ((scan, str(real)), (shown, other)):
-            check_variant(side, Sensor.of(variant), file, "variant")
+            check_variant(side, named, file, "variant")
     check_variants(scan, shown, str(real))
-    own = CutSource(meets, object_id, box, distance_m, str(real))
-    return Pair(scan, shown, own, CutSource(meets, object_id, box, distance_m, other), meets)
+    sources = [CutSource(meets, object_id, box, distance_m, file) for file in (str(real), other)]
+    return Pair(scan, shown, sources[0], sources[1], meets, own)
 
 
 def provenance_of(

@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Flag, JsonFile, MaxRows, Permitted, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import (
+    MANY,
+    Flag,
+    JsonFile,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    Seed,
+    SensorName,
+    placement_of,
+    sensor_named,
+)
 from lidarcheck.cli.core.outputs import check_twice, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_places, finish
@@ -23,6 +35,7 @@ if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["find", "fit"]
 
@@ -51,6 +64,7 @@ def find(
     bright: Annotated[
         float | None, Parameter(help="The least AREA (else INTENSITY, ...) of a sign; by the sensor if not given.")
     ] = None,
+    sensor: SensorName = None,
     steps: Annotated[bool, Flag, Parameter(help="Also show what each step of the extraction holds.")] = False,
     seed: Seed = 0,
     placed: Placed | None = None,
@@ -72,13 +86,14 @@ def find(
         frames, ideals, shown = _frames(scans, range_m, ideal=ideal, simulated=simulated)
     names = [stripped_name(name) for name in dataset_names(frames)]
     check_places(out, json, files_given(*scans, *ideal, *simulated, model), names)
-
-    sensor_model, scenes = _model_of(model), _ideals_of(ideals)
-    found = _found(frames, scenes, sensor_model, range_m, bright, placement)
+    sensor_model = _model_of(model)
+    known = sensor_named(sensor, sensor_model)
+    scenes = _ideals_of(ideals, known)
+    found = _found(frames, scenes, sensor_model, range_m, bright, placement, known)
     others = _simulated(found, shown, scenes, sensor_model, bright, seed)
     page = find_page(found, others, _provenance(frames, ideals, shown, model, seed), steps=steps)
     document = {"datasets": find_document(found), "simulated": find_document(others)}
-    files = stripped_files({one.name: one.stripped() for one in found})
+    files = stripped_files({one.name: one.stripped() for one in found}, known)
     finish(page, document, out=out, json=json, plot=plot, files=files)
     for one in found if out is not None else ():
         note(f"{out}/{stripped_name(one.name)}: {len(one.stripped())} of {len(one.scan)} echoes, Label 1 sign, 2 ghost")
@@ -109,6 +124,7 @@ def fit(
     placement = placement_of(placed)
     _check_options(bright, ideal, model, ())
     check_places(out, json, files_given(*scans, *ideal, model), [MODEL])
+    from lidarcheck.calibration.ghosts.data import check_fit
     from lidarcheck.calibration.ghosts.fit import fit_ghosts
     from lidarcheck.figures.pages.ghost_fit import fit_document, fit_page
     from lidarcheck.model.files.write import write_model
@@ -116,8 +132,10 @@ def fit(
     with stage("reading"):
         frames, ideals, _ = _frames(scans, (), ideal=ideal)
     check_twice(frames)
-    sensor_model, scenes = _model_of(model), _ideals_of(ideals)
+    sensor_model = _model_of(model)
     assert sensor_model is not None
+    check_fit(sensor_model)
+    scenes = _ideals_of(ideals, sensor_model.sensor)
     found = _found(frames, scenes, sensor_model, (), bright, placement)
     with stage("fitting"):
         fitted = fit_ghosts(found, scenes, sensor_model, seed=seed)
@@ -172,11 +190,11 @@ def _model_of(path: Path | None) -> Model | None:
     return None if path is None else load_ghost_model(path)
 
 
-def _ideals_of(frames: Sequence[FrameFile]) -> list[IdealScan]:
+def _ideals_of(frames: Sequence[FrameFile], sensor: Sensor | None) -> list[IdealScan]:
     from lidarcheck.cases.source import ideal_of
 
     with stage("reading ideal scans"):
-        read = {frame: ideal_of(frame) for frame in dict.fromkeys(frames)}  # one of all is read once
+        read = {frame: ideal_of(frame, sensor) for frame in dict.fromkeys(frames)}  # one of all is read once
         return [read[frame] for frame in frames]
 
 
@@ -187,6 +205,7 @@ def _found(
     range_m: Sequence[float],
     bright: float | None,
     placement: Placement,
+    sensor: Sensor | None = None,
 ) -> list[GhostScan]:
     """What each scan shows, and refused where it is not what the ideal scans and the model say."""
     from lidarcheck.calibration.ghosts.files import dataset_names, find_in
@@ -197,9 +216,17 @@ def _found(
             show(i, len(scans), path.name)
             expected = range_m if len(range_m) == 1 else range_m[i : i + 1]
             ideal = ideals[i] if ideals else None
-            found.append(
-                find_in(path, name, ideal=ideal, model=model, expected_m=expected, bright=bright, placement=placement)
+            one = find_in(
+                path,
+                name,
+                ideal=ideal,
+                model=model,
+                expected_m=expected,
+                bright=bright,
+                placement=placement,
+                sensor=sensor,
             )
+            found.append(one)
     return found
 
 
@@ -220,7 +247,7 @@ def _simulated(
     others = []
     for i, one in enumerate(found):
         if paths:
-            scan = scan_of(paths[i])
+            scan = scan_of(paths[i], sensor=one.sensor)
             if one.sensor is not None:
                 check_variant(scan, one.sensor, str(paths[i]))
             others.append(find_ghosts(scan, name=str(paths[i]), sensor=one.sensor, above=bright))

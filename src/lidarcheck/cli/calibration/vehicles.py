@@ -17,10 +17,13 @@ from lidarcheck.cli.core.options import (
     Permitted,
     Placed,
     Quiet,
+    Rooted,
     Seed,
+    SensorName,
     Several,
     Whole,
     placement_of,
+    sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_writable
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
@@ -61,6 +64,7 @@ def compare(
         Parameter(help="What the beams meet, one for each: with it by ObjectID."),
     ] = None,
     variant: Annotated[str | None, Parameter(help="SMART or SLIM: refuse frames of the other variant.")] = None,
+    sensor: SensorName = None,
     object_: Object | None = None,
     box: Boxes | None = None,
     out: Annotated[Path | None, Parameter(help="Directory for the page, the numbers and the pictures.")] = None,
@@ -89,7 +93,7 @@ def compare(
     from lidarcheck.figures.pages.vehicles import page
 
     kind = vehicle_named(vehicle)
-    pairs = _read_pairs(reals, shown, model, ideals, variant, object_, cuts, seed, placement)
+    pairs = _read_pairs(reals, shown, model, ideals, variant, object_, cuts, seed, placement, sensor)
     with stage("comparing"):
         result = compare_vehicles(kind, pairs)
     files = provenance_of([r.path for r in reals], [s.path for s in shown], ideals, model, seed=seed)
@@ -125,6 +129,7 @@ def _read_pairs(
     box: Sequence[CutBox],
     seed: int,
     placement: Placement,
+    sensor: str | None,
 ) -> list[Pair]:
     from lidarcheck.calibration.vehicles.read import check_model, read_pair
     from lidarcheck.model import load_model
@@ -134,6 +139,7 @@ def _read_pairs(
     if variant is not None:
         Sensor.of(variant)
     check_model(sensor_model, variant)
+    known = sensor_named(sensor, sensor_model)
     pairs = []
     with progress("frame") as show:
         for i, frame in enumerate(real):
@@ -150,6 +156,7 @@ def _read_pairs(
                 seed=seed,
                 number=i,
                 placement=placement,
+                sensor=known,
             )
             pairs.append(pair)
     return pairs
@@ -175,11 +182,13 @@ def merge(
     ] = None,
     object_: Object | None = None,
     box: Boxes | None = None,
+    sensor: SensorName = None,
     placed: Placed | None = None,
     json: JsonFile | None = None,
     plot: Plot | None = None,
     max_rows: MaxRows | None = None,
     quiet: Quiet = False,
+    permitted: Rooted | None = None,
 ) -> int:
     """Put a real and a simulated vehicle beside each other in one file."""
     hush(quiet)
@@ -200,8 +209,9 @@ def merge(
 
     kind = None if vehicle is None else vehicle_named(vehicle)
     with stage("reading"):
-        meets = None if ideal is None else load_ideal(ideal)
-        scans = [load_scan(files[0].path, placement), load_scan(files[1].path)]
+        known = sensor_named(sensor)
+        meets = None if ideal is None else load_ideal(ideal, known)
+        scans = [load_scan(files[0].path, placement, known), load_scan(files[1].path, sensor=known)]
     sources = _merge_sources(files, meets, kind, object_, places)
     with stage("cutting out"):
         cuts = [cut_vehicle(scan, kind, source) for scan, source in zip(scans, sources, strict=True)]

@@ -93,8 +93,8 @@ def _courses(datasets: tuple[DatasetFit, ...]) -> list[Figure]:
 def _histograms(fit: GhostFit, simulated: list[GhostScan]) -> list[Figure]:
     figures: list[Figure] = []
     for beams, other in zip(fit.beams, simulated, strict=bool(simulated)):
-        for quantity, real, column in (("AREA", beams.area, "area"), ("PEAK", beams.peak, "peak")):
-            samples = {"real": real[np.isfinite(real)], "simulated": other.values(2, column)}
+        for quantity, real in (("AREA", beams.area), ("PEAK", beams.peak)):
+            samples = {"real": real[np.isfinite(real)], "simulated": other.values(2, quantity)}
             if all(len(values) for values in samples.values()):
                 figures.append(Distribution(f"{beams.name}: {quantity} of the ghost", quantity, "", samples))
     return figures

@@ -9,17 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.calibration.echoes import features_of
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan, Sign
 from lidarcheck.figures.data import Cloud, Course, Curve, Distribution, Figure, Page, Section, Table
 from lidarcheck.figures.pages.ghost_steps import steps_section
 from lidarcheck.figures.words import number
 from lidarcheck.kpi.distances import wasserstein
+from lidarcheck.sensor import SpadArray
 
 __all__ = ["find_document", "find_page"]
 
 
 NAMES = {SIGN: "sign", GHOST: "ghost"}
-COLUMNS = {"area": "AREA", "peak": "PEAK"}
+COUNTED = ("AREA", "PEAK")
+"""What is shown of a SPAD array's echoes; of other sensors, all features."""
 _ROWS = ("rows", "ghost_rows", "searched", "clusters")
 
 
@@ -65,11 +68,34 @@ def _sign_document(one: GhostScan, sign: Sign) -> dict[str, Any]:
     values = {name: getattr(sign, name) for name in sign.__dataclass_fields__ if name not in _ROWS}
     counts = {"echoes": len(sign.rows), "ghosts": len(sign.ghost_rows)}
     medians = {
-        f"{label}_{column}_median": float(np.median(getattr(one.scan, column)[rows])) if len(rows) else None
+        f"{label}_{column}_median": float(np.median(values[rows])) if len(rows) else None
         for label, rows in (("sign", sign.rows), ("ghost", sign.ghost_rows))
-        for column in ("area", "peak", "width_ns")
+        for column, values in _columns(one).items()
     }
     return counts | values | medians
+
+
+def _columns(one: GhostScan) -> Mapping[str, FloatArray]:
+    """The features of a dataset's echoes, by their names in `result.json`."""
+    if _is_counted(one):
+        return {"area": one.scan.area, "peak": one.scan.peak, "width_ns": one.scan.width_ns}
+    return {name: values for name, (_, values) in features_of(one.scan, one.sensor).items()}
+
+
+def _is_counted(one: GhostScan) -> bool:
+    return one.sensor is None or isinstance(one.sensor, SpadArray)
+
+
+def _shown(one: GhostScan) -> list[str]:
+    """The features of which there is a picture."""
+    found = features_of(one.scan, one.sensor)
+    return [name for name in COUNTED if name in found] if _is_counted(one) else list(found)
+
+
+def _names(found: Sequence[GhostScan]) -> tuple[str, ...]:
+    """What the ratios of strength are called: by what echoes are told bright, and PEAK where there is one."""
+    told = dict.fromkeys(one.brightness.column for one in found if not _is_counted(one)) or {"AREA": None}
+    return (" or ".join(told), *(["PEAK"] if any(map(_is_counted, found)) else ()))
 
 
 def _summary(found: Sequence[GhostScan]) -> str:
@@ -106,15 +132,18 @@ def _signs_table(found: Sequence[GhostScan]) -> Table:
 
 
 def _ratios_table(found: Sequence[GhostScan]) -> Table:
-    header = ("dataset", "sign", "count", "AREA", "PEAK", "range", "size", "sign AREA", "ghost AREA", "ghost PEAK")
+    own, *peak = _names(found)
+    medians = (f"sign {own}", f"ghost {own}", *(f"ghost {name}" for name in peak))
+    header = ("dataset", "sign", "count", own, *peak, "range", "size", *medians)
     rows = []
     for one, i, sign in _each(found):
         ratio = sign.ratio
         rows.append((
             *(one.name, str(i), number(ratio.count_ratio, ".3f"), number(ratio.area_ratio, ".4f")),
-            *(number(ratio.peak_ratio, ".4f"), number(ratio.range_ratio, ".4f"), number(ratio.size_ratio, ".2f")),
+            *((number(ratio.peak_ratio, ".4f"),) if peak else ()),
+            *(number(ratio.range_ratio, ".4f"), number(ratio.size_ratio, ".2f")),
             *(_median(one.brightness.values, sign.rows), _median(one.brightness.values, sign.ghost_rows)),
-            _median(one.scan.peak, sign.ghost_rows),
+            *((_median(one.scan.peak, sign.ghost_rows),) if peak else ()),
         ))  # fmt: skip
     return Table("Ghost over sign, and medians", header, tuple(rows), tuple(header[2:]))
 
@@ -130,18 +159,19 @@ def _courses(found: Sequence[GhostScan], simulated: Sequence[GhostScan]) -> list
         return []
     column, at = sides["real"][0][0].brightness.column, "range of the sign [m]"
     shown = {name: signs for name, signs in sides.items() if signs}
+    fields = dict(zip(_names(found), ("area_ratio", "peak_ratio"), strict=False))
+    strengths = {"count": "count_ratio", **fields}
     return [
         Course("Beams of the sign with a ghost", at, "share", tuple(_shares(n, s) for n, s in shown.items())),
         Course(
             f"{column} of the ghosts", at, f"median {column}", tuple(_medians(n, s) for n, s in shown.items()),
             log_y=True,
         ),
-        Course("Ghost over sign: count and strength", at, "ratio", _over_sign(shown, _STRENGTHS), log_y=True),
+        Course("Ghost over sign: count and strength", at, "ratio", _over_sign(shown, strengths), log_y=True),
         Course("Ghost over sign: range and size", at, "ratio", _over_sign(shown, _LENGTHS)),
     ]  # fmt: skip
 
 
-_STRENGTHS = {"count": "count_ratio", "AREA": "area_ratio", "PEAK": "peak_ratio"}
 _LENGTHS = {"range": "range_ratio", "size": "size_ratio"}
 _Signs = list[tuple[GhostScan, int, Sign]]
 
@@ -184,9 +214,8 @@ def _dataset(one: GhostScan, simulated: GhostScan | None) -> Section:
     words = [f"Bright is {told.column} from {told.above:.0f} on ({told.why}). {'; '.join(one.notes)}".strip()]
     both: list[Figure] = []
     compared: list[Figure] = []
-    present = [c for c, name in COLUMNS.items() if name not in one.scan.defaulted] or ["amplitude"]
-    for column in present:
-        quantity = COLUMNS.get(column, told.column)
+    for column in _shown(one) or ["amplitude"]:
+        quantity = told.column if column == "amplitude" else column
         samples = _filled({name: one.values(label, column) for label, name in NAMES.items()})
         both.append(Distribution(f"{one.name}: {quantity} of sign and ghost", quantity, "", samples, log_x=True))
         compared += _side_by_side(one, simulated, column, quantity) if simulated is not None else []
@@ -219,8 +248,8 @@ def _compared(found: Sequence[GhostScan], simulated: Sequence[GhostScan]) -> tup
         for label, name in NAMES.items():
             counts = [int(np.count_nonzero(s.label == label)) for s in (one, other)]
             rows.append((one.name, name, "echoes", *map(str, counts), "-"))
-            for column, quantity in COLUMNS.items():
-                real, sim = (s.values(label, column) for s in (one, other))
+            for quantity in _shown(one) if not _is_counted(one) else COUNTED:
+                real, sim = (s.values(label, quantity) for s in (one, other))
                 means = [f"{v.mean():.1f}" if len(v) else "-" for v in (real, sim)]
                 rows.append((one.name, name, f"{quantity}, mean", *means, number(wasserstein(real, sim), ".1f")))
     words = ("The distance is the 1-Wasserstein distance of the two distributions, in the quantity's own unit.",)

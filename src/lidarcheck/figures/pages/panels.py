@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.calibration.amplitude import features_of
+from lidarcheck.calibration.echoes import features_of
 from lidarcheck.calibration.panels.noise import NoiseSide, WalkCurve
 from lidarcheck.calibration.panels.samples import PanelSamples
 from lidarcheck.calibration.panels.workflow import PanelsResult

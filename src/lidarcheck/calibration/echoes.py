@@ -1,15 +1,18 @@
-"""The feature that tells how strong an echo is: which one a scan has, and its values."""
+"""What calibration looks at of echoes: how strong they are, their features, their ways, where their beams stand."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import FloatArray, IntArray
+from lidarcheck.errors import UsageError
 from lidarcheck.kpi.features import STAND_INS, feature_column, strength_name
+from lidarcheck.kpi.lattice import lattice_of
+from lidarcheck.kpi.pairing import paths
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Beams, Sensor
 
-__all__ = ["amplitude", "features_of"]
+__all__ = ["amplitude", "features_of", "place_of", "ways"]
 
 _COUNTED = {"AREA": "", "PEAK": "", "WIDTH": "ns"}
 """What a SPAD array counts, and the units that are shown: PEAK and AREA count detectors."""
@@ -41,3 +44,20 @@ def features_of(scan: Scan, sensor: Sensor | None = None) -> dict[str, tuple[str
         if values is not None:
             found[name] = (_COUNTED.get(name, "" if feature is None else feature.unit), values)
     return found
+
+
+def ways(scan: Scan) -> FloatArray:
+    """From each beam's origin to its echoes [m], shape (n,), as exact as the scan is."""
+    return scan.range_m if scan.beams.central else paths(scan)
+
+
+def place_of(beams: Beams, layer: IntArray, point: IntArray) -> tuple[IntArray, IntArray]:
+    """Row and column of beams as they stand; numbers that are no beam of the sensor stay.
+
+    `UsageError` for beams without neighbours by their numbers.
+    """
+    lattice = lattice_of(beams)
+    if lattice is None:
+        what = "these beams have no neighbours by their numbers, and what is looked for lies on neighbours"
+        raise UsageError(what, fix="use a sensor with lines and columns")
+    return lattice.row(layer), lattice.column(layer, point)
