@@ -1,4 +1,4 @@
-"""Hidden cases of foreign sensors: the generator agrees with the package where nothing is hidden, and hides what it says."""
+"""Hidden cases of foreign sensors: their generator agrees with the package, and hides what it says."""
 
 import sys
 from pathlib import Path

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lidarcheck.cases.split import Split, Unseen, exchanged, split_frames
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.base import catalogue, find
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.against_no_gap import against_no_gap
 from lidarcheck.explain.decision.answer import (
@@ -78,6 +78,10 @@ class Workflow:
         self.on_step(self.steps[-1])
 
     def searched(self) -> list[str]:
+        """The effects that are searched for: those known to the search that mean something for the sensor."""
+        return [name for name in self._known() if not find(name).why_not(self.model.sensor)]
+
+    def _known(self) -> list[str]:
         """The effects that the search knows where to begin with, and that may be named."""
         return [name for name in catalogue() if search_spec(name).is_searched and name not in self.exclude]
 
@@ -112,7 +116,7 @@ class Workflow:
         """The summaries beyond what the largest of all reaches by chance in 19 of 20 draws."""
         simulator = bench.simulator
         level = float(np.quantile(np.abs(simulator.check).max(axis=1), 0.95))
-        found = standouts(simulator.summaries.names, simulator.measured_plain, level)
+        found = standouts(simulator.summaries.names, simulator.measured_plain, level, simulator.beams.view)
         self.did("where", f"{len(found)} summaries stand out")
         for one in found[:_HEARD_PLACES]:
             self.on_step(SearchStep("stands out", one.words))
@@ -241,8 +245,10 @@ class Workflow:
         return search, answer
 
     def list_untestable(self, bench: SearchData, screened: Sequence[Screened]) -> Mapping[str, str]:
-        """Which effects these scenes could not show."""
-        found = not_testable(bench.simulator, screened, self.searched(), bench.level)
+        """Which effects the sensor could not have, or these scenes could not show."""
+        needs = {name: find(name).why_not(self.model.sensor) for name in self._known()}
+        found = {name: why for name, why in needs.items() if why}
+        found |= not_testable(bench.simulator, screened, self.searched(), bench.level)
         self.on_progress("equivalence and testability", 1, 1)
         return found
 

@@ -61,9 +61,10 @@ def setting(order: CaseOrder) -> Setting:
     off = {"null": False, "null_nuisance": True}.get(order.kind, rng.random() < 0.5)
     nuisance = Nuisance()
     if off:
+        gain, yaw, pitch, height = rng.standard_normal(4)
+        height_m = 0.005 * float(height) if order.scene == "street" else 0.0
         nuisance = Nuisance(
-            float(np.exp(0.01 * rng.standard_normal())), float(0.01 * rng.standard_normal()),
-            float(0.01 * rng.standard_normal()), float(0.005 * rng.standard_normal()) if order.scene == "street" else 0.0,
+            float(np.exp(0.01 * gain)), 0.01 * float(yaw), 0.01 * float(pitch), height_m,
             {m: float(np.exp(0.03 * rng.standard_normal())) for m in MATERIALS},
         )  # fmt: skip
     return Setting(order, own, tuple(FORMS[name](draw, own) for name in order.effects), nuisance)
@@ -77,7 +78,8 @@ def ideal_text(own: Device, beams: Beams, parts: list[Hits]) -> str:
     rows = []
     for hits in parts:
         met = (hits.range_m > 0) & (hits.range_m <= own.gate_m[1])
-        table = [beams.layer, beams.point, *(np.where(met, x, 0) for x in (hits.range_m, hits.material, hits.incidence_deg))]
+        columns = (hits.range_m, hits.material, hits.incidence_deg)
+        table = [beams.layer, beams.point, *(np.where(met, column, 0) for column in columns)]
         table += [np.full(len(beams), beams.first_deg)] * wanders
         rows.append(np.stack(table, axis=1))
     every = np.stack(rows, axis=1).reshape(-1, len(names))

@@ -55,7 +55,7 @@ class Echoes:
     beam: N
     path_m: F
     amplitude: F
-    more: dict[str, F] = field(default_factory=dict)  # of echoes: peak, width_ns, snr; a chip's width is that of its counts
+    more: dict[str, F] = field(default_factory=dict)  # of echoes: peak, width_ns, snr
     of_beams: dict[str, F] = field(default_factory=dict)  # counts (beams, bins), ambient (beams,)
 
     def kept(self, rows: NDArray[np.bool_] | N) -> "Echoes":
@@ -65,7 +65,8 @@ class Echoes:
 
 def detect(shine: Shine, device: Device, rng: np.random.Generator) -> Echoes:
     """All echoes of a frame, before the sensor chooses among them."""
-    return {"linear": _linear, "photon_histogram": _histogram, "spad_array": _spads}[device.detector](shine, device, rng)
+    kinds = {"linear": _linear, "photon_histogram": _histogram, "spad_array": _spads}
+    return kinds[device.detector](shine, device, rng)
 
 
 # --- one amplitude a surface ----------------------------------------------------------------------------------------
@@ -115,7 +116,8 @@ def _linear(shine: Shine, device: Device, rng: np.random.Generator) -> Echoes:
     a = signal + sigma * rng.standard_normal(len(beam))
     heard = a > shine.threshold[beam]
     edge = float(own.get("edge_factor", 1.0))
-    spread = np.sqrt(float(own.get("range_floor_m", 0.01)) ** 2 + (edge * sigma_m * sigma / np.maximum(signal, 1e-9)) ** 2)
+    floor = float(own.get("range_floor_m", 0.01))
+    spread = np.sqrt(floor**2 + (edge * sigma_m * sigma / np.maximum(signal, 1e-9)) ** 2)
     path = range_m + spread * rng.standard_normal(len(beam))
     path = path + LIGHT_M_NS / 2 * shine.jitter_ns * rng.standard_normal(len(beam))
     beam, path, a = beam[heard], path[heard], a[heard]
@@ -136,7 +138,8 @@ def _false(
     beam = np.flatnonzero(rng.random(len(dark)) < chance)
     path = rng.uniform(low, high, len(beam))
     a = np.sqrt(shine.threshold[beam] ** 2 + 2.0 * dark[beam] * rng.exponential(size=len(beam)))
-    alone = np.array([not np.any(np.abs(heard[1][heard[0] == b] - r) < apart) for b, r in zip(beam, path, strict=True)], bool)
+    near = [np.abs(heard[1][heard[0] == b] - r) < apart for b, r in zip(beam, path, strict=True)]
+    alone = np.array([not one.any() for one in near], bool)
     return beam[alone], path[alone], a[alone]
 
 
@@ -177,9 +180,8 @@ def _histogram(shine: Shine, device: Device, rng: np.random.Generator) -> Echoes
     rows = [(zone, *echo) for zone, echoes in enumerate(found) for echo in echoes]
     table = np.array(rows, np.float64).reshape(-1, 5)
     snr = table[:, 2] / np.sqrt(np.maximum(table[:, 2] + table[:, 3], 1.0))
-    return Echoes(
-        table[:, 0].astype(np.int64), table[:, 1] * LIGHT_M_NS / 2, table[:, 2], {"snr": snr, "width_ns": table[:, 4]}, {"counts": counts}
-    )
+    more = {"snr": snr, "width_ns": table[:, 4]}
+    return Echoes(table[:, 0].astype(np.int64), table[:, 1] * LIGHT_M_NS / 2, table[:, 2], more, {"counts": counts})
 
 
 def _floor(counts: F) -> float:
@@ -241,7 +243,8 @@ def _spads(shine: Shine, device: Device, rng: np.random.Generator) -> Echoes:
     )  # fmt: skip
     if shine.haze_per_m is not None:
         at = AIR_STEP_M * (np.arange(len(shine.haze_per_m)) + 0.5)
-        fine = np.histogram(2 * at / LIGHT_M_NS, np.arange(0, kernel.BINS, 0.5), weights=shine.haze_per_m * AIR_STEP_M)[0]
+        part = shine.haze_per_m * AIR_STEP_M
+        fine = np.histogram(2 * at / LIGHT_M_NS, np.arange(0, kernel.BINS, 0.5), weights=part)[0]
         pulse = np.exp(-0.5 * (0.5 * np.arange(-24, 25) / (device.fwhm_ns / 2.3548)) ** 2)
         smooth = np.convolve(fine, pulse / pulse.sum(), mode="same")
         light.haze = np.zeros((1, kernel.BINS))

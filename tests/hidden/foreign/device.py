@@ -123,21 +123,23 @@ class Device:
         head = start + point * self.column_deg
         if self.document["sweep"].get("fire_time_in_azimuth", True):
             head = head + self.column_deg / self.column_s * fire_us * 1e-6
+        azimuth = head + self.of_channels("azimuth_offset_deg")[layer]
         return Beams(
-            layer, point, self.of_channels("elevation_deg")[layer], head + self.of_channels("azimuth_offset_deg")[layer],
-            head, point * self.column_s + fire_us * 1e-6, (start + 180.0) % 360.0 - 180.0,
+            layer, point, self.of_channels("elevation_deg")[layer], azimuth, head,
+            point * self.column_s + fire_us * 1e-6, (start + 180.0) % 360.0 - 180.0,
         )  # fmt: skip
 
     def _grid(self) -> Beams:
         beams = self.document["beams"]
         layer, point = (a.ravel() for a in np.meshgrid(*map(np.arange, (self.layers, beams["points"])), indexing="ij"))
         up, aside = (
-            beams[key]["first"] + at * beams[key]["step"] for key, at in (("elevation_deg", layer), ("azimuth_deg", point))
+            beams[key]["first"] + at * beams[key]["step"]
+            for key, at in (("elevation_deg", layer), ("azimuth_deg", point))
         )
         return Beams(layer, point, up, aside, aside, np.zeros(len(layer)), float(beams["azimuth_deg"]["first"]))
 
     def parts_deg(self) -> list[tuple[float, float]]:
-        """Azimuth and elevation of the sub-rays of a box, at the centres of equal cells; one ray where there is none."""
+        """Azimuth and elevation of the sub-rays of a box, at the centres of equal cells; else one ray."""
         beams = self.document["beams"]
         if "footprint_deg" not in beams:
             return [(0.0, 0.0)]

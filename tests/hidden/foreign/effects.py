@@ -237,8 +237,8 @@ def interference(draw: Draw, device: Device) -> Effect:
     def light(shine: Shine, frame: Frame) -> None:
         beam = np.flatnonzero(frame.rng.random(len(frame.beams)) < share)
         strength = 0.4 if frame.device.detector == "spad_array" else 1.5 * float(shine.threshold.mean())
-        low, high = frame.device.gate_m
-        shine.added(beam, frame.rng.uniform(low, high, len(beam)), strength * (0.5 + frame.rng.exponential(size=len(beam))))
+        at = frame.rng.uniform(*frame.device.gate_m, len(beam))
+        shine.added(beam, at, strength * (0.5 + frame.rng.exponential(size=len(beam))))
 
     return Effect("interference", {"share": share}, {"interference.share": share}, light=light)
 
@@ -272,4 +272,3 @@ def column_gain(draw: Draw, device: Device) -> Effect:
     return _scaled(
         "column_gain", values, lambda s, f: 1.0 + depth * np.sin(2 * math.pi * f.beams.point[s.beam] / period)
     )
-

@@ -67,10 +67,9 @@ def _value(law: dict[str, object], echoes: Echoes, device: Device) -> F:
         return np.clip(np.round(echoes.of_beams["ambient"][echoes.beam]), 0.0, top)
     if kind == "confidence":
         return np.round(top * np.minimum(1.0, echoes.more["snr"] / float(str(law.get("snr_full", 20.0)))))
-    same = {"peak_counts": echoes.more.get("peak"), "width_bins": echoes.more.get("width_ns"), "area_counts": echoes.amplitude}
-    value = same[str(kind)]
-    assert value is not None
-    return value
+    if kind == "area_counts":
+        return echoes.amplitude
+    return echoes.more[{"peak_counts": "peak", "width_bins": "width_ns"}[str(kind)]]
 
 
 def scan_text(echoes: Echoes, beams: Beams, device: Device, headings: F) -> str:

@@ -43,7 +43,8 @@ def _table(
         for name in values:
             values[name].append(row[name])
         middle = hits[len(hits) // 2]
-        of = {"layer": own.layer, "column": own.point // 6, "range": middle.range_m // 12.0, "material": middle.material}
+        of = {"layer": own.layer, "column": own.point // 6, "range": middle.range_m // 12.0}
+        of["material"] = middle.material
         for name in groups:
             groups[name].append(np.asarray(of[name], np.float64))
     return {k: np.concatenate(v) for k, v in values.items()}, {k: np.concatenate(v) for k, v in groups.items()}
@@ -61,7 +62,7 @@ def _z(a: F, b: F, rare: bool) -> float:
 def stands_out(
     device: Device, with_effect: list[Echoes], without: list[Echoes], beams: list[Beams], parts: list[list[Hits]]
 ) -> tuple[float, str]:
-    """The largest z of all summaries, and which one it is. Groups are taken alone, since chance has more places there."""
+    """The largest z of all summaries, and which one it is."""
     (one, groups), (other, _) = (_table(device, frames, beams, parts) for frames in (with_effect, without))
     best = (0.0, "")
     for name in one:

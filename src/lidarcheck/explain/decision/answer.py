@@ -106,7 +106,9 @@ def answer_with_names(bench: SearchData, seen: Scale, search: Search, closed: Cl
 
 def answer_with_terms(bench: SearchData, search: Search, left: float, found: Description) -> Answer:
     """What the residual depends on, and the terms that were found; `left`: the part that no name explains."""
-    depends = depends_on(bench.simulator.summaries.names, bench.simulator.measured - search.first.shown.mean(axis=0))
+    simulator = bench.simulator
+    left_over = simulator.measured - search.first.shown.mean(axis=0)
+    depends = depends_on(simulator.summaries.names, left_over, simulator.beams.view)
     said = f"{depends}; described as {found.words.replace('; ', ', ')}" if found.effects else depends
     finding = Finding("unknown", {}, min(max(left, 0.0), 1.0), (), said, "", found.effects)
     described = bench.simulator.model

@@ -45,7 +45,7 @@ def findings_of(bench: SearchData, search: Search, closed: Closure, polish: Poli
         equal, compared = polish.equals.get(name, ()), settled.get(name, ())
         behind = polish.behind.get(name, {})
         sure = confidence(bench, now, name, search.trials, closed, compared, behind)
-        shown = standouts(simulator.summaries.names, changes[i], 2.0, 3)
+        shown = standouts(simulator.summaries.names, changes[i], 2.0, simulator.beams.view, 3)
         found.append(
             Finding(
                 name=name,

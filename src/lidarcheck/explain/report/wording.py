@@ -10,6 +10,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.report.explanation import Standout
 from lidarcheck.inference.intervals import ClassifierGap, Gap
+from lidarcheck.inference.observed.echo_view import EchoView
 from lidarcheck.inference.observed.summary import Summary
 
 __all__ = ["classifier_words", "closed_words", "depends_on", "form_words", "measurement", "place_words", "standouts"]
@@ -18,17 +19,17 @@ __all__ = ["classifier_words", "closed_words", "depends_on", "form_words", "meas
 # fmt: off
 _MORE = {
     "range": ("ranges are longer", "ranges are shorter"),
-    "area": ("echoes are stronger (AREA)", "echoes are weaker (AREA)"),
-    "peak": ("echoes are higher (PEAK)", "echoes are lower (PEAK)"),
-    "width": ("echoes are wider (WIDTH)", "echoes are narrower (WIDTH)"),
+    "area": ("echoes are stronger ({area})", "echoes are weaker ({area})"),
+    "peak": ("echoes are higher ({peak})", "echoes are lower ({peak})"),
+    "width": ("echoes are wider ({width})", "echoes are narrower ({width})"),
     "range scatter along columns": (
         "range scatters more from layer to layer", "range scatters less from layer to layer",
     ),
     "range scatter along layers": (
         "range scatters more from column to column", "range scatters less from column to column",
     ),
-    "area scatter": ("AREA scatters more", "AREA scatters less"),
-    "width scatter": ("WIDTH scatters more", "WIDTH scatters less"),
+    "area scatter": ("{area} scatters more", "{area} scatters less"),
+    "width scatter": ("{width} scatters more", "{width} scatters less"),
     "detected": ("surfaces are detected more often", "surfaces are detected less often"),
     "range along elevation": (
         "ranges are longer where the surface recedes upward", "ranges are shorter where the surface recedes upward",
@@ -42,20 +43,20 @@ _MORE = {
     "echoes without a surface": ("more echoes of beams that meet nothing", "fewer echoes of beams that meet nothing"),
     "other echoes": ("more echoes of no surface of their own beam", "fewer echoes of no surface of their own beam"),
     "strength of other echoes": ("echoes of no surface are stronger", "echoes of no surface are weaker"),
-    "area of bloom": ("bloom is stronger (AREA)", "bloom is weaker (AREA)"),
-    "peak of bloom": ("bloom is higher (PEAK)", "bloom is lower (PEAK)"),
-    "width of bloom": ("bloom is wider (WIDTH)", "bloom is narrower (WIDTH)"),
+    "area of bloom": ("bloom is stronger ({area})", "bloom is weaker ({area})"),
+    "peak of bloom": ("bloom is higher ({peak})", "bloom is lower ({peak})"),
+    "width of bloom": ("bloom is wider ({width})", "bloom is narrower ({width})"),
 }
 # fmt: on
 _SUBJECT = {
     "range": "the range",
-    "area": "AREA",
-    "peak": "PEAK",
-    "width": "WIDTH",
+    "area": "{area}",
+    "peak": "{peak}",
+    "width": "{width}",
     "range scatter along columns": "the scatter of range",
     "range scatter along layers": "the scatter of range",
-    "area scatter": "the scatter of AREA",
-    "width scatter": "the scatter of WIDTH",
+    "area scatter": "the scatter of {area}",
+    "width scatter": "the scatter of {width}",
     "detected": "detection",
     "range along elevation": "the range along slopes",
     "range along azimuth": "the range along slopes",
@@ -64,33 +65,36 @@ _SUBJECT = {
     "echoes without a surface": "echoes without a surface",
     "other echoes": "echoes of no surface",
     "strength of other echoes": "the strength of echoes of no surface",
-    "area of bloom": "AREA of bloom",
-    "peak of bloom": "PEAK of bloom",
-    "width of bloom": "WIDTH of bloom",
+    "area of bloom": "{area} of bloom",
+    "peak of bloom": "{peak} of bloom",
+    "width of bloom": "{width} of bloom",
 }  # fmt: skip
 
 
-def standouts(names: Sequence[Summary], r: FloatArray, level: float, most: int = 24) -> tuple[Standout, ...]:
-    """The summaries beyond a level, the largest first; `r` (n_summaries,) in standard deviations."""
+def standouts(
+    names: Sequence[Summary], r: FloatArray, level: float, view: EchoView, most: int = 24
+) -> tuple[Standout, ...]:
+    """The summaries beyond a level, the largest first; `r` (n_summaries,) in standard deviations. `view`: what the
+    sensor calls its features."""
     found = []
     for i in np.argsort(-np.abs(r), kind="stable")[:most]:
         if abs(r[i]) <= level:
             break
         one = names[int(i)]
-        found.append(Standout(one.feature, one.covariate, one.bin, float(r[i]), place_words(one, float(r[i]))))
+        found.append(Standout(one.feature, one.covariate, one.bin, float(r[i]), place_words(one, float(r[i]), view)))
     return tuple(found)
 
 
-def place_words(one: Summary, z: float) -> str:
+def place_words(one: Summary, z: float, view: EchoView) -> str:
     """One summary as half a sentence: `echoes are weaker (AREA) at range 20-30 m (-12.3 sd)`."""
-    text = _MORE[one.feature][0 if z > 0.0 else 1]
+    text = _MORE[one.feature][0 if z > 0.0 else 1].format_map(view.names)
     where = "" if one.covariate == "all" else f" at {one.covariate} {one.bin}"
     if one.covariate == "from column to column":
-        text, where = f"{_SUBJECT[one.feature]} changes from column to column", ""
+        text, where = f"{_SUBJECT[one.feature].format_map(view.names)} changes from column to column", ""
     return f"{text}{where} ({z:+.1f} sd)"
 
 
-def depends_on(names: Sequence[Summary], r: FloatArray, most: int = 3) -> str:
+def depends_on(names: Sequence[Summary], r: FloatArray, view: EchoView, most: int = 3) -> str:
     """What a residual depends on: for the features that stand out most, the covariates over which they vary most."""
     groups: dict[tuple[str, str], list[float]] = {}
     for one, value in zip(names, r, strict=True):
@@ -106,7 +110,7 @@ def depends_on(names: Sequence[Summary], r: FloatArray, most: int = 3) -> str:
     for (feature, covariate), value in sorted(strength.items(), key=lambda item: (-item[1], item[0])):
         if value <= 4.0 or len(words) >= most:
             break
-        subject = _SUBJECT[feature]
+        subject = _SUBJECT[feature].format_map(view.names)
         if subject not in seen:
             seen.add(subject)
             words.append(f"{subject} depends on {covariate}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +73,11 @@ class EchoView:
     def columns(self, scans: Sequence[Scan]) -> list[FloatArray]:
         """The values of the slots, shape (n_echoes,) each."""
         return [slot.of(scans) for slot in self.slots]
+
+    @property
+    def names(self) -> Mapping[str, str]:
+        """What the sensor calls the amplitude and the two further features, by their names in `FEATURES`."""
+        return dict(zip(("area", "peak", "width"), (slot.name for slot in self.slots), strict=True))
 
     @property
     def least_spread(self) -> tuple[float, float, float, float]:
