@@ -1,6 +1,7 @@
 """Hidden cases of foreign sensors: their generator agrees with the package, and hides what it says."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import hidden
 from lidarcheck.cases.case import load_case
 from lidarcheck.explain.benchmark.run import load_generator
+from lidarcheck.explain.benchmark.score import Answer
 from lidarcheck.model import simulate
 
 PLACE = Path(hidden.__file__).parent / "foreign"
@@ -62,3 +64,52 @@ def test_agrees_with_the_package_where_nothing_is_hidden(sensor, tmp_path):
         if name in ("distance", "found"):
             for share in (0.1, 0.9):
                 assert np.quantile(a, share) == pytest.approx(np.quantile(both, share), abs=0.004), name
+
+
+def test_a_plan_hides_every_effect_and_nothing_in_every_fifth_case():
+    planned = foreign.plan(60, 0)
+    assert planned == foreign.plan(60, 0)
+    assert {one.variant for one in planned} == set(orders.SENSORS)
+    hidden_there = {name for one in planned for name in one.effects}
+    assert set(orders.EFFECTS["linear"]) <= hidden_there
+    assert [one.kind for one in planned].count("null") == [one.kind for one in planned].count("null_nuisance") == 6
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name"),
+    [("XT32", "signal_gain"), ("VLP-16", "range_offset"), ("HDL-32E", "fog"), ("TMF8820-short", "pulse_shape"),
+     ("OS1-128", "ambient_light"), ("SLIM-channels", "walk_error"), ("XT32", "range_ripple")],
+)  # fmt: skip
+def test_what_is_hidden_stands_out(sensor, name, tmp_path):
+    order = replace(quiet(sensor), kind="single", effects=(name,))
+    truth = foreign.write_case(order, tmp_path, frames=FRAMES[order.scene]).open({"verdict": "no_gap"})
+    assert truth.observable[name], truth.z
+
+
+def test_answers_are_counted_by_what_they_say():
+    sys.path.insert(0, str(PLACE.parents[2] / "ci"))
+    import foreign_sensors
+
+    def answer(kind="single", verdict="explained", names=("fog",), alike=(), why=()):
+        found = [{"name": name, "equivalent_to": alike, "confidence": 0.9, "parameters": {}} for name in names]
+        effects = () if kind == "null" else ("rain",)
+        return Answer(
+            0, kind, "medium", "XT32", "street", effects, {}, {}, verdict, tuple(found), 0.5, 1.0,
+            not_testable=dict.fromkeys(why, "too weak"),
+        )  # fmt: skip
+
+    expected = {
+        "right": answer(names=("rain",)),
+        "right and more": answer(names=("fog", "rain")),
+        "equivalent": answer(alike=("rain",)),
+        "not testable": answer(verdict="no_gap", names=(), why=("rain",)),
+        "unknown": answer(verdict="unknown", names=("unknown",)),
+        "no gap": answer(verdict="no_gap", names=()),
+        "wrong": answer(),
+        "error": replace(answer(), error="no file"),
+    }
+    assert {word: foreign_sensors.said(one) for word, one in expected.items()} == {word: word for word in expected}
+    assert foreign_sensors.said(answer("null", "no_gap", ())) == "right"
+    assert foreign_sensors.said(answer("null")) == "wrong"
+    table = foreign_sensors.tables(list(expected.values())).splitlines()
+    assert table[2].split(" | ")[1:10] == ["8", *["1"] * 8]

@@ -261,6 +261,7 @@ def _answer(place: str, order_fields: Mapping[str, Any], explain: str, where: st
         error=error,
         gap=report["gap"],
         steps=tuple(report.get("steps", ())),
+        not_testable=report.get("why_not_testable", {}),
     )
 
 

@@ -31,7 +31,7 @@ class Answer:
     `effects`: the names that were hidden; `observable`: which of them stand out of the noise; `comparable`: true values
     by "effect.parameter". `told_before`, `told_after`: how well a classifier tells measured from simulated echoes with
     the case's model and with the explained one, 2 AUC - 1. `found`, `gap`, `steps`: as `report.json` has
-    them. `error`: why there is no answer; empty else.
+    them. `not_testable`: the effects that could not be shown, and why. `error`: why there is no answer; empty else.
     """
 
     number: int
@@ -53,6 +53,7 @@ class Answer:
     error: str = ""
     gap: Mapping[str, Any] = field(default_factory=dict)
     steps: tuple[Mapping[str, str], ...] = ()
+    not_testable: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, row: Mapping[str, Any]) -> Answer:
