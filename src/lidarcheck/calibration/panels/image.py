@@ -152,8 +152,8 @@ def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) 
     with np.errstate(divide="ignore", invalid="ignore"):
         log_area = np.log(np.where(enough, _median(areas), np.nan))
     fired = np.zeros(shape, dtype=np.bool_)
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    fired[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] = True
+    up, aside = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    fired[up[0] : up[-1] + 1, aside[0] : aside[-1] + 1] = True
     beam, direction, steps = _directions(frames[0], shape)
     nothing = np.zeros(shape, dtype=np.int64)
     log_area[~np.isfinite(log_area)] = np.nan
