@@ -40,7 +40,7 @@ from lidarcheck.harness.goldens.provenance import (
 )
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.model.spec import External, Model
-from lidarcheck.sensor import Material, NonIdeal, Sensor
+from lidarcheck.sensor import Material, NonIdeal, Sensor, shipped
 from places import ROOT
 
 SENSOR = Sensor.of("SMART", dead_bins=60)
@@ -294,6 +294,27 @@ def test_the_hash_of_what_no_model_file_holds_stays() -> None:
     assert parameters_hash(Model(sensor)) == "8a91431dceeb5c03d86a13eeb558692dc52c2bbd7718dced8b2a81c504147c69"
 
 
+OTHER_SENSOR = dataclasses.replace(
+    Sensor.of("SLIM"),
+    nonideal=NonIdeal(crosstalk_sides=0.125),
+    beams=shipped("XT32").beams,
+    sweep=shipped("XT32").sweep,
+    features=shipped("XT32").features,
+    keep="first",
+    strength="PEAK",
+    return_order="as_kept",
+    duplicate_return="repeat",
+    handedness="left",
+    time_unit="ms",
+    time_zero="last",
+    deskewed=True,
+    footprint_deg=(0.1, 0.1),
+    footprint="box",
+    sub_rays=(2, 2),
+    min_separation_m=0.5,
+)
+
+
 def _changed(value: object, to: object) -> object:
     """Another value of the same kind; that of `to` where it is a word."""
     return value + 1 if isinstance(value, int) else value * 0.5 + 0.25 if isinstance(value, float) else to
@@ -309,8 +330,8 @@ def _changed(value: object, to: object) -> object:
         ),
         (
             SENSOR,
-            dataclasses.replace(Sensor.of("SLIM"), nonideal=NonIdeal(crosstalk_sides=0.125)),
-            {"name", "source", "tables", "missing", "file"},
+            OTHER_SENSOR,
+            {"name", "source", "tables", "missing", "file", "plain"},
         ),
         (NonIdeal(), NonIdeal(), set()),
         (Material("wall", 0.3), Material("road", 0.3, "retro"), set()),

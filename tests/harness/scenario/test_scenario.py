@@ -434,7 +434,7 @@ def test_all_faults_of_a_file_come_at_once_with_their_lines(tmp_path):
         (HEAD, 'frames = 0\nmodel = "none.toml"\ndescription = "d"\n', "frames = 0", "out of range"),
         (HEAD, 'model = "none.toml"\ndescription = "d"\n', "model = ", 'model = "none.toml" is not a file'),
         (HEAD, f'model = "{"x" * 3000}"\ndescription = "d"\n', "model = ", "is not a file"),
-        ('variant = "SMART"', 'variant = "SMALL"', "variant", "not a valid choice"),
+        ('variant = "SMART"', 'variant = "SMALL"', "variant", "there is no sensor variant 'SMALL'"),
         ("description =", 'ideal = "a"\ndescription =', "description", "stand beside each other"),
         ("reflectance = 0.5", "reflectance = 1.5", "reflectance", "out of range"),
         ("tolerance = 1.0", "tolerance = 1.0\nlayers = [3, 4]", "[[kpis]]", "selects no beams"),

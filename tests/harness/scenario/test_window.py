@@ -57,7 +57,7 @@ def test_a_golden_of_the_former_window_is_named_with_the_command_that_moves_it(t
     directory.mkdir()
     file = scenario(directory, MODEL.format(sensor=""), near=8.0, tolerance=0.1)
     with monkeypatch.context() as former:
-        former.setattr("lidarcheck.harness.scenario.asked.surface_window_m", lambda _sensor: 0.5)
+        former.setattr("lidarcheck.harness.scenario.asked.surface_window_m", lambda _sensor, external=False: 0.5)
         accept(review([file]), ["all"], reason="first")
         assert check([file]).scenarios[0].notes == ()
     (found,) = check([file]).scenarios
