@@ -27,9 +27,10 @@ from lidarcheck.formats.json_lines import locate_json
 from lidarcheck.formats.json_text import json_of, too_deep
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.source import decode_text, read_source
-from lidarcheck.sensor import LAYERS, POINTS, VARIANTS
+from lidarcheck.sensor import reference_beams
 
 __all__ = [
+    "SETTINGS_VARIANTS",
     "Setting",
     "Settings",
     "check_settings",
@@ -43,20 +44,23 @@ __all__ = [
     "settings_name",
 ]
 
+SETTINGS_VARIANTS = ("SMART", "SLIM")
+"""The sensors that have such settings: they count SPAD rows and columns of 0.05 deg."""
 _LETTERS: dict[Axis, str] = {"vertical": "V", "horizontal": "H"}
 _NAMES: dict[Axis, tuple[str, ...]] = {
     "vertical": ("Distance", "IndexVerMin", "IndexVerMax", "SegVerCenter", "SegHor"),
     "horizontal": ("Distance", "IndexHorMin", "IndexHorMax", "SegHorCenter", "SegVer"),
 }
-_ROW_MAX = 3 * LAYERS - 1
+_BEAMS = reference_beams()
+_ROW_MAX = 3 * _BEAMS.layers - 1
 _COLUMN_MAX = 2399
 _FILE_NAME = re.compile(r"Blooming_Calibration_([VH])_", re.IGNORECASE)
 
 _Distance = Field(ge=0.0, le=300.0, json_schema_extra={"unit": "m"})
 _Row = Field(ge=0, le=_ROW_MAX, json_schema_extra={"unit": "SPAD rows"})
 _Column = Field(ge=0, le=_COLUMN_MAX, json_schema_extra={"unit": "columns of 0.05 deg"})
-_Layer = Field(ge=0, le=LAYERS - 1, json_schema_extra={"unit": "layers"})
-_Point = Field(ge=0, le=POINTS - 1, json_schema_extra={"unit": "points"})
+_Layer = Field(ge=0, le=_BEAMS.layers - 1, json_schema_extra={"unit": "layers"})
+_Point = Field(ge=0, le=_BEAMS.points - 1, json_schema_extra={"unit": "points"})
 
 
 class _Entry(Config):
@@ -134,7 +138,7 @@ class Settings:
 
 def settings_name(axis: Axis, variant: Literal["SMART", "SLIM"]) -> str:
     """The name of the settings file of a sensor variant."""
-    if axis not in _LETTERS or variant not in VARIANTS:
+    if axis not in _LETTERS or variant not in SETTINGS_VARIANTS:
         raise UsageError(
             f"there are no settings {axis}, {variant}", fix="use vertical or horizontal, and SMART or SLIM"
         )

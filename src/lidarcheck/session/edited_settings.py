@@ -18,6 +18,7 @@ from lidarcheck.calibration.blooming.settings_edit import (
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import (
+    SETTINGS_VARIANTS,
     Setting,
     Settings,
     default_settings,
@@ -27,7 +28,6 @@ from lidarcheck.formats.settings import (
     settings_content,
     settings_name,
 )
-from lidarcheck.sensor import VARIANTS
 from lidarcheck.session.edited_file import EditedFile, journal_of
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def settings_path(project: Project, axis: Axis, variant: str) -> Path:
 def left_behind(project: Project) -> tuple[Axis, str] | None:
     """(axis, variant) of settings whose edits an earlier session did not save."""
     for axis in _AXES:
-        for variant in VARIANTS:
+        for variant in SETTINGS_VARIANTS:
             if journal_of(settings_path(project, axis, variant), project.root).exists():
                 return axis, variant
     return None

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.project import Entry, Project
 
-__all__ = ["NONE", "chosen_model", "likely_model", "model_after", "which_model"]
+if TYPE_CHECKING:
+    from lidarcheck.sensor import Sensor
+
+__all__ = [
+    "NONE",
+    "chosen_model",
+    "likely_model",
+    "model_after",
+    "models_of_sensor",
+    "other_sensors",
+    "sensor_of_models",
+    "which_model",
+]
 
 NONE = "-"
 """Kept in the state for the choice of no model."""
@@ -47,3 +62,46 @@ def model_after(project: Project, now: Entry | None) -> str:
     names = [*(entry.name for entry in project.of("model")), NONE]
     at = names.index(now.name) if now is not None and now.name in names else len(names) - 1
     return names[(at + 1) % len(names)]
+
+
+def models_of_sensor(project: Project, wanted: str, beside: Path, variant: str = "") -> tuple[Path, ...]:
+    """The models that say what measured a scan: the one that is meant, else all of the project."""
+    meant = chosen_model(project, wanted, beside, variant)
+    return (meant.path,) if meant is not None else tuple(entry.path for entry in project.of("model"))
+
+
+def sensor_of_models(models: Sequence[Path]) -> Sensor | None:
+    """The one sensor that all these models are of; None where they differ, and for the built-in SPAD arrays, whose
+    scans tell by themselves which measured."""
+    from lidarcheck.sensor import reference_beams
+
+    sensors = [sensor for model in models if (sensor := _sensor_of(model)) is not None]
+    alike = bool(sensors) and all(sensor.beams == sensors[0].beams for sensor in sensors)
+    return sensors[0] if alike and sensors[0].beams != reference_beams() else None
+
+
+def other_sensors(project: Project) -> list[str]:
+    """The names of the sensors that the project's models are of, besides the built-in SPAD arrays."""
+    from lidarcheck.sensor import reference_beams
+
+    named = [entry.path for entry in project.of("model") if _variant_in(entry.path) not in ("", "SMART", "SLIM")]
+    sensors = [sensor for path in named if (sensor := _sensor_of(path)) is not None]
+    return list(dict.fromkeys(sensor.name for sensor in sensors if sensor.beams != reference_beams()))
+
+
+def _variant_in(model: Path) -> str:
+    """What a model's file says of its sensor, without a look at the rest; empty where it says nothing."""
+    try:
+        return str(tomllib.loads(model.read_text(encoding="utf-8")).get("variant", ""))
+    except (OSError, ValueError):
+        return ""
+
+
+def _sensor_of(model: Path) -> Sensor | None:
+    """A model's sensor; None where the model has a fault, or its program's sensor is not known."""
+    from lidarcheck.model import load_model
+
+    try:
+        return load_model(model).sensor
+    except LidarcheckError:
+        return None

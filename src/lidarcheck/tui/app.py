@@ -20,6 +20,7 @@ from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
+from lidarcheck.session.model_choice import other_sensors
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state, save_state
@@ -131,7 +132,7 @@ class LidarcheckApp(Everywhere):
         def read() -> None:
             try:
                 project = read_project(root)
-                self.soon(self._project_read, project, *later_screens())
+                self.soon(self._project_read, project, ", ".join(other_sensors(project)), *later_screens())
             except LidarcheckError as error:
                 self.soon(self.say, error)
             except Exception as error:  # noqa: BLE001 - else the interface would say for ever that it reads
@@ -140,8 +141,8 @@ class LidarcheckApp(Everywhere):
 
         threading.Thread(target=read, name="project", daemon=True).start()
 
-    async def _project_read(self, project: Project, *later: type[View]) -> None:
-        self.project = project
+    async def _project_read(self, project: Project, sensor: str, *later: type[View]) -> None:
+        self.project, self.bars.sensor = project, sensor
         for kind in later:
             if not any(isinstance(view, kind) for view in self._views):
                 view = kind()

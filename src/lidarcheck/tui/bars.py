@@ -15,25 +15,32 @@ from lidarcheck.tui.widgets.themes import Role
 __all__ = ["Bars"]
 
 _KEPT_LINES, _ROOM_FOR_NAME = 1000, 100
+_LEAST_ROOM = 40
+"""Columns that what was said has at least beside the sensor's name."""
 _READ_S = 4.0
 """How long a line that was said stands before the progress of a run takes its place again."""
 
 
 class Bars:
-    """Three lines and a pane. `status`: what was said last, and whether it is bad."""
+    """Three lines and a pane. `status`: what was said last, and whether it is bad.
+
+    `sensor`: what the project's models are of, besides the built-in SPAD arrays.
+    """
 
     def __init__(self) -> None:
         self.top, self.below, self.keys = (Lines(id=name, bar=True) for name in ("top", "status", "keys"))
         self.log = Lines("Log", label="l", id="log", folds=True)
         self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
         self.status: tuple[str, bool] = ("reading the project ...", False)
+        self.sensor = ""
+        self._width = 80
         self._progress: dict[str, str] = {}
         self._screen = ""
         self._said_s = float("-inf")
 
     def show(self, screen: str, project: Project, width: int) -> None:
         """Everything anew, for the screen that is seen."""
-        self._screen = screen
+        self._screen, self._width = screen, width
         parts: list[tuple[str, Role]] = [
             (f"{key_name(place.key)} {place.short} ", "focus" if name == screen else "dim")
             for name, place in SCREENS.items()
@@ -49,7 +56,13 @@ class Bars:
     def _show_status(self) -> None:
         running = self._running() if time.monotonic() - self._said_s >= _READ_S else ""
         text, bad = (running, False) if running else self.status
-        self.below.show([line(text, "bad" if bad else "text")])
+        role: Role = "bad" if bad else "text"
+        room = self._width - len(self.sensor) - 3
+        if not self.sensor or room < _LEAST_ROOM:
+            self.below.show([line(text, role)])
+        else:
+            cut = text if len(text) <= room else f"{text[: room - 1]}…"
+            self.below.show([((f"{cut:{room}}  ", role), (self.sensor, "dim"))])
 
     def _running(self) -> str:
         """The progress of the screen that is seen; else that of another, which x does not stop from here."""

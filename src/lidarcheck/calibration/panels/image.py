@@ -152,10 +152,10 @@ def image_of_frames(frames: Sequence[StrongestEchoes], file: str | None = None) 
     with np.errstate(divide="ignore", invalid="ignore"):
         log_area = np.log(np.where(enough, _median(areas), np.nan))
     fired = np.zeros(shape, dtype=np.bool_)
-    up, aside = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    fired[up[0] : up[-1] + 1, aside[0] : aside[-1] + 1] = True
+    low, high = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    fired[low[0] : low[-1] + 1, high[0] : high[-1] + 1] = True
     beam, direction, steps = _directions(frames[0], shape)
-    nothing = np.zeros(shape, dtype=np.int64)
+    nothing: IndexArray = np.zeros(shape, dtype=np.int64)
     log_area[~np.isfinite(log_area)] = np.nan
     return BeamImage(
         range_m, nothing, nothing - 1, log_area, fired, direction, *steps, ideal=False, beam=beam, points=shape[1]

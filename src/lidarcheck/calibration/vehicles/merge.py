@@ -128,7 +128,7 @@ def _columns(real: Cut, simulated: Cut, files: tuple[str, str]) -> tuple[dict[st
         if any(name.casefold() == MARK.casefold() for name in scan.extra):
             fix = "rename it: this is how the two will be told apart"
             raise InputError(f"has a column {MARK} of its own", file=file or None, fix=fix)
-        own.append({**known, **scan.extra})
+        own.append({**known, **scan.features, **scan.extra})
     spelled = [{name.casefold(): name for name in columns} for columns in own]
     merged: dict[str, Any] = {}
     filled: dict[str, str] = {}

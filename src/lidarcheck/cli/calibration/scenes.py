@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, Files, JsonFile, MaxRows, Permitted, Placed, Quiet, Seed, placement_of
+from lidarcheck.cli.core.options import (
+    MANY,
+    Files,
+    JsonFile,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    Seed,
+    SensorName,
+    placement_of,
+    sensor_named,
+)
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
 from lidarcheck.cli.core.terminal import hush, note, progress, stage
 from lidarcheck.cli.core.workflow_output import Plot, check_out_dir, finish
@@ -21,6 +33,7 @@ if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.model import Model
     from lidarcheck.scenes.files.file import SceneFile
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["compare"]
 
@@ -76,6 +89,7 @@ def compare(
     sectors: Annotated[str, Parameter(help="Columns of azimuth x rows of elevation, 1 to 100 each.")] = "12x6",
     radius: Annotated[float, Parameter(converter=_radius, help="Of the overlap [m], up to 10.")] = 0.1,
     out: Annotated[Path | None, Parameter(help="Directory for report.html, result.json and pictures.")] = None,
+    sensor: SensorName = None,
     seed: Seed = 0,
     placed: Placed | None = None,
     json: JsonFile | None = None,
@@ -104,10 +118,11 @@ def compare(
     with stage("reading"):
         real, ideals, shown = _sides(measured, ideal, simulated or ())
         sensor_model = None if model is None else _model(model, effects, without)
+        known = sensor_named(sensor, sensor_model)
         scene_file = _scene(scene)
         names = {} if scene_file is None else dict(scene_file.scene.names)
         materials = {} if sensor_model is None else {n: m.name for n, m in sensor_model.materials.items()}
-    frames = _frames(real, ideals, shown, sensor_model, scene_file, scene or "", seed, placement)
+    frames = _frames(real, ideals, shown, sensor_model, scene_file, scene or "", seed, placement, known)
     with stage("comparing"):
         result = compare_scene(frames, by=by, sectors=grid, radius_m=radius, names=names, materials=materials)
     files = provenance_of(list(zip(real, ideals, strict=True)), sensor_model, shown, seed=seed)
@@ -189,6 +204,7 @@ def _frames(
     scene_name: str,
     seed: int,
     placement: Placement,
+    sensor: Sensor | None,
 ) -> list[SceneFrame]:
     """The frames, read and simulated."""
     from lidarcheck.calibration.scenes.read import read_frame
@@ -207,6 +223,7 @@ def _frames(
                 seed=seed,
                 number=number,
                 placement=placement,
+                sensor=sensor,
             )
             frames.append(frame)
     return frames

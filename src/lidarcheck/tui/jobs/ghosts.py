@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lidarcheck.effects import with_role
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.figures.data import Page, Section
-from lidarcheck.session.model_choice import chosen_model
+from lidarcheck.session.model_choice import chosen_model, models_of_sensor, sensor_of_models
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.ghosts.workflow import GhostScan
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["ALL", "FIT", "GHOST", "GhostPage", "SignScan", "ghost_jobs", "sign_model", "sign_scans"]
 
@@ -47,11 +48,15 @@ class SignScan:
 
 @dataclass(frozen=True)
 class GhostPage(Page):
-    """`stripped`: by dataset signs and ghosts alone; `fitted`: the model of a fit, and the file that it began with."""
+    """`stripped`: by dataset signs and ghosts alone; `fitted`: the model of a fit, and the file that it began with.
+
+    `sensor`: whose files the stripped scans are, a built-in one's where None.
+    """
 
     stripped: Mapping[str, Scan] = field(default_factory=dict)
     fitted: Model | None = None
     model: Path | None = None
+    sensor: Sensor | None = None
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class _Given:
     root: Path
     model: Path | None
     bright: float | None
+    models: tuple[Path, ...] = ()
 
     def inside(self, error: LidarcheckError) -> str:
         """An error in words, without the project's own path."""
@@ -102,7 +108,10 @@ def ghost_jobs(project: Project, wanted: str, bright: float | None) -> list[Job]
         return []
     sound = [scan for scan in scans if not scan.fault]
     model = sign_model(project, scans, wanted)
-    given = _Given(project.root, None if model is None else model.path, bright)
+    variants = {labels_of(Entry(scan.path, "scan", scan.name)).variant for scan in scans} - {""}
+    variant = variants.pop() if len(variants) == 1 else ""
+    models = models_of_sensor(project, wanted, scans[0].path.parent, variant)
+    given = _Given(project.root, None if model is None else model.path, bright, models)
     name = "no model" if model is None else model.path.name
     name += "" if bright is None else f", bright from {bright:g}"
     every = [_all_job(scans, given, f"{len(sound)} of {len(scans)}, {name}")] if len(scans) > 1 else []
@@ -150,11 +159,12 @@ def _find_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCa
     from lidarcheck.figures.pages.ghosts import find_document, find_page
 
     model = None if given.model is None else load_ghost_model(given.model)
+    sensor = sensor_of_models(given.models) if model is None else model.sensor
     found, used, ideals, words = [], [], [], []
     for i, (scan, name) in enumerate(zip(scans, _names(scans), strict=True)):
         on_progress(i, len(scans), name)
         try:
-            one, ideal = _found(scan, name, model, given.bright)
+            one, ideal = _found(scan, name, model, given.bright, sensor)
         except LidarcheckError as error:
             if len(scans) == 1:
                 raise
@@ -167,7 +177,7 @@ def _find_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCa
         raise InputError(f"no dataset shows a sign. {' '.join(words)}", fix="see each of them for itself")
     simulated, why = _simulated(found, ideals, model, given, on_progress)
     page = find_page(found, simulated, _provenance("find", used, given, bool(simulated)), steps=steps)
-    shown = _page(page, (*words, *why), {one.name: one.stripped() for one in found})
+    shown = _page(page, (*words, *why), {one.name: one.stripped() for one in found}, sensor)
     return Computed(shown, {"datasets": find_document(found), "simulated": find_document(simulated)})
 
 
@@ -177,14 +187,16 @@ def _names(scans: Sequence[SignScan]) -> list[str]:
     return dataset_names([scan.path for scan in scans])
 
 
-def _found(scan: SignScan, name: str, model: Model | None, bright: float | None) -> tuple[GhostScan, IdealScan | None]:
+def _found(
+    scan: SignScan, name: str, model: Model | None, bright: float | None, sensor: Sensor | None
+) -> tuple[GhostScan, IdealScan | None]:
     from lidarcheck.calibration.ghosts.files import find_in
     from lidarcheck.formats import load_ideal
 
     if scan.fault:
         raise InputError(scan.fault)
-    ideal = load_ideal(scan.ideal) if scan.ideal is not None and model is not None else None
-    return find_in(scan.path, name, ideal=ideal, model=model, bright=bright), ideal
+    ideal = load_ideal(scan.ideal, sensor) if scan.ideal is not None and model is not None else None
+    return find_in(scan.path, name, ideal=ideal, model=model, bright=bright, sensor=sensor), ideal
 
 
 def _simulated(
@@ -211,23 +223,25 @@ def _simulated(
     return others, ()
 
 
-def _page(page: Page, words: Sequence[str], stripped: Mapping[str, Scan]) -> GhostPage:
+def _page(page: Page, words: Sequence[str], stripped: Mapping[str, Scan], sensor: Sensor | None) -> GhostPage:
     first, *rest = page.sections
     sections: tuple[Section, ...] = (replace(first, words=(*first.words, *words)), *rest)
-    return GhostPage(page.title, page.summary, sections, page.provenance, stripped)
+    return GhostPage(page.title, page.summary, sections, page.provenance, stripped, sensor=sensor)
 
 
 def _fit_page(scans: Sequence[SignScan], given: _Given, on_progress: ProgressCallback) -> Computed:
     """What `lidarcheck ghosts fit` computes; every dataset must show the sign of its ideal scan."""
+    from lidarcheck.calibration.ghosts.data import check_fit
     from lidarcheck.calibration.ghosts.files import find_simulated, load_ghost_model
     from lidarcheck.calibration.ghosts.fit import fit_ghosts
     from lidarcheck.figures.pages.ghost_fit import fit_document, fit_page
 
     assert given.model is not None
     model, found, ideals = load_ghost_model(given.model), [], []
+    check_fit(model)
     for i, (scan, name) in enumerate(zip(scans, _names(scans), strict=True)):
         on_progress(i, 2 * len(scans) + 1, name)
-        one, ideal = _found(scan, name, model, given.bright)
+        one, ideal = _found(scan, name, model, given.bright, model.sensor)
         assert ideal is not None
         found.append(one)
         ideals.append(ideal)
@@ -249,6 +263,8 @@ def _provenance(command: str, scans: Sequence[SignScan], given: _Given, ideals: 
     words = ["lidarcheck", "ghosts", command, *(str(scan.path) for scan in scans)]
     words += ["--ideal", *ideal] if ideal else []
     words += ["--model", *model] if model else []
+    sensor = None if model else sensor_of_models(given.models)
+    words += ["--sensor", sensor.variant] if sensor is not None else []
     words += ["--bright", f"{given.bright:g}"] if given.bright is not None else []
     said = {"scans": ", ".join(str(scan.path) for scan in scans), "ideal scans": ", ".join(ideal)}
     said |= {"model": ", ".join(model), "seed": "0" if ideals else "", "command": shlex.join(words)}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.figures.data import Figure, Page, Table
 from lidarcheck.formats.table import counted
-from lidarcheck.session.model_choice import chosen_model
+from lidarcheck.session.model_choice import chosen_model, models_of_sensor, sensor_of_models
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
@@ -120,11 +120,12 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
     side = Path(given).name if given else counted(len(hall.simulated), "simulated frame") if hall.simulated else ""
     words = [frames, ideal if hall.ideals else "no ideal scan, so no model", side]
     path = None if model is None else model.path
+    models = (path,) if path else models_of_sensor(project, wanted, directory, hall.variant)
     return Job(
         name=hall.name,
         words=", ".join(word for word in words if word),
         files=(*hall.frames, *hall.ideals, *hall.simulated, *([path] if path else [])),
-        compute=partial(_page, hall, path),
+        compute=partial(_page, hall, path, models),
         choices=given,
         fault="" if hall.frames else "; ".join(hall.faults),
         notes=tuple(f"left out: {fault}" for fault in hall.faults),
@@ -132,22 +133,24 @@ def _job(project: Project, hall: Hall, wanted: str) -> Job:
     )
 
 
-def _page(hall: Hall, model: Path | None, on_progress: ProgressCallback) -> Computed:
-    """What `lidarcheck panels` computes of the same files."""
+def _page(hall: Hall, model: Path | None, models: tuple[Path, ...], on_progress: ProgressCallback) -> Computed:
+    """What `lidarcheck panels` computes of the same files; `models`: those that say what measured."""
     from lidarcheck.calibration.panels.files import arrangements_of, provenance
     from lidarcheck.calibration.panels.workflow import characterise
     from lidarcheck.figures.pages.panels import document, page
     from lidarcheck.model import load_model
 
     sensor_model = None if model is None else load_model(model)
+    sensor = sensor_of_models(models) if sensor_model is None else sensor_model.sensor
     names = {} if sensor_model is None else {n: material.name for n, material in sensor_model.materials.items()}
     simulated = [] if model is not None else list(hall.simulated)
     if len(hall.ideals) > 1 and len(simulated) != len(hall.ideals):
         simulated = []
-    arrangements = arrangements_of(hall.frames, list(hall.ideals), simulated, sensor_model, 0)
-    result = characterise(arrangements, materials=names, progress=on_progress)
+    arrangements = arrangements_of(hall.frames, list(hall.ideals), simulated, sensor_model, 0, sensor=sensor)
+    result = characterise(arrangements, materials=names, sensor=sensor, progress=on_progress)
     origin = {"measured": hall.frames, "ideal": hall.ideals, "simulated": simulated, "model": [model] if model else []}
     options = [word for kind, paths in list(origin.items())[1:] if paths for word in (f"--{kind}", *map(str, paths))]
+    options += ["--sensor", sensor.variant] if sensor is not None and model is None else []
     command = shlex.join(["lidarcheck", "panels", *map(str, hall.frames), *options, "--out", "DIRECTORY"])
     shown = _laid_out(page(result, provenance(origin, command, None if model is None else 0)), result)
     return Computed(shown, document(result))

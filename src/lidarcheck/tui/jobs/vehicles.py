@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.model_choice import likely_model, which_model
+from lidarcheck.session.model_choice import likely_model, sensor_of_models, which_model
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import (
     Labels,
@@ -107,6 +107,8 @@ def _likely(group: Group, models: Sequence[Entry]) -> Entry | None:
 def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
     """What the list has of a group; `source`: one of `options_of`, empty where there is none."""
     model = next((entry.path for entry in models if entry.name == source), None)
+    meant = _likely(group, models)
+    could = tuple(entry.path for entry in ([meant] if meant is not None else models))
     used = group.used(source)
     lacking = "no simulated file" if source == FILES else "no ideal scan"
     notes = tuple(
@@ -118,7 +120,7 @@ def job_of(group: Group, source: str, models: Sequence[Entry]) -> Job:
         name=group.name,
         words=f"at {at} m, {source if source == FILES else f'simulated with {source}'}" if used else "",
         files=tuple(path for path in (*files, model) if path is not None),
-        compute=lambda on_progress: _compare(group.labels, used, source == FILES, model, on_progress),
+        compute=lambda on_progress: _compare(group.labels, used, source == FILES, model, could, on_progress),
         choices=source,
         fault="" if used and source else _why_not(group, models),
         notes=notes if used else (),
@@ -138,9 +140,14 @@ def _why_not(group: Group, models: Sequence[Entry]) -> str:
 
 
 def _compare(
-    labels: Labels, used: Sequence[Measurement], files: bool, model: Path | None, on_progress: ProgressCallback
+    labels: Labels,
+    used: Sequence[Measurement],
+    files: bool,
+    model: Path | None,
+    models: Sequence[Path],
+    on_progress: ProgressCallback,
 ) -> Computed:
-    """Compare at each distance; one that has a fault is left out, and said."""
+    """Compare at each distance; one that has a fault is left out, and said. `models`: what may say what measured."""
     from lidarcheck.calibration.vehicles.compare import compare_vehicles, joined
     from lidarcheck.calibration.vehicles.kinds import vehicle_named
     from lidarcheck.calibration.vehicles.read import check_model, read_pair
@@ -149,6 +156,7 @@ def _compare(
     kind, variant = vehicle_named(labels.vehicle), labels.variant or None
     sensor_model = None if model is None else load_model(model)
     check_model(sensor_model, variant)
+    sensor = sensor_of_models(models)
     parts: list[VehicleComparison] = []
     done: list[Measurement] = []
     faults: list[tuple[Measurement, LidarcheckError]] = []
@@ -157,7 +165,14 @@ def _compare(
         try:
             shown = m.simulated if files else None
             pair = read_pair(
-                m.path, shown, m.ideal, sensor_model, distance_m=m.distance_m, variant=variant, number=number
+                m.path,
+                shown,
+                m.ideal,
+                sensor_model,
+                distance_m=m.distance_m,
+                variant=variant,
+                number=number,
+                sensor=sensor,
             )
             parts.append(compare_vehicles(kind, [pair]))
             done.append(m)

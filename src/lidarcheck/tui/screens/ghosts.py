@@ -141,7 +141,7 @@ def _files(page: GhostPage) -> Mapping[str, Writer]:
 
     if page.fitted is not None and page.model is not None:
         return {_MODEL_FILE: partial(write_model, page.model, page.fitted)}
-    return stripped_files(page.stripped)
+    return stripped_files(page.stripped, page.sensor)
 
 
 def _write(page: GhostPage, directory: Path) -> list[str]:
