@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lidarcheck import sensor
 from lidarcheck.harness.check import check
 from lidarcheck.kpi import direction
 from lidarcheck.model.exact import listing, report
 from lidarcheck.scan import Scan
+from lidarcheck.sensor import grid, reference_beams
 from places import ROOT
 
 NAMES = ("directions_SMART", "directions_SLIM", "numbers_SMART", "numbers_SLIM")
@@ -148,7 +148,11 @@ def test_both_variants_see_the_mistakes(project: Path, monkeypatch: pytest.Monke
 
 def forget() -> None:
     """Tables of directions are worked out again."""
-    for table in (sensor._table, report._angles, direction._turns):
+    for table in (
+        grid._table,
+        report._angles,
+        *(table for table in vars(direction).values() if hasattr(table, "cache_clear")),
+    ):
         table.cache_clear()
 
 
@@ -157,24 +161,23 @@ def test_a_table_that_is_half_a_beam_off_is_red(
     project: Path, monkeypatch: pytest.MonkeyPatch, axis: str, angle: str
 ) -> None:
     half = {"layer": 0.5, "point": 0.0} if axis == "layer" else {"layer": 0.0, "point": 0.5}
-    layers, points = (np.arange(n) + half[name] for name, n in (("layer", sensor.LAYERS), ("point", sensor.POINTS)))
-    off = report.angles_of(layers, points)
-    monkeypatch.setattr(report, "_angles", lambda: off)
+    layers, points = (np.arange(n) + half[name] for name, n in (("layer", 520), ("point", 960)))
+    off = report.angles_of(reference_beams(), layers, points)
+    monkeypatch.setattr(report, "_angles", lambda beams: off)
     for variant in ("SMART", "SLIM"):
         assert f"direction_bias_{angle}" in failing(project, f"directions_{variant}")
 
 
 @pytest.mark.parametrize(
     ("formula", "by_deg", "seen"),
-    [("elevation_deg", 0.025, "position_bias_z"), ("azimuth_deg", 0.0625, "position_bias_y")],
+    [("elevation", 0.025, "position_bias_z"), ("azimuth", 0.0625, "position_bias_y")],
 )
 def test_where_all_know_a_wrong_direction_the_surface_points_tell(
     project: Path, monkeypatch: pytest.MonkeyPatch, formula: str, by_deg: float, seen: str
 ) -> None:
-    right = getattr(sensor, formula)
+    right, wrong = grid.Axis.angle_deg, getattr(reference_beams(), formula)
     with monkeypatch.context() as patch:
-        for module in (sensor, direction):
-            patch.setattr(module, formula, lambda index: right(index) + by_deg)
+        patch.setattr(grid.Axis, "angle_deg", lambda axis, index: right(axis, index) + by_deg * (axis == wrong))
         forget()
         failed = failing(project, "directions_SLIM")
     forget()
