@@ -18,7 +18,7 @@ from lidarcheck.errors import UsageError
 from lidarcheck.model.showcase import show
 from lidarcheck.model.showcase.scene import ideal_scan, scene
 from lidarcheck.rays import Rays
-from lidarcheck.sensor import beam_directions
+from lidarcheck.sensor import beam_directions, shipped_names
 
 NAMES = list(effects.catalogue())
 
@@ -141,7 +141,8 @@ REFUSED = {
     "layer_gain --set gain": "--set gain is no setting; use --set PARAMETER=VALUE, as --set gain=0.5",
     "layer_gain --set gain=": "--set gain= is no setting; use --set PARAMETER=VALUE, as --set gain=0.5",
     "layer_gain --set gain=1 --set gain=2": "--set gain is given more than once; give it once",
-    "layer_gain --variant FAT": 'there is no sensor variant \'FAT\'; use "SMART" or "SLIM"',
+    "layer_gain --variant FAT": "there is no sensor variant 'FAT'; "
+    f"use one of {', '.join(shipped_names())}, or the path of a sensor file (*.toml)",
     "--set gain=1": "--set needs an effect; name it: lidarcheck effects NAME --set PARAMETER=VALUE",
 }
 

@@ -46,7 +46,7 @@ class Sample(LightEffect):
 
 def test_an_effect_that_is_added_has_its_section(script):
     text = script.page({"sample": Sample})
-    assert "| [`sample`](#sample) | light | 87, 9999 | Light is turned \\<around> 2\\*3\\*4. |" in text
+    assert "| [`sample`](#sample) | light | all | 87, 9999 | Light is turned \\<around> 2\\*3\\*4. |" in text
     assert "Effect tree: 87 extinction, 9999." in text
     assert "| `amount` | 1/m\\|s | -1.5 ... 1e+06 | 0.25 | 0.05 | how \\* much |" in text
     assert "\n    y = a|b * <c>\n" in text

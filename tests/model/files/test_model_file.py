@@ -249,8 +249,10 @@ def effects_of_the_catalogue(draw: st.DrawFn) -> tuple[Effect, ...]:
             for p in catalogue()[name].parameters()
         }
         try:
-            made.append(make(name, numbers))
-        except UsageError:  # numbers that do not fit together
+            effect = make(name, numbers)
+            effect.check(Sensor.of("SMART"))
+            made.append(effect)
+        except UsageError:  # numbers that do not fit together, or layers that no beam has
             made.append(make(name, {}))
     return tuple(made)
 
