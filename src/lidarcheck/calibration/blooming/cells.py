@@ -15,7 +15,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import LAYERS, POINTS
+from lidarcheck.sensor import Beams
 
 __all__ = ["Cells", "Profile", "Sources", "cells_of_scan", "profile_of"]
 
@@ -114,7 +114,7 @@ def cells_of_scan(
     """
     lines = np.unique(target.line)
     fired = own or _fired(scan, target, axis, lines)
-    _check_field(target, fired, axis, name, from_ideal=own is not None)
+    _check_field(target, fired, scan.beams, axis, name, from_ideal=own is not None)
     own = fired
     keep = ~own.left_out
     echo = _echo_of_beam(scan, target, axis, own)
@@ -162,13 +162,13 @@ def _fired(scan: Scan, target: BrightTarget, axis: Axis, lines: npt.NDArray[np.i
     return OwnLight(line, place, light, np.zeros(len(line)), np.zeros(len(line), dtype=bool))
 
 
-def _check_field(target: BrightTarget, own: OwnLight, axis: Axis, name: str, *, from_ideal: bool) -> None:
+def _check_field(target: BrightTarget, own: OwnLight, beams: Beams, axis: Axis, name: str, *, from_ideal: bool) -> None:
     """Refuse a target at the first or last beam that was fired; `from_ideal`: found by an ideal scan."""
     low, high = int(own.place.min()), int(own.place.max())
     at_end = (target.place <= low) | (target.place >= high)
     if np.any(at_end):
         unit = "layers" if axis == "vertical" else "points"
-        most = LAYERS - 1 if axis == "vertical" else POINTS - 1
+        most = (beams.layers if axis == "vertical" else beams.points) - 1
         end = "the field of view" if (low, high) == (0, most) else "the scan"
         what = (
             f"the target is cut by the end of {end}: it covers {unit} {target.place.min()} to {target.place.max()} "

@@ -115,9 +115,15 @@ def model_side_of(
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
     if model.external is not None:
         raise InputError("the model runs another program", file=model.file, fix="a fit needs the built-in sensor model")
+    if not isinstance(model.sensor, SpadArray):
+        what = (
+            f"{model.sensor.name} has the detector {model.sensor.detector}; blooming is fitted to the PEAK, AREA and "
+        )
+        raise InputError(f"{what}WIDTH of a spad_array", file=model.file, fix="set blooming by hand in the model")
     bare, bright = bare_of(model, axis)
     nothing = np.zeros(1, dtype=np.int32)
-    light, sensor = _light_of(IdealScan(nothing, nothing, np.zeros(1), nothing, np.zeros(1)), bare)
+    beams = model.sensor.beams
+    light, sensor = _light_of(IdealScan(nothing, nothing, np.zeros(1), nothing, np.zeros(1), beams=beams), bare)
     if signal_at_1m is None:
         material, signal_at_1m = _target_signal(model, material)
     else:
@@ -176,7 +182,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             raise InputError(f"is a {profile_axis(measured.path)} profile", file=name, fix=f"{axis} ones are asked for")
         signal = _needed_signal(bench, name)
         return read_profile(measured.path, bench.sensor, signal_at_1m=signal, distance_m=measured.distance_m)
-    scan = scan_of(measured.path, measured.placement)
+    scan = scan_of(measured.path, measured.placement, bench.sensor)
     check_variant(scan, bench.sensor, name)
     missing = [column for column in ("PEAK", "AREA", "WIDTH") if column in scan.defaulted]
     if missing:
@@ -192,7 +198,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             what = f"the target's S is {target.signal.max():.3g} at {target.distance_m:.1f} m, which does not bloom"
             raise InputError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
         return cells_of_scan(scan, target, axis, name=name)
-    light, _ = _light_of(ideal_of(measured.ideal), bench.model)
+    light, _ = _light_of(ideal_of(measured.ideal, bench.sensor), bench.model)
     target = bright_beams(light, bench.sensor, axis, bench.bright_signal, measured.distance_m, name)
     own = own_light(light, target, axis, bench.bright_signal)
     return cells_of_scan(scan, target, axis, own=own, name=name)

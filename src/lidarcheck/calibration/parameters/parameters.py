@@ -13,22 +13,24 @@ import numpy as np
 from lidarcheck.effects.base import Effect, find, make
 from lidarcheck.errors import UsageError
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import RETRO_GAIN_MAX, Material
+from lidarcheck.sensor import RETRO_GAIN_MAX, Material, Sensor, SpadArray
 
 __all__ = [
     "FitParameter",
     "Fitted",
     "added_effects",
+    "calibrating",
     "free_names",
     "free_parameters",
     "known_names",
+    "sensor_names",
     "value_of",
     "with_fixed",
     "with_values",
 ]
 
 
-SENSOR_NAMES = (
+_OF_SPADS = (
     "signal_at_1m",
     "background_per_ns",
     "threshold",
@@ -37,11 +39,18 @@ SENSOR_NAMES = (
     "pulse_fwhm_ns",
     "peak_saturation",
 )
-"""The sensor's numbers that measured frames tell something about; the others are counts and clocks."""
+"""The numbers of a SPAD array that measured frames tell something about; the others are counts and clocks."""
+_SETTINGS = (
+    *("min_range_m", "max_range_m", "max_echoes", "range_resolution_m", "frame_rate_hz", "spads", "shots", "bins"),
+    "walk_reference",
+)
+"""Numbers of other sensors that are set, or that only name a unit."""
 _MATERIAL_BOUNDS = {"reflectance": (0.0, 1.0), "retro_gain": (0.0, RETRO_GAIN_MAX)}
 _FACTORS = ("signal_at_1m", "reflectance", "retro_gain", "gain", "factor")
 """What multiplies the light is fitted by its logarithm, and so is what cannot be 0; a rate or a share is not."""
 _SMALLEST = 1e-12
+_FAINTEST = 1e-6
+"""Of the signal that a sensor calibrates its features by, how little there can be."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +105,23 @@ class Fitted:
     status: str = "fitted"
 
 
+def sensor_names(sensor: Sensor) -> tuple[str, ...]:
+    """The sensor's numbers that measured frames tell something about, those that it has."""
+    if isinstance(sensor, SpadArray):
+        return _OF_SPADS
+    return tuple(n for n in sensor.numbers() if n not in _SETTINGS and getattr(sensor, n) is not None)
+
+
+def calibrating(model: Model) -> dict[str, str]:
+    """The numbers by which the sensor calibrates a feature, which then does not show them: words on each."""
+    own = [f.name for f in model.sensor.features if f.law == "calibrated_reflectivity"]
+    words = f"{', '.join(own)} is calibrated by signal_at_1m and does not show it; effects.signal_gain.gain does"
+    return {"signal_at_1m": words} if own else {}
+
+
 def known_names(model: Model) -> list[str]:
     """Every parameter of the model that can be named, its effects' and no others'."""
-    names = [*SENSOR_NAMES]
+    names = [*sensor_names(model.sensor)]
     for number, material in sorted(model.materials.items()):
         names.append(f"materials.{number}.reflectance")
         names += [f"materials.{number}.retro_gain"] if material.kind == "retro" else []
@@ -238,7 +261,7 @@ def _parts(model: Model, name: str) -> tuple[str, ...]:
     parts = name.split(".")
     if parts[0] == "sensor" and len(parts) == 2:
         parts = parts[1:]
-    if len(parts) == 1 and parts[0] in SENSOR_NAMES:
+    if len(parts) == 1 and parts[0] in sensor_names(model.sensor):
         return "sensor", parts[0]
     if len(parts) >= 3 and parts[0] == "materials" and parts[-1] in _MATERIAL_BOUNDS:
         number = _material(model, ".".join(parts[1:-1]), name)
@@ -254,7 +277,8 @@ def _parts(model: Model, name: str) -> tuple[str, ...]:
 
 def _unknown(model: Model, name: str) -> UsageError:
     near = difflib.get_close_matches(name, known_names(model), n=1, cutoff=0.6)
-    shapes = f"a number of the sensor ({', '.join(SENSOR_NAMES)}), materials.ID.reflectance or effects.NAME.PARAMETER"
+    own = ", ".join(sensor_names(model.sensor))
+    shapes = f"a number of the sensor ({own}), materials.ID.reflectance or effects.NAME.PARAMETER"
     return UsageError(f"there is no parameter {name!r}", fix=f"did you mean {near[0]}?" if near else f"name {shapes}")
 
 
@@ -290,7 +314,9 @@ def _facts(model: Model, name: str) -> tuple[float, float, bool, str, float]:
     kind, *where = _parts(model, name)
     if kind == "sensor":
         bounds = model.sensor.numbers()[where[0]]
-        return float(bounds.low), float(bounds.high), bounds.whole, bounds.unit, 0.0
+        typical = 0.0 if value_of(model, name) else abs(bounds.noticeable)
+        low = _FAINTEST * value_of(model, name) if name in calibrating(model) else bounds.low
+        return float(low), float(bounds.high), bounds.whole, bounds.unit, typical
     if kind == "materials":
         entry: Material = model.materials[int(where[0])]
         return (*_MATERIAL_BOUNDS[where[1]], False, "", float(getattr(entry, where[1])))

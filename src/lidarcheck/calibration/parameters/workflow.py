@@ -19,6 +19,7 @@ from lidarcheck.calibration.parameters.parameters import (
     FitParameter,
     Fitted,
     added_effects,
+    calibrating,
     free_names,
     free_parameters,
     with_fixed,
@@ -108,12 +109,14 @@ OnRound = Callable[[Round, float | None], object]
 
 
 def prepared(case: Case, request: Request) -> tuple[Model, tuple[FitParameter, ...], dict[str, str]]:
-    """The model where the fit begins, with every effect that is named, the free parameters, and what was added."""
+    """The model where the fit begins, with every effect that is named, the free parameters, and what to say of them."""
     names = [*request.free, *request.fixed]
     model, added = added_effects(case.model, names)
     model = with_fixed(model, {name: value for name, value in request.fixed.items() if value is not None})
     free = free_names(model, request.free, request.fixed)
     parameters = free_parameters(model, free, bounds=request.bounds, starts=request.starts)
+    names = [one.name for one in parameters]
+    added |= {name: words for name, words in calibrating(model).items() if name in names}
     return with_values(model, {one.name: one.start for one in parameters}), parameters, added
 
 

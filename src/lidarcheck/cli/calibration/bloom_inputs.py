@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from lidarcheck.cli.core.options import Placed, placement_of
 from lidarcheck.errors import InputError, UsageError
-from lidarcheck.sensor import VARIANTS
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Cells
@@ -108,7 +107,7 @@ def bench_from(
     if signal is not None and not 0.0 < signal < float("inf"):
         raise UsageError(f"--signal {signal:g} is out of range", fix="use a number above 0")
     loaded = load_model(model)
-    variant = VARIANTS[0] if loaded.sensor.variant == VARIANTS[0] else VARIANTS[1]
+    variant: Literal["SMART", "SLIM"] = "SMART" if loaded.sensor.variant == "SMART" else "SLIM"
     chosen = None if settings is None else _settings(settings, axis, variant)
     return model_side_of(loaded, axis, settings=chosen, material=target, signal_at_1m=signal)
 
