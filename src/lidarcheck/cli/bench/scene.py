@@ -10,7 +10,7 @@ import numpy as np
 
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import LAYERS, POINTS, Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor, reference_beams
 
 if TYPE_CHECKING:
     import trimesh
@@ -37,15 +37,16 @@ def lab_model(variant: str) -> Model:
 
 def lab_frame() -> IdealScan:
     """520 x 960 beams in a hall: floor, ceiling, end wall, and 16 panels from 5 to 80 m of three reflectances each."""
-    layer = np.repeat(np.arange(LAYERS, dtype=np.int32), POINTS)
-    point = np.tile(np.arange(POINTS, dtype=np.int32), LAYERS)
-    x, _, z = beam_directions(layer, point).T
+    beams = reference_beams()
+    layer, point = beams.every()
+    middle = beams.layers // 2
+    x, _, z = beams.directions(layer, point).T
     with np.errstate(divide="ignore"):
         hall = np.minimum(WALL_M / x, np.where(z < 0.0, HEIGHT_M / -z, CEILING_M / z))
-    slot = point // (POINTS // len(PANELS_M))
+    slot = point // (beams.points // len(PANELS_M))
     panel = PANELS_M[slot] / x
-    on_panel = (np.abs(layer - LAYERS // 2) < 120) & (point % 60 < 40) & (panel < hall)
-    reflectance = 1 + np.clip((layer - (LAYERS // 2 - 120)) // 80, 0, 2)
+    on_panel = (np.abs(layer - middle) < 120) & (point % 60 < 40) & (panel < hall)
+    reflectance = 1 + np.clip((layer - (middle - 120)) // 80, 0, 2)
     floor = ~on_panel & (hall < WALL_M / x)
     incidence = np.rad2deg(np.arccos(np.clip(np.where(floor, np.abs(z), x), 0.0, 1.0)))
     return IdealScan(
@@ -60,9 +61,10 @@ def lab_frame() -> IdealScan:
 def signs_frame() -> IdealScan:
     """The same hall with traffic signs on its panels of 25, 45 and 70 m, 20 beams by 8 each."""
     frame = lab_frame()
-    middle = (np.abs(frame.layer - LAYERS // 2) < 10) & (np.abs(frame.point % 60 - 20) < 4)
+    beams = frame.beams
+    middle = (np.abs(frame.layer - beams.layers // 2) < 10) & (np.abs(frame.point % 60 - 20) < 4)
     slots = [int(np.flatnonzero(range_m == PANELS_M)[0]) for range_m in (25.0, 45.0, 70.0)]
-    sign = middle & np.isin(frame.point // (POINTS // len(PANELS_M)), slots)
+    sign = middle & np.isin(frame.point // (beams.points // len(PANELS_M)), slots)
     return replace(frame, material_id=np.where(sign, 5, frame.material_id).astype(np.int32))
 
 
@@ -89,9 +91,9 @@ def hills(triangles: int) -> tuple[trimesh.Trimesh, SceneObject]:
 def write_rows(path: Path, rows: int) -> None:
     """A CloudCompare text file of nine columns, as a sensor writes it."""
     draw = np.random.Generator(np.random.Philox(1))
-    block = 20_000
+    block, beams = 20_000, reference_beams()
     xyz = draw.uniform(-80.0, 80.0, (block, 3))
-    whole = draw.integers([[0, 0, 1, 5, 50, 10]], [[POINTS, LAYERS, 4, 40, 1300, 136]], (block, 6))
+    whole = draw.integers([[0, 0, 1, 5, 50, 10]], [[beams.points, beams.layers, 4, 40, 1300, 136]], (block, 6))
     text = "".join(
         f"{x:.4f} {y:.4f} {z:.4f} {point} {layer} {echo} {width} {area} {peak}\n"
         for (x, y, z), (point, layer, echo, width, area, peak) in zip(xyz.tolist(), whole.tolist(), strict=True)
