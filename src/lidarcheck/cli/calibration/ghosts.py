@@ -21,6 +21,7 @@ from lidarcheck.cli.core.options import (
     Seed,
     SensorName,
     placement_of,
+    sensor_file,
     sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_twice, files_given
@@ -85,7 +86,7 @@ def find(
     with stage("reading"):
         frames, ideals, shown = _frames(scans, range_m, ideal=ideal, simulated=simulated)
     names = [stripped_name(name) for name in dataset_names(frames)]
-    check_places(out, json, files_given(*scans, *ideal, *simulated, model), names)
+    check_places(out, json, files_given(*scans, *ideal, *simulated, model, sensor_file(sensor)), names)
     sensor_model = _model_of(model)
     known = sensor_named(sensor, sensor_model)
     scenes = _ideals_of(ideals, known)

@@ -23,6 +23,7 @@ from lidarcheck.cli.core.options import (
     SensorName,
     Whole,
     placement_of,
+    sensor_file,
     sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
@@ -107,7 +108,7 @@ def panels(
     if not measured:
         raise UsageError("no measured frame is given", fix="name one file or more before the options")
     target_format(f"panel.{format}")
-    _check_places(out, json, files_given(*measured, *(ideal or ()), *(simulated or ()), model))
+    _check_places(out, json, files_given(*measured, *(ideal or ()), *(simulated or ()), model, sensor_file(sensor)))
     from lidarcheck.cases.partners import beside
     from lidarcheck.cases.source import each_frame
 

@@ -19,6 +19,7 @@ from lidarcheck.cli.core.options import (
     Seed,
     SensorName,
     placement_of,
+    sensor_file,
     sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_twice, check_writable, files_given
@@ -104,7 +105,7 @@ def compare(
     placement = placement_of(placed)
     grid = _sectors(sectors)
     _check_arguments(measured, model, simulated, effects, without)
-    inputs = files_given(*measured, *ideal, *(simulated or ()), model)
+    inputs = files_given(*measured, *ideal, *(simulated or ()), model, sensor_file(sensor))
     if out is not None:
         check_out_dir(out, besides=inputs)
     if json is not None:

@@ -23,6 +23,7 @@ from lidarcheck.cli.core.options import (
     Several,
     Whole,
     placement_of,
+    sensor_file,
     sensor_named,
 )
 from lidarcheck.cli.core.outputs import check_writable
@@ -83,7 +84,13 @@ def compare(
     cuts = boxes(box or [])
     reals, shown, ideals = _frames(real, simulated or (), ideal or ())
     check_compare(reals, shown, model, ideals, variant, object_, cuts)
-    inputs = [*(Path(r.path) for r in reals), *(Path(s.path) for s in shown), *map(Path, ideals), model]
+    inputs = [
+        *(Path(r.path) for r in reals),
+        *(Path(s.path) for s in shown),
+        *map(Path, ideals),
+        model,
+        sensor_file(sensor),
+    ]
     from lidarcheck.figures.files.vehicle_sheet import SHEET, save_distances
 
     check_places(out, json, inputs, [SHEET])
@@ -196,7 +203,7 @@ def merge(
     placement = placement_of(placed)
     files, places = [named(real), named(simulated)], boxes(box or [])
     check_merge(files, out, vehicle, ideal, object_, places, x, y)
-    inputs = [*(Path(file.path) for file in files), ideal]
+    inputs = [*(Path(file.path) for file in files), ideal, sensor_file(sensor)]
     check_writable(out, option="--out", besides=inputs)
     if json is not None:
         check_writable(json, option="--json", besides=[*inputs, out])

@@ -38,6 +38,7 @@ __all__ = [
     "TimeUnit",
     "Whole",
     "placement_of",
+    "sensor_file",
     "sensor_named",
     "up_to",
 ]
@@ -191,3 +192,12 @@ def sensor_named(name: str | None, model: Model | None = None) -> Sensor | None:
     from lidarcheck.model.files.sensor_file import load_sensor
 
     return load_sensor(name)
+
+
+def sensor_file(name: str | None) -> str | None:
+    """The file that `--sensor` names, which no output may replace; None for a shipped sensor."""
+    if name is None:
+        return None
+    from lidarcheck.model.files.sensor_file import is_sensor_file
+
+    return name if is_sensor_file(name) else None

@@ -8,13 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import MANY, JsonFile, MaxRows, Permitted, Placed, Quiet, placement_of
+from lidarcheck.cli.core.options import (
+    MANY,
+    JsonFile,
+    MaxRows,
+    Permitted,
+    Placed,
+    Quiet,
+    SensorName,
+    placement_of,
+    sensor_file,
+    sensor_named,
+)
 from lidarcheck.cli.core.outputs import files_given
 from lidarcheck.cli.core.terminal import columns, hush, note, stage
 from lidarcheck.cli.scans.compare_frames import compare_frames, geometry_notes
 from lidarcheck.cli.scans.compare_results import chance_cells, check_places, say, write
 from lidarcheck.cli.scans.fail_on import Value, conditions_of, outcomes
-from lidarcheck.errors import UsageError
 from lidarcheck.formats.limits import limit_rows
 
 if TYPE_CHECKING:
@@ -36,9 +46,7 @@ def compare(
     *,
     ideal: Annotated[Path | None, Parameter(help=f"The ideal scan of the scene that both show{MANY}.")] = None,
     model: Annotated[Path | None, Parameter(help="The model: its retro-reflectors are the target of ghosts.")] = None,
-    sensor: Annotated[
-        str | None, Parameter(help="The sensor that both scans are of, without a model: a name, or its file.")
-    ] = None,
+    sensor: SensorName = None,
     fail_on: Annotated[
         list[str] | None,
         Parameter(
@@ -60,18 +68,15 @@ def compare(
     hush(quiet)
     limit_rows(max_rows)
     conditions, placement = conditions_of(fail_on or ()), placement_of(placed)
-    check_places(out, json, files_given(measured, simulated, ideal, model, _file_of(sensor)))
+    check_places(out, json, files_given(measured, simulated, ideal, model, sensor_file(sensor)))
     from lidarcheck.cases.source import frames_in, ideal_of, scan_of
     from lidarcheck.kpi.chance.verdict import ChanceTest
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.kpi.variant import OneVariant
     from lidarcheck.model import load_model
-    from lidarcheck.model.files.sensor_file import load_sensor
 
-    if model is not None and sensor is not None:
-        raise UsageError("--sensor stands beside --model, whose variant is a sensor", fix="give one of them")
     sensor_model = None if model is None else load_model(model)
-    seen_by = sensor_model.sensor if sensor_model is not None else None if sensor is None else load_sensor(sensor)
+    seen_by = sensor_named(sensor, sensor_model)
     with stage("reading"):
         sides = frames_in(measured), frames_in(simulated)
     if measured.is_dir() or max(map(len, sides)) > 1:
@@ -96,13 +101,6 @@ def compare(
         left_out = [f"{name}: {why}" for name, why in comparison.left_out.items()]
         say(COLUMNS, _rows(comparison, verdict), verdict, left_out, failed)
     return int(any(one.met for one in failed))
-
-
-def _file_of(sensor: str | None) -> str | None:
-    """The file that a sensor is named by; None for a shipped one."""
-    from lidarcheck.model.files.sensor_file import is_sensor_file
-
-    return sensor if sensor is not None and is_sensor_file(sensor) else None
 
 
 def _rows(comparison: Comparison, verdict: Verdict) -> list[tuple[str, ...]]:
