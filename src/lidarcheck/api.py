@@ -15,30 +15,37 @@ if TYPE_CHECKING:
     from lidarcheck.formats.geometry import Pose
     from lidarcheck.model.spec import Model
     from lidarcheck.scan import IdealScan, Scan
+    from lidarcheck.sensor import Sensor
 
 __all__ = ["calibrate", "read_case", "read_ideal", "read_model", "read_scan", "write_model", "write_scan"]
 
 Path = str | PathLike[str]
 
 
-def read_scan(path: Path, *, unit: str = "m", mirror: str = "", pose: Pose | None = None) -> Scan:
+def read_scan(
+    path: Path, *, unit: str = "m", mirror: str = "", pose: Pose | None = None, sensor: Sensor | None = None
+) -> Scan:
     """The echoes of a file in any known format, recognised by its content.
 
-    `unit`, `mirror` (an axis), `pose` (x, y, z [m], roll, pitch, yaw [deg]): what is declared of its X, Y, Z. Columns
-    that the file lacks are logged and get defaults. `LidarcheckError` names file and line of what is wrong, and the
+    `unit`, `mirror` (an axis), `pose` (x, y, z [m], roll, pitch, yaw [deg]): what is declared of its X, Y, Z. `sensor`:
+    what measured, as a model's `sensor`; a built-in one where None. Columns that the file lacks are logged and get
+    defaults. `LidarcheckError` names file and line of what is wrong, and the
     change that would help where X, Y, Z do not lie where the beams point.
     """
     from lidarcheck.formats import load_scan
     from lidarcheck.formats.geometry import Placement
 
-    return load_scan(path, Placement(unit, mirror, pose))
+    return load_scan(path, Placement(unit, mirror, pose), sensor)
 
 
-def read_ideal(path: Path) -> IdealScan:
-    """What each beam meets, from a file in any known format. `LidarcheckError` names file and line of what is wrong."""
+def read_ideal(path: Path, *, sensor: Sensor | None = None) -> IdealScan:
+    """What each beam meets, from a file in any known format; `sensor`: whose beams they are, as `read_scan` has it.
+
+    `LidarcheckError` names file and line of what is wrong.
+    """
     from lidarcheck.formats import load_ideal
 
-    return load_ideal(path)
+    return load_ideal(path, sensor)
 
 
 def read_model(path: Path) -> Model:

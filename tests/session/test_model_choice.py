@@ -1,0 +1,34 @@
+"""Which sensor a project's scans are of, by its models."""
+
+from pathlib import Path
+
+from lidarcheck.session.model_choice import models_of_sensor, other_sensors, sensor_of_models
+from lidarcheck.session.project import read_project
+
+MODEL = 'variant = "{}"\n[materials.1]\nname = "panel"\nreflectance = 0.5\n'
+
+
+def project(root: Path, **variants: str):
+    for name, variant in variants.items():
+        (root / f"{name}.toml").write_text(MODEL.format(variant))
+    return read_project(root)
+
+
+def test_the_sensor_that_all_models_are_of(tmp_path):
+    found = project(tmp_path, a="XT32", b="XT32")
+    models = models_of_sensor(found, "", tmp_path)
+    assert len(models) == 2
+    assert sensor_of_models(models).name == "PandarXT-32"
+    assert other_sensors(found) == ["PandarXT-32"]
+
+
+def test_the_model_that_is_meant_decides_between_several(tmp_path):
+    found = project(tmp_path, a="XT32", b="VLP-16")
+    assert sensor_of_models(models_of_sensor(found, "", tmp_path)) is None
+    assert sensor_of_models(models_of_sensor(found, "b.toml", tmp_path)).variant == "VLP-16"
+
+
+def test_built_in_sensors_are_told_by_their_scans(tmp_path):
+    found = project(tmp_path, a="SMART", b="SLIM")
+    assert sensor_of_models(models_of_sensor(found, "a.toml", tmp_path)) is None
+    assert other_sensors(found) == []
