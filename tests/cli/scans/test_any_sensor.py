@@ -65,7 +65,9 @@ def test_a_sensor_beside_a_model_is_refused_and_no_output_replaces_its_file(scan
 
 
 def test_a_blooming_profile_of_a_linear_detector_is_refused_in_a_line(scans, capsys):
-    Path("model.toml").write_text('variant = "XT32"\n[materials.1]\nname = "sign"\nreflectance = 0.8\nkind = "retro"\n')
+    Path("model.toml").write_text(
+        'variant = "XT32"\n[materials.1]\nname = "sign"\nreflectance = 0.8\nkind = "retro"\nretro_gain = 900\n'
+    )
     Path("lut.ini").write_text("PostPro.LUT_blooming_X = 0, 3, 6\nPostPro.LUT_blooming_Y = 0.1, 0.01, 0.001\n")
     asked = ["bloom", "fit", "XT32.parquet", "--model", "model.toml", "--lut", "lut.ini", "--out", "out"]
     assert main(asked) == 2
