@@ -24,6 +24,7 @@ from lidarcheck.figures.gap.data import (
     ResidualCurve,
 )
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.echo_view import EchoView
 from lidarcheck.inference.observed.observations import FEATURES, Observations, observations_of
 from lidarcheck.inference.observed.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
@@ -44,25 +45,45 @@ _ROWS, _COLUMNS = 12, 24
 _MOST_BEAMS = 250_000
 """Of more frames than have so many beams only the first are shown: the pictures would not change, but take minutes."""
 
-_WORDS: Mapping[str, tuple[str, str]] = {
-    "range": ("range less the true range", "m"),
-    "area": ("AREA", "counts"),
-    "peak": ("PEAK", "counts"),
-    "width": ("WIDTH", "ns"),
-    "others": ("range of echoes that belong to no surface", "m"),
-}
-_RESIDUALS: Mapping[str, tuple[str, str]] = {
-    "range": ("range residual", "m"),
-    "area": ("ln AREA residual", "1"),
-    "peak": ("PEAK residual", "counts"),
-    "width": ("WIDTH residual", "ns"),
-}
-_MAPS: Mapping[str, tuple[str, str]] = {
-    "detected": ("surfaces that have an echo", "% of the beams"),
-    "area": ("mean ln AREA", "1"),
-    "range": ("mean range", "m"),
-    "others": ("echoes that belong to no surface", "per 100 beams"),
-}
+_SLOTS = FEATURES[1:]
+"""Features that each sensor has by names of its own; the first is its amplitude."""
+_AMPLITUDE = _SLOTS[0]
+
+
+def _words(view: EchoView) -> Mapping[str, tuple[str, str]]:
+    """What histograms are of, and its unit."""
+    own = {name: (slot.name, slot.unit) for name, slot in zip(_SLOTS, view.slots, strict=True) if slot.name}
+    last = ("range of echoes that belong to no surface", "m")
+    return {"range": ("range less the true range", "m"), **own, "others": last}
+
+
+def _residual_words(view: EchoView) -> Mapping[str, tuple[str, str]]:
+    """What residuals are of, and their unit."""
+    own = {
+        name: (f"{slot.name} residual", slot.unit) for name, slot in zip(_SLOTS, view.slots, strict=True) if slot.name
+    }
+    if view.slots[0].name and view.slots[0].log:
+        own[_AMPLITUDE] = (f"ln {view.slots[0].name} residual", "1")
+    return {"range": ("range residual", "m"), **own}
+
+
+def _map_words(view: EchoView) -> Mapping[str, tuple[str, str]]:
+    """What maps are of, and its unit."""
+    first = view.slots[0]
+    own = (
+        {_AMPLITUDE: (f"mean {'ln ' * first.log}{first.name}", "1" if first.log else first.unit)} if first.name else {}
+    )
+    return {
+        "detected": ("surfaces that have an echo", "% of the beams"),
+        **own,
+        "range": ("mean range", "m"),
+        "others": ("echoes that belong to no surface", "per 100 beams"),
+    }
+
+
+def _is_log(view: EchoView, feature: str) -> bool:
+    """Whether observations hold the feature as its logarithm."""
+    return feature in _SLOTS and view.slots[_SLOTS.index(feature)].log
 
 
 def pictures_of(frames: Sequence[Frame], before: Model, after: Model, *, seed: int) -> Pictures:
@@ -92,8 +113,8 @@ def pictures_of(frames: Sequence[Frame], before: Model, after: Model, *, seed: i
     return Pictures(
         frames=numbers,
         seeds=seeds,
-        histograms=tuple(_histogram(runs, feature, len(frames)) for feature in _WORDS),
-        curves=tuple(_curve(runs, feature, division) for feature in FEATURES for division in shown),
+        histograms=tuple(_histogram(runs, feature, len(frames)) for feature in _words(beams.view)),
+        curves=tuple(_curve(runs, feature, division) for feature in _residual_words(beams.view) for division in shown),
         detected=tuple(_detected(runs, division) for division in shown),
         maps=_maps(runs),
     )
@@ -131,39 +152,42 @@ def _mean_log_area(runs: Sequence[Observations]) -> FloatArray:
     return np.where(seen > 0, total / np.maximum(seen, 1), np.nan)
 
 
-def _values(observations: Observations, feature: str) -> FloatArray:
-    """The feature of every echo that has it, AREA and PEAK in counts."""
+def _values(observations: Observations, feature: str, view: EchoView) -> FloatArray:
+    """The feature of every echo that has it, in its own unit."""
     if feature == "others":
         return observations.extra_m
     column = observations.feature[observations.detected, FEATURES.index(feature)]
-    return np.asarray(np.exp(column)) if feature in ("area", "peak") else column
+    return np.asarray(np.exp(column)) if _is_log(view, feature) else column
 
 
 def _histogram(runs: _Runs, feature: str, frames: int) -> Histogram:
     sides = [
-        [_values(observations, feature) for observations in side]
+        [_values(observations, feature, runs.beams.view) for observations in side]
         for side in ((runs.measured,), runs.before, runs.after)
     ]
-    edges = _edges(np.concatenate([values for side in sides for values in side]), feature)
+    view = runs.beams.view
+    edges = _edges(np.concatenate([values for side in sides for values in side]), feature, view)
     last = np.nextafter(edges[-1], edges[0])
     measured, before, after = (
         np.sum([np.histogram(np.clip(values, edges[0], last), edges)[0] for values in side], axis=0)
         / (len(side) * frames)
         for side in sides
     )
-    words, unit = _WORDS[feature]
-    return Histogram(feature, words, unit, edges, measured, before, after, log_x=feature == "area")
+    words, unit = _words(view)[feature]
+    log_x = feature == _AMPLITUDE and _is_log(view, feature)
+    return Histogram(feature, words, unit, edges, measured, before, after, log_x=log_x)
 
 
-def _edges(values: FloatArray, feature: str) -> FloatArray:
+def _edges(values: FloatArray, feature: str, view: EchoView) -> FloatArray:
     """Bins for all but the last of the tails, whole multiples of what the sensor resolves, so that none is odd."""
     if not len(values):
         return np.array([0.0, 1.0])
     low, high = (float(q) for q in np.quantile(values, [_TAIL, 1.0 - _TAIL]))
-    if feature == "area":
+    if feature == _AMPLITUDE and _is_log(view, feature):
         whole = np.floor(np.geomspace(max(low, 1.0), max(high, low + 1.0, 2.0) + 1.0, _BINS + 1))
         return np.asarray(np.unique(whole) - 0.5)
-    step = {"range": 0.01, "others": 0.5}.get(feature, 1.0)
+    own = {name: 1.0 if slot.log else slot.step for name, slot in zip(_SLOTS, view.slots, strict=True)}
+    step = {"range": view.range_step_m, "others": view.reach_m / 4.0, **own}[feature]
     begin = np.floor(low / step + 0.5) - 0.5
     width = max(1.0, np.ceil((high / step - begin) / _BINS))
     bins = int(np.ceil((high / step - begin + 1e-9) / width))
@@ -171,25 +195,25 @@ def _edges(values: FloatArray, feature: str) -> FloatArray:
 
 
 def _curve(runs: _Runs, feature: str, division: Division) -> ResidualCurve:
-    k = len(division.names)
+    k, view = len(division.names), runs.beams.view
     sides = []
     for side in (runs.before, runs.after):
-        pairs = [_residuals(runs.measured, observations, feature, division.bin) for observations in side]
+        pairs = [_residuals(runs.measured, observations, feature, division.bin, view) for observations in side]
         sides.append((np.concatenate([place for place, _ in pairs]), np.concatenate([value for _, value in pairs])))
     count = np.bincount(sides[0][0], minlength=k).astype(np.int64)
     before, after = (_quantiles(place, value, k) for place, value in sides)
-    words, unit = _RESIDUALS[feature]
+    words, unit = _residual_words(view)[feature]
     return ResidualCurve(feature, words, unit, division.covariate, division.names, count, before, after)
 
 
 def _residuals(
-    measured: Observations, simulated: Observations, feature: str, place: IndexArray
+    measured: Observations, simulated: Observations, feature: str, place: IndexArray, view: EchoView
 ) -> tuple[IndexArray, FloatArray]:
     """Measured less simulated of the beams that both see: their bins and the differences."""
     both = measured.detected & simulated.detected & (place >= 0)
     column = FEATURES.index(feature)
     pair = [observations.feature[both, column] for observations in (measured, simulated)]
-    if feature == "peak":
+    if feature != _AMPLITUDE and _is_log(view, feature):
         pair = [np.exp(values) for values in pair]
     return place[both], pair[0] - pair[1]
 
@@ -230,7 +254,7 @@ def _maps(runs: _Runs) -> tuple[FieldMap, ...]:
     angles = [(float(ends_deg[0]), float(ends_deg[1])) for ends_deg in runs.beams.sensor.angles_deg(*ends)]
     sides = [[_differences(runs.measured, s, runs.beams) for s in side] for side in (runs.before, runs.after)]
     found = []
-    for quantity, (words, unit) in _MAPS.items():
+    for quantity, (words, unit) in _map_words(runs.beams.view).items():
         before, after = (_mean(block, [one[quantity] for one in side], shape) for side in sides)
         found.append(FieldMap(quantity, words, unit, layers, points, before, after, *angles))
     return tuple(found)

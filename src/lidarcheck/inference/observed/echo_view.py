@@ -26,18 +26,23 @@ _LOG_FLOOR, _STEPS_FLOOR = 0.01, 0.3
 """Spreads below which a logarithm, or a feature in its steps, is not known better."""
 _RANGE_STEPS, _LEAST_RANGE_M = 0.4, 0.0005
 """The same of a range in its steps, and of a range without steps."""
+_UNITS = {"area_counts": "counts", "peak_counts": "counts"}
+"""What readers call the unit of these laws, whatever the file says."""
 _PILE_UP = {"area_counts": (2000.0, 4000.0)}
 """Extra edges where few but bright beams lie: what light does to detectors shows there first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A feature of an echo: the sensor's name (empty: it has none), `log`: as ln max(value, 1); the least spread."""
+    """A feature of an echo: the sensor's name (empty: it has none), `log`: as ln max(value, 1); the least spread, extra
+    edges of its bins, unit and step of its values."""
 
     name: str = ""
     log: bool = False
     floor: float = 1.0
     edges: tuple[float, ...] = ()
+    unit: str = "1"
+    step: float = 1.0
 
     def of(self, scans: Sequence[Scan]) -> FloatArray:
         """The values of all echoes, shape (n,); 0 where the sensor has no such feature."""
@@ -50,11 +55,12 @@ class Slot:
 @dataclass(frozen=True, slots=True)
 class EchoView:
     """The `slots` after the range: the amplitude and two further features; `reach_m`: an echo this near to a surface is
-    that surface's; `range_floor_m`: the least spread of a range."""
+    that surface's; `range_floor_m`: the least spread of a range; `range_step_m`: the step in which ranges are shown."""
 
     slots: tuple[Slot, Slot, Slot]
     reach_m: float
     range_floor_m: float
+    range_step_m: float
 
     @classmethod
     def of(cls, sensor: Sensor) -> EchoView:
@@ -67,8 +73,9 @@ class EchoView:
         slots = [_slot(feature) for feature in (first + others)[:3]]
         slots = [Slot()] * (not first) + slots
         slots += [Slot()] * (3 - len(slots))
-        floor = _RANGE_STEPS * sensor.range_resolution_m
-        return cls((slots[0], slots[1], slots[2]), round(_REACH * sensor.window_m, 2), floor or _LEAST_RANGE_M)
+        step = sensor.range_resolution_m
+        reach, floor = round(_REACH * sensor.window_m, 2), _RANGE_STEPS * step or _LEAST_RANGE_M
+        return cls((slots[0], slots[1], slots[2]), reach, floor, step or _LEAST_RANGE_M)
 
     def columns(self, scans: Sequence[Scan]) -> list[FloatArray]:
         """The values of the slots, shape (n_echoes,) each."""
@@ -92,5 +99,8 @@ def _likeness(feature: Feature) -> int:
 
 def _slot(feature: Feature) -> Slot:
     log = feature.law in _LOGARITHMIC
-    floor = _LOG_FLOOR if log else _STEPS_FLOOR * (feature.step or 0.01)
-    return Slot(feature.name, log, floor, _PILE_UP.get(feature.law, ()))
+    step = feature.step or 0.01
+    unit = _UNITS.get(feature.law, feature.unit or "1")
+    return Slot(
+        feature.name, log, _LOG_FLOOR if log else _STEPS_FLOOR * step, _PILE_UP.get(feature.law, ()), unit, step
+    )
