@@ -26,7 +26,8 @@ _SCANS = {".txt", ".csv", ".asc", ".xyz", ".pcd", ".ply", ".las", ".laz", ".parq
 _TABLES = {".ini", ".cfg", ".conf"}
 _LUT = re.compile(rb"^[ \t]*PostPro\.LUT_bloom", re.IGNORECASE | re.MULTILINE)
 _PROFILE = re.compile(
-    rb"^(?:\xef\xbb\xbf)?[^\r\n]*\b(?:offset_spad_rows|offset_columns|feature[ \t]*,[ \t]*y_m)\b", re.I
+    rb"^(?:\xef\xbb\xbf)?[^\r\n]*\b(?:offset_(?:spad_rows|columns|layers|points)|feature[ \t]*,[ \t]*y_m)\b",
+    re.I,
 )
 _IDEAL = re.compile(rb"\bMaterialID\b|\bObjTag\b", re.IGNORECASE)
 _SCAN = re.compile(

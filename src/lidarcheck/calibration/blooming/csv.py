@@ -2,7 +2,7 @@
 
 Wide: `offset_spad_rows` (vertical) or `offset_columns` (horizontal), and any of `range_m`, `PEAK`, `AREA`, `WIDTH_ns`.
 Long: `feature,y_m,value`, a row a value, over the lateral position of the echo [m]; horizontal. Empty or `nan` cells
-are not known.
+are not known. Profiles of other sensors count beams (`offset_layers`, `offset_points`): see `beside`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,11 @@ from lidarcheck.formats.table import quoted
 from lidarcheck.kpi.variant import ABOVE_SATURATION
 from lidarcheck.sensor import SpadArray
 
-__all__ = ["is_profile", "profile_axis", "read_profile"]
+__all__ = ["BEAM_OFFSETS", "is_profile", "number_of", "profile_axis", "read_profile", "rows_of"]
 
 _OFFSETS: dict[str, Axis] = {"offset_spad_rows": "vertical", "offset_columns": "horizontal"}
+BEAM_OFFSETS: dict[str, Axis] = {"offset_layers": "vertical", "offset_points": "horizontal"}
+"""Of sensors that are no SPAD arrays; `beside` reads them."""
 _NAMES = {"PEAK": ("peak",), "AREA": ("area",), "WIDTH": ("width_ns", "width"), "range_m": ("range_m", "range")}
 _LONG = ("feature", "y_m", "value")
 _LARGEST = 1e6  # a hundred times what any of these numbers can be
@@ -59,7 +61,7 @@ def _header(line: str) -> list[str]:
 def _axis_of(header: Sequence[str]) -> Axis | None:
     if header == list(_LONG):
         return "horizontal"
-    return next((axis for name, axis in _OFFSETS.items() if name in header), None)
+    return next((axis for name, axis in {**_OFFSETS, **BEAM_OFFSETS}.items() if name in header), None)
 
 
 def read_profile(
@@ -72,11 +74,14 @@ def read_profile(
     target or one cut off.
     """
     file = Path(path)
-    rows = _rows(file)
+    rows = rows_of(file)
     header = [name.strip().lower() for name in rows[0]]
     axis = _axis_of(header)
     if axis is None:
         raise InputError("is no profile", file=file, line=1, fix=f"name columns {', '.join(_OFFSETS)} or {_LONG}")
+    if set(header) & set(BEAM_OFFSETS):
+        what = f"counts beams, and {sensor.name} is a SPAD array"
+        raise InputError(what, file=file, line=1, fix=f"name columns {', '.join(_OFFSETS)}")
     numbered = [(number, row) for number, row in enumerate(rows[1:], start=2) if any(cell.strip() for cell in row)]
     offset, range_m, value = _long(numbered, file) if header == list(_LONG) else _wide(header, numbered, file)
     if not np.any(np.isfinite(value)):
@@ -92,7 +97,7 @@ def read_profile(
     return _cells(file, axis, at_m, offset, range_m, value, sensor, signal_at_1m)
 
 
-def _rows(file: Path) -> list[list[str]]:
+def rows_of(file: Path) -> list[list[str]]:
     """The cells of each line, as many as it has."""
     reader = csv.reader(io.StringIO(decode_text(read_source(file), file), newline=None))
     try:
@@ -108,7 +113,7 @@ def _wide(
     at = next(header.index(name) for name in _OFFSETS if name in header)
     columns = [next((header.index(n) for n in _NAMES[name] if n in header), None) for name in (*FEATURES, "range_m")]
     table = [
-        [_number(row, at, line, file, needed=True), *(_number(row, c, line, file) for c in columns)]
+        [number_of(row, at, line, file, needed=True), *(number_of(row, c, line, file) for c in columns)]
         for line, row in rows
     ]
     values = np.array(table, dtype=np.float64).reshape(-1, 5)
@@ -126,7 +131,9 @@ def _long(rows: Iterable[tuple[int, list[str]]], file: Path) -> tuple[FloatArray
             raise InputError(
                 f"there is no feature {quoted(name)}", file=file, line=line, fix=f"use one of {', '.join(names)}"
             )
-        found.append((names[name], _number(row, 1, line, file, needed=True), _number(row, 2, line, file, needed=True)))
+        found.append(
+            (names[name], number_of(row, 1, line, file, needed=True), number_of(row, 2, line, file, needed=True))
+        )
     kind, y_m, value = np.array(found, dtype=np.float64).reshape(-1, 3).T
     ranges = kind == 3
     if not np.any(ranges):
@@ -141,7 +148,8 @@ def _long(rows: Iterable[tuple[int, list[str]]], file: Path) -> tuple[FloatArray
     return offset[sort], near_m[use][sort], table[sort]
 
 
-def _number(row: Sequence[str], at: int | None, line: int, file: Path, *, needed: bool = False) -> float:
+def number_of(row: Sequence[str], at: int | None, line: int, file: Path, *, needed: bool = False) -> float:
+    """The number of a cell, NaN for an empty one that is not `needed`; `InputError` with the line of what is none."""
     text = "" if at is None or at >= len(row) else row[at].strip()
     if text.lower() in ("", "nan", "-") and not needed:
         return math.nan

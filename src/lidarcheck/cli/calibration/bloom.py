@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from lidarcheck.cli.calibration.bloom_inputs import (
     axis_of,
     bench_from,
+    check_beside,
     check_same_distance,
     check_ways,
     free_of,
@@ -100,16 +101,31 @@ def show(
     limit_rows(max_rows)
     check_ways(ideal, settings, signal)
     _check_outputs(out, json, [*scans, *(simulated or ()), *(ideal or ()), model, lut])
+    from lidarcheck.calibration.blooming.beside import beside_target
     from lidarcheck.calibration.blooming.cells import profile_of
     from lidarcheck.calibration.blooming.workflow import gather
     from lidarcheck.figures.pages.blooming import profiles_document, profiles_page
+    from lidarcheck.figures.pages.blooming_beside import beside_document, beside_page
+    from lidarcheck.model import load_model
+    from lidarcheck.sensor import SpadArray
 
     if lut is not None and simulated:
         raise UsageError("--lut and --simulated both say what is simulated", fix="give one of them")
     measured = measured_of(scans, ideal, placed)
     others = measured_of(simulated, ideal) if simulated else []
+    loaded = load_model(model)
     if others and len(others) != len(measured):
         raise UsageError(f"{len(measured)} scans and {len(others)} simulated ones", fix="give one --simulated for each")
+    provenance = provenance_of(model, [m.path for m in measured])
+    if not isinstance(loaded.sensor, SpadArray):
+        given = {"--lut": lut, "--settings": settings, "--target": target, "--signal": signal, "--reach": reach}
+        check_beside(given, loaded.sensor)
+        with stage("reading"):
+            own = axis_of(axis, measured)
+            shown, beside = ([beside_target(one, loaded, own) for one in side] for side in (measured, others))
+        page = beside_page(shown, beside or [None] * len(shown), provenance)
+        finish(page, beside_document(shown, beside or [None] * len(shown)), out=out, json=json, plot=plot)
+        return 0
     with stage("reading"):
         bench = bench_from(model, axis_of(axis, measured), settings, target, signal)
         cells = gather(measured, bench, reach_of(reach))
@@ -119,7 +135,7 @@ def show(
             made = _simulated(cells, gather(others, bench, reach_of(reach)))
         if lut is not None:
             made = _expected(cells, bench, lut)
-    page = profiles_page(cells, real, made, provenance_of(model, [m.path for m in measured]))
+    page = profiles_page(cells, real, made, provenance)
     finish(page, profiles_document(cells, real, made), out=out, json=json, plot=plot)
     return 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from lidarcheck.cases.source import FrameFile, Named
     from lidarcheck.formats.lut import Axis
     from lidarcheck.formats.settings import Settings
+    from lidarcheck.sensor import Sensor
 
 __all__ = [
     "axis_of",
     "bench_from",
+    "check_beside",
     "check_same_distance",
     "check_ways",
     "free_of",
@@ -87,6 +89,14 @@ def check_ways(ideals: Sequence[Path] | None, settings: Path | None, signal: flo
         if ideals and given is not None:
             what = f"{option} stands beside --ideal, which tells where the target is and, with the model, its light"
             raise UsageError(what, fix="give the one or the other")
+
+
+def check_beside(given: Mapping[str, object], sensor: Sensor) -> None:
+    """Refuse options that mean something for SPAD arrays alone; `given`: by their names."""
+    for option, value in given.items():
+        if value is not None:
+            what = f"{option} is of SPAD arrays, and {sensor.name} has the detector {sensor.detector}"
+            raise UsageError(what, fix=f"leave {option} out")
 
 
 def check_same_distance(real: Cells, simulated: Cells) -> None:
