@@ -1,5 +1,6 @@
 """Panels, ghosts, vehicles and free numbers of sensors that are no SPAD arrays, on the scenes that come along."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from lidarcheck.calibration.ghosts.workflow import find_ghosts
 from lidarcheck.calibration.panels.settings import PanelSettings
 from lidarcheck.calibration.panels.workflow import Arrangement, PanelFrame, characterise
 from lidarcheck.calibration.parameters.parameters import calibrating, free_parameters, known_names
+from lidarcheck.calibration.scenes.frame import simulated_frame
+from lidarcheck.calibration.scenes.workflow import compare_scene
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.figures.pages.ghosts import find_document, find_page
 from lidarcheck.figures.pages.panels import page
@@ -152,3 +155,16 @@ def test_the_signal_that_calibrates_a_feature_does_not_show_in_it():
     assert "effects.signal_gain.gain" in calibrating(model)["signal_at_1m"]
     assert free_parameters(model, ["signal_at_1m"])[0].low > 0.0
     assert not calibrating(Model(shipped("SLIM"), MATERIALS))
+
+
+def test_a_scene_shows_the_features_of_the_sensor():
+    sensor, ideal = cast("sign_ghost_25m", "XT32", 20.0)
+    real, model = (Model(sensor, {**MATERIALS, 5: Material("asphalt", rho)}) for rho in (0.3, 0.4))
+    found = compare_scene([simulated_frame(simulate(ideal, real, seed=3), ideal, model)])
+    assert not found.left_out
+    assert found.features["INTENSITY"].mean_measured < found.features["INTENSITY"].mean_simulated
+    worst = found.disagreements[0]
+    assert worst.feature == "INTENSITY"
+    assert re.match(r"INTENSITY [\d.]+ lower on object", worst.words)
+    own = worst.measured - worst.simulated
+    assert 100 * (0.3 - 0.4) < own < -1.0

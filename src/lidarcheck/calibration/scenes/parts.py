@@ -10,7 +10,7 @@ import numpy as np
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.scenes.groups import Sectors, UnitGroups, sector_of
 from lidarcheck.calibration.scenes.rank import Ranking
-from lidarcheck.calibration.scenes.units import FEATURES, NOTHING, Units, Values
+from lidarcheck.calibration.scenes.units import NOTHING, Units, Values, features_in
 from lidarcheck.kpi.distances import wasserstein
 
 __all__ = ["Part", "SectorMap", "by_layer", "finite", "layer_angles_deg", "parts_of", "sectors_of"]
@@ -100,8 +100,8 @@ def parts_of(kind: UnitGroups, units: Units, m: Values, a: Values, ranking: Rank
             continue
         distances = {
             f.name: wasserstein(finite(m.of[f.name][own]), finite(a.of[f.name][own]))
-            for f in FEATURES
-            if not f.counts and f.name in m.of and f.name in a.of
+            for f in features_in(m, a)
+            if not f.counts
         }
         part = Part(
             name, len(own), float(np.median(units.distance_m[own])), float(echo[0][i]), float(echo[1][i]),

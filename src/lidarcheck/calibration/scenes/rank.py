@@ -31,7 +31,7 @@ import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.scenes.groups import UnitGroups
-from lidarcheck.calibration.scenes.units import FEATURES, Values
+from lidarcheck.calibration.scenes.units import Values, features_in
 
 __all__ = ["FALSE_ALARMS", "MOST_LISTED", "DisagreeingGroup", "Ranking", "rank"]
 
@@ -133,9 +133,7 @@ def rank(measured: Values, simulated: Values, again: Values | None, kinds: list[
     `again`: the simulation with other random numbers. Without it every difference of a unit counts as its own scatter.
     """
     terms = [
-        _terms(feature.name, feature.counts, measured, simulated, again)
-        for feature in FEATURES
-        if feature.name in measured.of and feature.name in simulated.of
+        _terms(feature.name, feature.counts, measured, simulated, again) for feature in features_in(measured, simulated)
     ]
     sums = {(kind.name, term.name): term.sums(kind) for kind in kinds for term in terms}
     inflation = {} if again is None else _inflation(terms, kinds)

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
+from lidarcheck.calibration.echoes import amplitude
 from lidarcheck.kpi.features import feature_column
 from lidarcheck.kpi.pairing import Pairing, beam_keys, pair_with_ideal
-from lidarcheck.scan import IdealScan, Scan
+from lidarcheck.scan import COUNTED, IdealScan, Scan
 from lidarcheck.sensor import Beams
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Feature",
     "Units",
     "Values",
+    "features_in",
     "joined_units",
     "joined_values",
     "units_of",
@@ -54,7 +56,7 @@ FEATURES = (
     Feature("peak", "PEAK", "", column="PEAK"),
     Feature("width", "WIDTH", "ns", column="WIDTH"),
 )
-"""All that is compared, in the order of reading."""
+"""What is compared of scans of SPAD arrays, in the order of reading; other sensors have features of their own."""
 
 
 @dataclass(frozen=True)
@@ -138,9 +140,9 @@ def values_of(units: Units, ideal: IdealScan, scan: Scan) -> tuple[Values, Pairi
     unit = units.unit_of_row[pairing.surface[own]]
     echo = np.full(len(units), -1, dtype=np.int64)
     echo[unit] = own
-    # Where a unit has several, ascending AREA: the last written, and so kept, is the strongest.
+    # Where a unit has several, ascending strength: the last written, and so kept, is the strongest.
     several = np.flatnonzero(np.bincount(unit, minlength=len(units))[unit] > 1)
-    order = several[np.argsort(scan.area[own[several]], kind="stable")]
+    order = several[np.argsort(np.nan_to_num(amplitude(scan)[1][own[several]]), kind="stable")]
     echo[unit[order]] = own[order]
     found = echo >= 0
     met = units.label != NOTHING
@@ -155,9 +157,18 @@ def values_of(units: Units, ideal: IdealScan, scan: Scan) -> tuple[Values, Pairi
         if column is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
                 of[feature.name] = _taken(np.log10(column) if feature.column == "AREA" else column, echo)
+    of |= {name: _taken(column, echo) for name, column in scan.features.items() if name not in COUNTED}
     offset = np.full(len(units), np.nan)
     offset[at] = scan.range_m[lost] - units.distance_m[at]
     return Values(of, np.where(met, offset, np.nan)), pairing
+
+
+def features_in(*sides: Values) -> list[Feature]:
+    """The features that all sides have, in the order of reading: those of SPAD arrays, then a sensor's own."""
+    names = dict.fromkeys((*(f.name for f in FEATURES), *(name for side in sides for name in side.of)))
+    known = {f.name: f for f in FEATURES}
+    there = [name for name in names if all(name in side.of for side in sides)]
+    return [known.get(name, Feature(name, name, "", column=name)) for name in there]
 
 
 def _taken(column: FloatArray, echo: IndexArray) -> FloatArray:
@@ -181,6 +192,6 @@ def joined_values(parts: Sequence[Values]) -> Values:
     """The values of all frames, of the features that all have."""
     if len(parts) == 1:
         return parts[0]
-    names = [feature.name for feature in FEATURES if all(feature.name in part.of for part in parts)]
+    names = [feature.name for feature in features_in(*parts)]
     of = {name: np.concatenate([part.of[name] for part in parts]) for name in names}
     return Values(of, np.concatenate([part.stray_offset_m for part in parts]))

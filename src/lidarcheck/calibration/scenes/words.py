@@ -92,7 +92,8 @@ def _how_much(feature: str, measured: float, simulated: float) -> str:
         return f"range {_digits(abs(100.0 * difference))} cm {'longer' if difference > 0 else 'shorter'}"
     if feature == "width":
         return f"WIDTH {_digits(abs(difference))} ns {'longer' if difference > 0 else 'shorter'}"
-    return f"PEAK {_digits(abs(difference))} {'higher' if difference > 0 else 'lower'}"
+    name = "PEAK" if feature == "peak" else feature
+    return f"{name} {_digits(abs(difference))} {'higher' if difference > 0 else 'lower'}"
 
 
 def _digits(value: float) -> str:

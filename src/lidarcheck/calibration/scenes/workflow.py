@@ -32,6 +32,7 @@ from lidarcheck.calibration.scenes.units import (
     FEATURES,
     Units,
     Values,
+    features_in,
     joined_units,
     joined_values,
     units_of,
@@ -137,6 +138,7 @@ def _without_covers(
     numbers = {} if kind == "surface" else names if kind == "object" else materials
     kinds = groups_of(units, kind, edges, numbers, materials)
     ranking = rank(m, a, b, kinds)
+    own = set(m.of) & set(a.of) - {f.name for f in FEATURES}
     return SceneComparison(
         by=kind,
         frames=len(frames),
@@ -158,7 +160,9 @@ def _without_covers(
         layer_deg=layer_angles_deg(units),
         worst_points=_worst(frames, units, ranking),
         left_out={
-            f.name: f"not in every scan: {f.column}" for f in FEATURES if f.name not in m.of or f.name not in a.of
+            f.name: f"not in every scan: {f.column}"
+            for f in FEATURES
+            if (f.name not in m.of or f.name not in a.of) and not (own and f.column)
         },
     )
 
@@ -201,8 +205,8 @@ def _features(m: Values, a: Values) -> dict[str, FeatureGap]:
     """Distances of the distributions, over all units that have an echo."""
     return {
         f.name: feature_gap(finite(m.of[f.name]), finite(a.of[f.name]), unit=f.unit)
-        for f in FEATURES
-        if not f.counts and f.name in m.of and f.name in a.of
+        for f in features_in(m, a)
+        if not f.counts
     }
 
 
