@@ -26,7 +26,6 @@ RETRO = Material("sign", 0.8, "retro", 982.0)
 MATERIALS = {number: Material(f"material {number}", 0.3) for number in range(1, 26)}
 MATERIALS |= {1: Material("panel 10 %", 0.1), 2: Material("panel 50 %", 0.5), 3: Material("panel 80 %", 0.8), 17: RETRO}
 NEAR = PanelSettings(range_m=(4.0, 12.0), trim_layers=1)
-OF_BEAM = 0.05
 
 
 def cast(scene, name, ahead_deg):
