@@ -26,6 +26,8 @@ __all__ = [
 
 NONE = "-"
 """Kept in the state for the choice of no model."""
+_BUILT_IN = ("SMART", "SLIM")
+"""Variants whose scans tell by themselves which measured."""
 
 
 def chosen_model(project: Project, wanted: str, beside: Path, variant: str = "") -> Entry | None:
@@ -75,6 +77,10 @@ def sensor_of_models(models: Sequence[Path]) -> Sensor | None:
     scans tell by themselves which measured."""
     from lidarcheck.sensor import reference_beams
 
+    # Models of built-in sensors say nothing here, so that what is computed does not depend on them.
+    named = [_variant_in(model) for model in models]
+    if any(variant in _BUILT_IN for variant in named):
+        return None
     sensors = [sensor for model in models if (sensor := _sensor_of(model)) is not None]
     alike = bool(sensors) and all(sensor.beams == sensors[0].beams for sensor in sensors)
     return sensors[0] if alike and sensors[0].beams != reference_beams() else None
@@ -84,7 +90,7 @@ def other_sensors(project: Project) -> list[str]:
     """The names of the sensors that the project's models are of, besides the built-in SPAD arrays."""
     from lidarcheck.sensor import reference_beams
 
-    named = [entry.path for entry in project.of("model") if _variant_in(entry.path) not in ("", "SMART", "SLIM")]
+    named = [entry.path for entry in project.of("model") if _variant_in(entry.path) not in ("", *_BUILT_IN)]
     sensors = [sensor for path in named if (sensor := _sensor_of(path)) is not None]
     return list(dict.fromkeys(sensor.name for sensor in sensors if sensor.beams != reference_beams()))
 

@@ -289,7 +289,7 @@ def test_without_frames_it_says_what_it_needs(tmp_path):
 def test_it_is_stopped(project, monkeypatch):
     begun, go = threading.Event(), threading.Event()
 
-    def slow(hall, model, on_progress):
+    def slow(hall, model, models, on_progress):
         begun.set()
         go.wait(60)
         on_progress(1, 2, "frames")
