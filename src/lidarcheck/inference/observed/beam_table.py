@@ -27,6 +27,8 @@ _SMOOTH = 0.06
 """Neighbours whose ranges differ by less than this part of the range lie on one surface, and give its slope."""
 _STEEP = 0.15
 """A surface seen at a grazing angle may lie farther by such a part of its range one beam on."""
+_APART_M, _APART = 1.0, 0.06
+"""Surfaces this much apart, or by this part of the range, are not one."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,10 @@ class BeamTable:
 
     def __len__(self) -> int:
         return len(self.key)
+
+    def apart_m(self, distance_m: FloatArray) -> FloatArray:
+        """From which distance [m] on another surface lies apart from those at these, same shape."""
+        return np.maximum(_APART_M * self.view.length_scale, _APART * distance_m)
 
     @functools.cached_property
     def column(self) -> IndexArray:

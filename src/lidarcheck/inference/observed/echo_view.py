@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.inference.observed.histogram_parts import PARTS, HistogramParts, Part
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import Feature, Sensor
+from lidarcheck.sensor import Feature, PhotonHistogram, Sensor
 
 __all__ = ["EchoView", "Slot"]
 
@@ -22,10 +23,13 @@ _OF_BEAM = ("histogram", "background")
 _LOGARITHMIC = ("area_counts", "peak_counts", "photons", "affine", "range_corrected", "calibrated_reflectivity")
 _REACH = 2.6685
 """Windows of detection within which an echo may still be a surface's, whatever shifts ranges: 2 m of a 5 ns pulse."""
+_REACH_OF_5_NS_M = 2.0
 _LOG_FLOOR, _STEPS_FLOOR = 0.01, 0.3
 """Spreads below which a logarithm, or a feature in its steps, is not known better."""
 _RANGE_STEPS, _LEAST_RANGE_M = 0.4, 0.0005
 """The same of a range in its steps, and of a range without steps."""
+_PULSE_STEPS = 0.1
+"""The part of a bin in which the length of a counted pulse is looked at."""
 _UNITS = {"area_counts": "counts", "peak_counts": "counts"}
 """What readers call the unit of these laws, whatever the file says."""
 _PILE_UP = {"area_counts": (2000.0, 4000.0)}
@@ -35,7 +39,7 @@ _PILE_UP = {"area_counts": (2000.0, 4000.0)}
 @dataclass(frozen=True, slots=True)
 class Slot:
     """A feature of an echo: the sensor's name (empty: it has none), `log`: as ln max(value, 1); the least spread, extra
-    edges of its bins, unit and step of its values."""
+    edges of its bins, unit and step of its values. `bins`, `part`: of a histogram, what is read out of it."""
 
     name: str = ""
     log: bool = False
@@ -43,13 +47,18 @@ class Slot:
     edges: tuple[float, ...] = ()
     unit: str = "1"
     step: float = 1.0
+    bins: HistogramParts | None = None
+    part: Part = "counts"
 
     def of(self, scans: Sequence[Scan]) -> FloatArray:
         """The values of all echoes, shape (n,); 0 where the sensor has no such feature."""
         if not self.name:
             return np.zeros(sum(len(scan) for scan in scans))
-        values = np.concatenate([scan.feature(self.name) for scan in scans])
+        values = np.concatenate([self._values(scan) for scan in scans])
         return np.log(np.maximum(values, 1.0)) if self.log else np.asarray(values, dtype=np.float64)
+
+    def _values(self, scan: Scan) -> FloatArray:
+        return scan.feature(self.name) if self.bins is None else self.bins.each(scan, self.part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +80,16 @@ class EchoView:
         first = [*strength, *ranked][:1]
         others = sorted((f for f in features if f not in first), key=_likeness)
         slots = [_slot(feature) for feature in (first + others)[:3]]
-        slots = [Slot()] * (not first) + slots
+        slots = _of_histogram(sensor) or [Slot()] * (not first) + slots
         slots += [Slot()] * (3 - len(slots))
         step = sensor.range_resolution_m
         reach, floor = round(_REACH * sensor.window_m, 2), _RANGE_STEPS * step or _LEAST_RANGE_M
         return cls((slots[0], slots[1], slots[2]), reach, floor, step or _LEAST_RANGE_M)
+
+    @property
+    def length_scale(self) -> float:
+        """What lengths that suit a pulse of 5 ns are multiplied by for a sensor that tells shorter ones apart."""
+        return min(1.0, self.reach_m / _REACH_OF_5_NS_M)
 
     def columns(self, scans: Sequence[Scan]) -> list[FloatArray]:
         """The values of the slots, shape (n_echoes,) each."""
@@ -95,6 +109,18 @@ class EchoView:
 def _likeness(feature: Feature) -> int:
     """Features that go up with the amplitude come before others."""
     return _AMPLITUDES.index(feature.law) if feature.law in _AMPLITUDES else len(_AMPLITUDES)
+
+
+def _of_histogram(sensor: Sensor) -> list[Slot]:
+    """What the histogram says of each echo; nothing where the sensor reports none."""
+    named = [feature.name for feature in sensor.features if feature.law == "histogram"]
+    if not named or not isinstance(sensor, PhotonHistogram):
+        return []
+    bins, step = HistogramParts.of(sensor), _PULSE_STEPS * sensor.bin_ns
+    counts, background = (
+        Slot(f"{part} of {named[0]}", True, _LOG_FLOOR, (), "counts", 1.0, bins, part) for part in PARTS[:2]
+    )
+    return [counts, background, Slot(f"pulse of {named[0]}", False, _STEPS_FLOOR * step, (), "ns", step, bins, "pulse")]
 
 
 def _slot(feature: Feature) -> Slot:

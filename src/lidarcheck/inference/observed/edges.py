@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.arrays import IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable, key_of
 from lidarcheck.inference.observed.observations import FEATURES, Observations
 
@@ -27,8 +27,6 @@ _TOGETHER = 0.8
 """Of a run so large a part must see past the edge."""
 _SEEN = 0.9
 """Only beams whose surface the model sees in so large a part of its simulations can be said to have missed it."""
-_APART_M, _APART = 1.0, 0.06
-"""Surfaces this much apart, or by this part of the range, are not one."""
 
 
 def runs_past(
@@ -139,20 +137,15 @@ def _past(beams: BeamTable, observations: Observations, *, before: bool = False)
     other[observations.extra_beam[beyond | before]] = True
     nothing = (beams.neighbour_m == 0.0).any(axis=1)
     moved = observations.detected & (
-        np.abs(observations.feature[:, FEATURES.index("range")]) > _apart_m(beams.distance_m)
+        np.abs(observations.feature[:, FEATURES.index("range")]) > beams.apart_m(beams.distance_m)
     )
     return np.where(beams.distance_m > 0.0, (~observations.detected & (other | nothing)) | moved, other)
-
-
-def _apart_m(distance_m: FloatArray) -> FloatArray:
-    """From which distance [m] on another surface lies apart from those at these."""
-    return np.maximum(_APART_M, _APART * distance_m)
 
 
 def _borders(beams: BeamTable) -> Flags:
     """Whether each side of a beam shows another surface, nothing, or was not fired at; shape (n, 4)."""
     own, beside = beams.distance_m[:, None], beams.neighbour_m
-    apart = np.abs(beside - own) > _apart_m(own)
+    apart = np.abs(beside - own) > beams.apart_m(own)
     return np.asarray(np.where(own > 0.0, apart, beside > 0.0))
 
 

@@ -92,7 +92,7 @@ def observations_of(beams: BeamTable, scans: Sequence[Scan]) -> Observations:
 def _sides(beams: BeamTable, beam: IndexArray, range_m: FloatArray) -> IndexArray:
     """The side on which a neighbouring beam's surface lies at the echo's range, and the beam's own does not."""
     beside, own = beams.neighbour_m[beam], beams.distance_m[beam]
-    reach = (1.0 + 0.03 * range_m)[:, None] + beams.neighbour_step_m[beam]
+    reach = (beams.view.length_scale + 0.03 * range_m)[:, None] + beams.neighbour_step_m[beam]
     near = (beside > 0.0) & (np.abs(range_m[:, None] - beside) < reach)
     near &= (own[:, None] == 0.0) | (np.abs(own[:, None] - beside) > reach)
     return np.where(near.any(axis=1), near.argmax(axis=1), -1)

@@ -24,8 +24,6 @@ _STRIPS, _MAP = 12, 8
 """Strips of layers and of points, and those of either side of the map of the field of view."""
 _FINE = 128
 """Up to so many fired layers each have a bin of their own."""
-_APART_M, _APART = 1.0, 0.06
-"""Surfaces this much apart, or by this part of the range, are not one."""
 _AMPLITUDES = 10
 """Bins of amplitude with as many beams each."""
 
@@ -44,7 +42,7 @@ def divisions(beams: BeamTable, log_area: FloatArray, model_names: Mapping[int, 
     hit = beams.distance_m > 0.0
     found = [
         Division("all", np.zeros(len(beams), dtype=np.int64), ("all beams",)),
-        binned("range", np.where(hit, beams.distance_m, np.nan), RANGE_EDGES_M, "m"),
+        binned("range", np.where(hit, beams.distance_m, np.nan), _range_edges_m(beams), "m"),
         binned("incidence", np.where(hit, beams.incidence_deg, np.nan), _INCIDENCE_EDGES_DEG, "deg"),
         _materials(beams, model_names),
         _amplitudes(log_area, hit, beams.view.slots[0]),
@@ -56,6 +54,11 @@ def divisions(beams: BeamTable, log_area: FloatArray, model_names: Mapping[int, 
     for first, name in ((0, "layers to a bright target"), (2, "points to a bright target")):
         found.append(_to_bright(beams, first, name))
     return [division for division in found if division.names]
+
+
+def _range_edges_m(beams: BeamTable) -> Sequence[float]:
+    """Edges of range that suit the sensor: a chip that sees two metres has bins as well."""
+    return [float(f"{edge * beams.view.length_scale:.3g}") for edge in RANGE_EDGES_M]
 
 
 def fine_divisions(beams: BeamTable) -> list[Division]:
@@ -128,7 +131,7 @@ def _edges(beams: BeamTable) -> Division:
     """What stands beside a beam: the same surface, a nearer one, a farther one, or nothing at all."""
     hit = beams.distance_m > 0.0
     beside, own = beams.neighbour_m, beams.distance_m[:, None]
-    step = np.maximum(_APART_M, _APART * own)
+    step = beams.apart_m(own)
     nearer = ((beside > 0.0) & (beside < own - step)).any(axis=1)
     farther = (beside > own + step).any(axis=1)
     sky = (beside == 0.0).any(axis=1)
