@@ -125,7 +125,7 @@ class Workflow:
     def screen_candidates(self, bench: SearchData) -> tuple[list[Screened], SearchData]:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = self.searched()
-        probes = fixed_probes(names) + located_probes(bench.simulator, names)
+        probes = fixed_probes(names, self.model.sensor) + located_probes(bench.simulator, names)
         on_progress = functools.partial(self.on_progress, "candidates")
         screened = screen(bench.simulator, probes, on_progress, self.pool, self.checkpoint)
         weaker = weaker_starts(bench.simulator, screened)

@@ -23,6 +23,7 @@ from lidarcheck.inference.nuisances import (
 from lidarcheck.inference.simulator import Simulator
 from lidarcheck.model import simulate
 from lidarcheck.model.stages import Surfaces
+from lidarcheck.sensor import Sensor
 
 
 @pytest.fixture(scope="module")
@@ -263,3 +264,14 @@ def test_foreign_pulses_in_lines_are_told_from_those_at_any_range() -> None:
     assert found["share"] == pytest.approx(0.03, rel=0.5)
     assert found["columns"] == pytest.approx(0.1, rel=0.3)
     assert float(found["column_span_m"]) < 15.0
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name", "background"),
+    [("XT32", "ambient_light", 1.0), ("OS1-128", "ambient_light", 16.0), ("TMF8820", "dark_counts", 2e-6)],
+)
+def test_starts_are_in_the_unit_of_the_sensors_background(sensor: str, name: str, background: float) -> None:
+    reference = [probe.settings["rate_per_ns"] for probe in fixed_probes([name])]
+    assert [probe.settings["rate_per_ns"] for probe in fixed_probes([name], Sensor.of("SLIM"))] == reference
+    own = [probe.settings["rate_per_ns"] for probe in fixed_probes([name], Sensor.of(sensor))]
+    assert own == pytest.approx([rate / 0.0003 * background for rate in reference])

@@ -22,6 +22,7 @@ SPEC = SearchSpec(
     variants=(Variant("from the sun", {"rate_per_ns": 0.002, "direct": 0.6}, _SUN, _DIRECTIONS),),
     order=18,
     amounts=("rate_per_ns",),
+    of_background=("rate_per_ns",),
     groups=frozenset({"background"}),
     form_errors={"sky": 0.20},  # what the sky is taken to be
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),

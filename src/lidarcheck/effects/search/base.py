@@ -166,6 +166,8 @@ class SearchSpec:
     """Parameters, and lists of such, that are 1 without the effect."""
     amounts: tuple[str, ...] = ()
     """Parameters that are 0 without the effect."""
+    of_background: tuple[str, ...] = ()
+    """Parameters in the unit of the sensor's own background: starts are as many times that as of the reference's."""
     rescale: Callable[[Settings, float], Settings] = _nothing_more
     """What else a scaled strength changes."""
     ascending: tuple[tuple[str, str], ...] = ()

@@ -7,6 +7,7 @@ SPEC = SearchSpec(
     free=(FreeParameter("rate_per_ns", LOG_STEP, log=True),),
     fixed_starts=({"rate_per_ns": 0.0002}, {"rate_per_ns": 0.0008}),
     amounts=("rate_per_ns",),
+    of_background=("rate_per_ns",),
     groups=frozenset({"background"}),
     confused_with={"ambient_light": "a frame in the dark, or a closed aperture"},
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),

@@ -205,7 +205,7 @@ def _starts(bench: SearchData, simulator: Simulator, search: Search, screened: S
     """Of each kind of each other effect the start that explained most of what was left, and those that need a look at
     the data, at what is left now."""
     names = {one.probe.name for one in screened} - set(search.fit.names())
-    fixed = fixed_probes(sorted(names))
+    fixed = fixed_probes(sorted(names), bench.simulator.model.sensor)
     residual = bench.simulator.measured - search.fit.shown.mean(axis=0)
     best: dict[tuple[str, str], tuple[float, Probe]] = {}
     for one in screened:
