@@ -86,3 +86,7 @@ def test_histograms_tell_counts_background_and_pulse() -> None:
     assert brighter[0] - plain[0] == pytest.approx(np.log(2.0), abs=0.03)
     assert noisier[1] - plain[1] == pytest.approx(np.log(2.0), abs=0.2)
     assert longer[2] / plain[2] > 1.15
+
+
+def test_a_sensor_that_reports_its_background_is_looked_at_for_it() -> None:
+    assert [slot.name for slot in EchoView.of(Sensor.of("OS1-128")).slots] == ["REFLECTIVITY", "AMBIENT", ""]

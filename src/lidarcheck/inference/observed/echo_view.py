@@ -18,8 +18,8 @@ _AMPLITUDES = (
     "area_counts", "photons", "affine", "log", "range_corrected", "calibrated_reflectivity", "table", "peak_counts",
 )  # fmt: skip
 """Laws of features that go up with the amplitude, the ones that say most of it first."""
-_OF_BEAM = ("histogram", "background")
-"""Laws of features that belong to a beam, not to its echoes."""
+_OF_BEAM = ("histogram",)
+"""Laws of features that are no number; a beam's background is looked at with the echo that it has."""
 _LOGARITHMIC = ("area_counts", "peak_counts", "photons", "affine", "range_corrected", "calibrated_reflectivity")
 _REACH = 2.6685
 """Windows of detection within which an echo may still be a surface's, whatever shifts ranges: 2 m of a 5 ns pulse."""
