@@ -9,19 +9,9 @@ from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats import load_scan
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan, beams_of
-from lidarcheck.sensor import (
-    LAYERS,
-    POINTS,
-    Material,
-    Sensor,
-    SpadArray,
-    azimuth_deg,
-    beam_directions,
-    elevation_deg,
-    layer_of,
-    point_of,
-)
+from lidarcheck.sensor import Material, Sensor, SpadArray
 from places import shared_path
+from reference_grid import LAYERS, POINTS, azimuth_deg, beam_directions, elevation_deg, layer_of, point_of
 
 
 def test_the_variants_are_the_published_ones() -> None:

@@ -14,7 +14,8 @@ from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.model import load_model, save_model, simulate
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Material, beam_directions
+from lidarcheck.sensor import Material
+from reference_grid import beam_directions
 
 
 def street(*, ahead_m: float = 40.0, left_m: float = 6.0, height_m: float = 1.6, forward_m: float = 0.0) -> IdealScan:

@@ -12,7 +12,8 @@ from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.model import Model, simulate
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import Sensor, beam_directions
+from lidarcheck.sensor import Sensor
+from reference_grid import beam_directions
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,7 +15,8 @@ from lidarcheck.effects.shared.ranges import moved_light
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import Haze, IdealScan, Light, Scan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 FloatArray = npt.NDArray[np.float64]
 

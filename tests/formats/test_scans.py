@@ -15,7 +15,7 @@ from lidarcheck.formats.scans import numbers_as_written, read_scan, scan_from_ta
 from lidarcheck.formats.table import Table
 from lidarcheck.kpi.fired import fired_beams
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 SUFFIXES = (".txt", ".csv", ".parquet", ".pcd", ".las", ".ply")
 

@@ -14,7 +14,7 @@ from lidarcheck.formats.ideals import ideal_from_table
 from lidarcheck.formats.ply import write_ply
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic, read_semantic_ply
 from lidarcheck.formats.table import Table
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 HEAD = """ply
 format ascii 1.0

@@ -19,8 +19,8 @@ from lidarcheck.formats.scans import scan_from_table
 from lidarcheck.formats.table import Table
 from lidarcheck.formats.text import read_text, write_text
 from lidarcheck.scan import IdealScan, Scan, beams_of
-from lidarcheck.sensor import beam_directions
 from places import shared_path
+from reference_grid import beam_directions
 
 STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=examples(150))
 SAMPLES = ("samples/1_25m.txt", "samples/2_45m.txt")

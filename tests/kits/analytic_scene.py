@@ -8,7 +8,8 @@ from lidarcheck.model import Model, streams
 from lidarcheck.model.light import surface_signal
 from lidarcheck.rays import Hits, Rays
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 
 @dataclass(frozen=True)

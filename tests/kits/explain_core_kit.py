@@ -10,7 +10,8 @@ from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 WALL, PANEL, ROAD, SIGN = 1, 2, 3, 4
 MATERIALS = {

@@ -15,7 +15,8 @@ from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import Light, Scan
-from lidarcheck.sensor import LAYERS, POINTS, Sensor
+from lidarcheck.sensor import Sensor
+from reference_grid import LAYERS, POINTS
 
 SMALL = Grid(sample_bits=6)
 """The nodes of the default grid with an eighth of its samples, so that filling it takes a second."""

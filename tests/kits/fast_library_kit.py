@@ -5,7 +5,8 @@ import numpy as np
 from lidarcheck.model import echoes_of
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import Light
-from lidarcheck.sensor import POINTS, Sensor
+from lidarcheck.sensor import Sensor
+from reference_grid import POINTS
 
 TINY = Grid(sample_bits=3)
 SENSOR = Sensor.of("SMART")

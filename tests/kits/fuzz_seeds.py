@@ -29,7 +29,8 @@ from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.model import load_model
 from lidarcheck.scenes.files.file import load_scene
 from lidarcheck.scenes.meshes import load_mesh
-from lidarcheck.sensor import Sensor, beam_directions
+from lidarcheck.sensor import Sensor
+from reference_grid import beam_directions
 
 __all__ = ["Seed", "seeds"]
 

@@ -25,7 +25,7 @@ from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
 from lidarcheck.model.chain import simulate
 from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 FEWEST_ROWS = 300
 FRAME_S, SPEED_M_S = 0.04, 20.0

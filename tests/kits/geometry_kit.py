@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.formats.table import Table
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 
 def right_table(rows: int = 3000, *, seed: int = 0, decimals: int = 4, near_m: float = 3.0, **columns: object) -> Table:

@@ -11,7 +11,7 @@ from lidarcheck.scenes import Facets, Optics, Scene, SceneObject
 from lidarcheck.scenes.facets import box, cylinder, ellipsoid, floor, joined, placed, wall
 from lidarcheck.scenes.meshes import load_mesh
 from lidarcheck.scenes.vehicles import BUILDERS, CAR_M, TRUCK_M, VAN_M, Paint, person, tree
-from lidarcheck.sensor import azimuth_deg, beam_directions, elevation_deg
+from reference_grid import azimuth_deg, beam_directions, elevation_deg
 
 SOME = {"layers": (100, 400), "points": (300, 700)}
 SMALL = {"layers": (255, 264), "points": (470, 489)}

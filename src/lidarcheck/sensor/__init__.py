@@ -7,26 +7,13 @@ from lidarcheck.sensor.feature import Feature
 from lidarcheck.sensor.linear import Linear
 from lidarcheck.sensor.material import RETRO_GAIN_MAX, Material
 from lidarcheck.sensor.photon_histogram import PhotonHistogram
-from lidarcheck.sensor.reference import (
-    LAYERS,
-    POINTS,
-    VARIANTS,
-    azimuth_deg,
-    beam_directions,
-    cos_sin,
-    elevation_deg,
-    layer_of,
-    point_of,
-    reference_beams,
-)
+from lidarcheck.sensor.reference import VARIANTS, reference_beams
 from lidarcheck.sensor.sensor import Sensor
 from lidarcheck.sensor.spad_array import NonIdeal, SpadArray
 
 __all__ = [
     "FWHM_PER_SIGMA",
-    "LAYERS",
     "LIGHT_SPEED_M_PER_NS",
-    "POINTS",
     "RETRO_GAIN_MAX",
     "VARIANTS",
     "Beams",
@@ -38,12 +25,6 @@ __all__ = [
     "PhotonHistogram",
     "Sensor",
     "SpadArray",
-    "azimuth_deg",
-    "beam_directions",
-    "cos_sin",
-    "elevation_deg",
-    "layer_of",
-    "point_of",
     "reference_beams",
     "sensor_of",
     "shipped",

@@ -29,8 +29,8 @@ from lidarcheck.formats.plain import plain
 from lidarcheck.formats.recognise import read_table
 from lidarcheck.kpi.scenes import same_scene
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import beam_directions
 from places import shared_path
+from reference_grid import beam_directions
 
 
 def measured(hall, hits, variant, seeds, beams=ph.BLOCK):

@@ -18,7 +18,8 @@ from lidarcheck.errors import UsageError
 from lidarcheck.model.showcase import show
 from lidarcheck.model.showcase.scene import ideal_scan, scene
 from lidarcheck.rays import Rays
-from lidarcheck.sensor import beam_directions, shipped_names
+from lidarcheck.sensor import shipped_names
+from reference_grid import beam_directions
 
 NAMES = list(effects.catalogue())
 

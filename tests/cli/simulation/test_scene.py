@@ -11,7 +11,7 @@ from lidarcheck.cli import main
 from lidarcheck.formats import load_ideal
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.scenes.files.file import builtin_names
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 from scenario_texts import TRIANGLE_PLY
 
 PANEL = """\

@@ -14,7 +14,8 @@ from lidarcheck.effects.geometry.aiming import rays_of, turned
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 LAYERS, POINTS = np.arange(240, 281), np.arange(440, 520)
 ZERO = {

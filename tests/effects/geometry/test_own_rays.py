@@ -51,7 +51,7 @@ def test_sub_beams_with_rays_of_their_own_get_their_own_numbers_back():
     wall, pole = Patch((20, 0, 0), (0, 500, 0), (0, 0, 500), 1, 1), Patch((10, 0, 0), (0, 0.03, 0), (0, 0, 9), 2, 2)
     first = PatchScene([wall, pole]).ideal(LAYERS, POINTS)
     # Two sub-beams, a quarter of a column to either side, listed by range as ray casters do.
-    from lidarcheck.sensor import beam_directions
+    from reference_grid import beam_directions
 
     parts = []
     for slot, aside in enumerate((-0.25, 0.25)):

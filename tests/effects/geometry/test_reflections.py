@@ -9,7 +9,7 @@ from analytic_scene import GROUND, Patch, PatchScene, around, box
 from lidarcheck import effects
 from lidarcheck.effects.geometry.reflections import ground_of, reflected
 from lidarcheck.model import Model, light_of
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 HEIGHT = 1.8
 LAYERS, POINTS = np.arange(60, 330), np.arange(450, 510)

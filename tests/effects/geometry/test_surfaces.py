@@ -8,7 +8,7 @@ from lidarcheck.effects.geometry.aiming import rank_in_beam, rays_of, turned
 from lidarcheck.effects.geometry.surfaces import LocalSurfaces
 from lidarcheck.rays import Rays
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 LAYERS, POINTS = np.arange(240, 281), np.arange(430, 500)
 

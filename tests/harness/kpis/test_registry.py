@@ -15,7 +15,8 @@ from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.model import simulate
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 
 def ideal_of(distance_m: np.ndarray, *, first: tuple[int, int] = (100, 400), incidence_deg=None) -> IdealScan:

@@ -20,7 +20,8 @@ from lidarcheck.harness.review.review import review
 from lidarcheck.harness.scenario.scenario import load_scenario
 from lidarcheck.model import Model, load_model, save_model
 from lidarcheck.scan import IdealScan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 MATERIALS = {1: Material("wall", 0.4), 2: Material("sign", 0.8, "retro", 900.0), 3: Material("road", 0.6)}
 

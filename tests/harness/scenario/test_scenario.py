@@ -25,7 +25,7 @@ from lidarcheck.harness.scenario.shapes import (
     lay_beams,
 )
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import azimuth_deg, beam_directions, elevation_deg
+from reference_grid import azimuth_deg, beam_directions, elevation_deg
 from scenario_texts import panel_scene
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"

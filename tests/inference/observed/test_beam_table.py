@@ -10,7 +10,7 @@ from explain_core_kit import MATERIALS, PANEL, ROAD, SIGN, WALL, model
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
 from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import azimuth_deg, elevation_deg
+from reference_grid import azimuth_deg, elevation_deg
 
 BRIGHT = 30.0
 UP, DOWN, LEFT, RIGHT = range(4)

@@ -15,7 +15,8 @@ from lidarcheck.model.exact.pulses import pulses_of
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Material, Sensor, beam_directions
+from lidarcheck.sensor import Material, Sensor
+from reference_grid import beam_directions
 
 RNG = np.random.default_rng(20)
 FUNCTIONS: dict[str, tuple[Callable[[float], float], Callable[[Decimal], Decimal], np.ndarray]] = {

@@ -15,7 +15,8 @@ from lidarcheck.model import External, Model, echoes_of, light_of, simulate
 from lidarcheck.model.fast import run
 from lidarcheck.model.fast.grid import Grid
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import POINTS, Sensor, beam_directions
+from lidarcheck.sensor import Sensor
+from reference_grid import POINTS, beam_directions
 
 COLUMNS = ("x_m", "y_m", "z_m", "layer", "point", "echo_number", "width_ns", "area", "peak")
 

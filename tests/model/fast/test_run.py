@@ -11,7 +11,8 @@ from lidarcheck.model import echoes_of
 from lidarcheck.model.fast.fill import Source
 from lidarcheck.model.fast.library import affordable
 from lidarcheck.scan import Light
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, POINTS, Sensor
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor
+from reference_grid import POINTS
 
 LEVEL = 1e-4
 """Chance that a true agreement is called none, for each case and kind of test."""

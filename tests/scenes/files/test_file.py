@@ -18,7 +18,7 @@ from lidarcheck.formats.convert import convert
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scenes import Optics
 from lidarcheck.scenes.files.file import SceneTable, build_scene, builtin_names, builtin_path, load_scene, scene_of
-from lidarcheck.sensor import beam_directions
+from reference_grid import beam_directions
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.sensor import LAYERS, POINTS, azimuth_deg, beam_directions, elevation_deg
+from lidarcheck.sensor import reference_beams
 
 __all__ = ["REFERENCE", "Beams", "Lattice", "ReferenceGrid"]
 
@@ -72,10 +72,27 @@ class Lattice(Protocol):
 class ReferenceGrid:
     """The reference sensor's grid."""
 
-    layers = LAYERS
-    points = POINTS
-    column_deg, layer_deg = 0.125, 0.05
     repeats = True
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return reference_beams().layers
+
+    @property
+    def points(self) -> int:
+        """Number of points in a layer."""
+        return reference_beams().points
+
+    @property
+    def column_deg(self) -> float:
+        """From a point to the next one."""
+        return reference_beams().azimuth.step_deg
+
+    @property
+    def layer_deg(self) -> float:
+        """From a layer to the next one."""
+        return reference_beams().elevation.step_deg
 
     def layers_beside(self, layer: npt.NDArray[Any], up_deg: FloatArray) -> npt.NDArray[Any]:
         """The layers that look so much higher."""
@@ -87,11 +104,12 @@ class ReferenceGrid:
 
     def beams(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> Beams:
         """The beams of those numbers."""
-        return Beams(beam_directions(layer, point), 0.5 * self.column_deg, 0.5 * self.layer_deg)
+        return Beams(reference_beams().directions(layer, point), 0.5 * self.column_deg, 0.5 * self.layer_deg)
 
     def angles_deg(self, layer: npt.ArrayLike, point: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Azimuth and elevation [deg] of those numbers."""
-        return azimuth_deg(point), elevation_deg(layer)
+        elevation, azimuth = reference_beams().angles_deg(layer, point)
+        return azimuth, elevation
 
 
 REFERENCE: Lattice = ReferenceGrid()

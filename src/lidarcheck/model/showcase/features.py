@@ -134,7 +134,13 @@ def axes() -> list[Axis]:
         _binned("range", "range of the surface [m]", range_m, np.arange(2.5, 90.0, 5.0)),
         _each("reflectance", "reflectance of the surface [%]", reflectance),
         _binned("layer", "layer", ideal.layer.astype(np.float64), np.arange(98.0, 334.0, 4.0)),
-        _binned("point", "point column", ideal.point.astype(np.float64), np.linspace(0.0, 960.0, 49), weight=_POINT),
+        _binned(
+            "point",
+            "point column",
+            ideal.point.astype(np.float64),
+            np.linspace(0.0, float(ideal.beams.points), 49),
+            weight=_POINT,
+        ),
         _binned("above", "layers above the retro-reflector", above, np.arange(-ABOVE - 2.0, ABOVE + 3.0, 4.0)),
         _binned(
             "beside", "points to the left of the retro-reflector", beside, np.arange(-BESIDE - 1.0, BESIDE + 2.0, 2.0)
