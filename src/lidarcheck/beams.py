@@ -10,7 +10,11 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IntArray, freeze
 
-__all__ = ["NOT_READ", "BeamHistograms", "Fired", "Geometry"]
+__all__ = ["ANOTHER_SENSOR", "NOT_READ", "BeamHistograms", "Fired", "Geometry"]
+
+
+ANOTHER_SENSOR = "the beams are another sensor's"
+"""How the note of a geometry begins whose columns are in other steps than the sensor's."""
 
 
 class Geometry(NamedTuple):

@@ -7,13 +7,14 @@ import pytest
 from scipy import stats
 
 from lidarcheck.errors import UsageError
+from lidarcheck.formats import load_scan, save_scan
 from lidarcheck.kpi.compare import compare, feature_gap
 from lidarcheck.kpi.direction import off_surface, surface_points
 from lidarcheck.kpi.pairing import pair_with_ideal
 from lidarcheck.kpi.percentiles import percentile
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Material, Sensor
+from lidarcheck.sensor import Material, Sensor, shipped
 from places import shared_path
 
 MODEL = Model(Sensor.of("SMART"), {1: Material("wall", 0.5), 2: Material("sign", 0.6, kind="retro", retro_gain=900.0)})
@@ -300,3 +301,15 @@ def test_reference_frames_against_themselves(frame):
     assert found.overlap[:3] == (1.0, 1.0, 0.0)
     # Every echo but the background's comes from a surface; the sensor's own pile-up shifts it by up to 1.1 m.
     assert found.features["range_residual"].n_measured > 0.998 * len(scan)
+
+
+def test_without_a_sensor_s_name_the_directions_of_its_beams_are_left_out(tmp_path):
+    """A turning head's columns are none of the built-in grid's: what its beams should be, nobody has said."""
+    sensor = shipped("XT32")
+    layer, point = (column[sensor.beams.every()[1] % 5 == 0] for column in sensor.beams.every())
+    scan = Scan.from_beams(layer, point, np.linspace(5.0, 60.0, len(layer)), beams=sensor.beams)
+    save_scan(scan, tmp_path / "head.parquet")
+    strange, known = load_scan(tmp_path / "head.parquet"), load_scan(tmp_path / "head.parquet", sensor=sensor)
+    found = compare(strange, strange, None)
+    assert "name it with --sensor" in found.left_out["direction_bias, direction_scatter"]
+    assert "direction_bias, direction_scatter" not in compare(known, known, None).left_out

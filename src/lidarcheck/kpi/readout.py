@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.beams import ANOTHER_SENSOR
 from lidarcheck.formats.scans import numbers_as_written
 from lidarcheck.kpi.comparison import DirectionGap, Sides
 from lidarcheck.kpi.direction import Directions, off_beam, off_surface
@@ -58,6 +59,8 @@ def written(
             left_out[name] = f"the {' and the '.join(sides)} scan's {how}"
     if not all(scan.beams.lattice for scan in scans):
         left_out[DIRECTIONS] = "the sensor's beams are its echoes' own directions"
+    if any(scan.geometry.note.startswith(ANOTHER_SENSOR) for scan in scans):
+        left_out[DIRECTIONS] = f"{ANOTHER_SENSOR}; name it with --sensor"
     found = [_written(scan, pairing, ideal, sensor, left_out) for scan, pairing in zip(scans, pairings, strict=True)]
     return (found[0], found[1]), left_out
 

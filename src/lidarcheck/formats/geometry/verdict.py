@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from lidarcheck.arrays import FloatArray, IntArray
-from lidarcheck.beams import Geometry
+from lidarcheck.beams import ANOTHER_SENSOR, Geometry
 from lidarcheck.formats.geometry.changes import Change, Echoes
 from lidarcheck.formats.geometry.check import FEWEST_JUDGED, FEWEST_ROWS, Agreement, agreement, outside, refuses
 from lidarcheck.formats.geometry.drift import drift_of
@@ -152,4 +152,4 @@ def _other_sensor(position: FloatArray, layer: IntArray, point: IntArray, lattic
     beyond = int(layer.max()) > lattice.layers or int(point.max()) > lattice.points
     if step is None or (abs(abs(step) / own - 1.0) <= _OTHER_STEP and not beyond):
         return ""
-    return f"the beams are another sensor's: columns of {abs(step):.3g} deg, {own:g} deg here"
+    return f"{ANOTHER_SENSOR}: columns of {abs(step):.3g} deg, {own:g} deg here"
