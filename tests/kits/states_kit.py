@@ -100,9 +100,9 @@ def cheap(monkeypatch, runs):
         return Computed(kind(f"Y {y_of(load_model(model)):.7f}", "done", ()), {})
 
     def one(name, kind=Page):
-        return lambda _what, given, _told, **_: page(name, getattr(given, "model", given), kind)
+        return lambda _what, given, *_more, **_: page(name, getattr(given, "model", given), kind)
 
-    monkeypatch.setattr(vehicles, "_compare", lambda _labels, _used, _files, model, _told: page("histograms", model))
+    monkeypatch.setattr(vehicles, "_compare", lambda _labels, _used, _files, model, *_: page("histograms", model))
     monkeypatch.setattr(scenes, "_compare", lambda _m, _ideal, model, _effects, _told: page("scenes", model))
     monkeypatch.setattr(noise, "_page", one("noise", noise.NoisePage))
     monkeypatch.setattr(ghosts, "_find_page", one("ghosts", ghosts.GhostPage))
