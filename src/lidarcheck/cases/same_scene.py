@@ -132,6 +132,9 @@ def compare_scenes(
     `before`, `after`: the surfaces of the neighbouring frames, where these differ from `shown`. `name`: what `shown`
     is called in words.
     """
+    if not measured.beams.alike(shown.beams):
+        what = f"it is read with the beams of one sensor, {name} with those of another"
+        return SceneFinding(True, False, what, "name the sensor that measured, for both", {})
     echoes = _chosen(measured)
     own = _residuals(shown, echoes)
     if np.count_nonzero(~np.isnan(own)) < FEWEST_BEAMS:

@@ -144,8 +144,11 @@ def pair_with_ideal(
     (layer, point) in the ideal scan are sub-beams: the beam counts once and an echo on any of their surfaces detects
     it. The residual of a histogram's echo is taken against the mean of all rows within its window, each with the signal
     that it sends (equal reflectances where no `model` and no column tells them). `UsageError` names the first echo's
-    beam that the ideal scan does not have.
+    beam that the ideal scan does not have, or says that the two are read as two sensors'.
     """
+    if not ideal.beams.alike(scan.beams):
+        what = "the ideal scan is read with the beams of one sensor, the echoes with those of another"
+        raise UsageError(what, fix="name the sensor that measured, for both")
     keys = beam_keys(ideal.layer, ideal.point)
     beams, first_row, beam_of_row = np.unique(keys, return_index=True, return_inverse=True)
     echo_beam = _beams_of_echoes(beams, scan)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
 from lidarcheck.beams import BeamHistograms, Fired
 from lidarcheck.effects.shared.ranges import reported
 from lidarcheck.model.detector_echoes import DetectorEchoes, features_of
@@ -52,28 +51,14 @@ def scan_of_detector(echoes: DetectorEchoes, light: Light, sensor: Sensor) -> Sc
 
 def as_reported(scan: Scan, sensor: Sensor) -> Scan:
     """The echoes at ranges as the sensor reports them, with the features that follow from these."""
+    found = reported(scan, sensor)
     if not scan.made:
-        return reported(scan, sensor)
-    found = _inside(reported(scan, sensor), scan.range_m + sensor.range_offset_m, sensor)
+        return found
     made: dict[str, Any] = {**found.made}
     shape = made.pop("fwhm_ns", None)
     fwhm_ns = None if shape is None or not len(shape) else float(shape[0])
     range_m = found.range_m - found.beams.range_offset_m(found.layer)
     return replace(found, features=features_of(EchoNumbers(range_m=range_m, fwhm_ns=fwhm_ns, **made), sensor))
-
-
-def _inside(scan: Scan, range_m: FloatArray, sensor: Sensor) -> Scan:
-    """The echoes whose range before it is rounded, (n,), is no less than 0 and, rounded, in the gate; numbered anew."""
-    if len(scan) != len(range_m):  # the nearest ones are gone already
-        range_m = scan.range_m
-    inside = (range_m >= 0.0) & (range_m <= sensor.max_range_m + 0.5 * sensor.range_resolution_m)
-    kept = scan if inside.all() else scan.take(np.flatnonzero(inside))
-    if len(kept) == len(range_m) or not len(kept):
-        return kept
-    key = kept.layer.astype(np.int64) << 32 | kept.point
-    first = np.concatenate([[True], key[1:] != key[:-1]])
-    start = np.maximum.accumulate(np.where(first, np.arange(len(key)), 0))
-    return replace(kept, echo_number=(np.arange(len(key)) - start + 1).astype(np.int32))
 
 
 def _histograms(light: Light, counts: npt.NDArray[np.uint32]) -> BeamHistograms:

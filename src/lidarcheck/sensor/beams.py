@@ -77,6 +77,12 @@ class Beams(abc.ABC):
     def _hash(self) -> int:
         return hash(self.key)
 
+    def alike(self, other: Beams) -> bool:
+        """Whether both are one sensor's, in whichever frame; a scan's own directions are never another's."""
+        if not (self.lattice or other.lattice):
+            return True
+        return self is other or self.with_phase(0.0) == other.with_phase(0.0)
+
     @property
     def size(self) -> int:
         """Layers times points: one more than the largest `index`."""

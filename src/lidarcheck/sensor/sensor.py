@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Literal, Self
@@ -41,7 +42,7 @@ _COMMON: Mapping[str, Bounds] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(abc.ABC):
     """What sensors of every detector have; a subclass adds the detector's own numbers. Units stand in the names.
 
     Build one with `lidarcheck.sensor.sensor_of("SLIM", threshold=10)`. `variant`: the name or file that a model gives;
@@ -141,13 +142,13 @@ class Sensor:
         return self.signal_of(300.0 * self.threshold_counts)
 
     @property
+    @abc.abstractmethod
     def threshold_counts(self) -> float:
         """About as many counts as are just seen."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def signal_of(self, counts: float) -> float:
         """The S that makes so many counts; of a detector that counts nothing, so many times its noise."""
-        raise NotImplementedError
 
     @classmethod
     def numbers(cls) -> Mapping[str, Bounds]:

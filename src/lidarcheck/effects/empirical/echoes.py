@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Surroundings
-from lidarcheck.effects.empirical.covariates import keys_of
 from lidarcheck.scan import Scan
 
-__all__ = ["draws_of", "renumbered", "whole"]
+__all__ = ["draws_of", "whole"]
 
 
 def draws_of(scan: Scan, around: Surroundings, draws: int = 1) -> FloatArray:
@@ -26,14 +23,3 @@ def draws_of(scan: Scan, around: Surroundings, draws: int = 1) -> FloatArray:
 def whole(value: FloatArray, uniform: FloatArray) -> FloatArray:
     """Whole numbers whose mean is `value`: rounded up as often as its fraction says. Whole ones stay as they are."""
     return np.floor(value + uniform)
-
-
-def renumbered(scan: Scan) -> Scan:
-    """The same rows, the echoes of each beam numbered from 1 in the order of range; of equal range as before."""
-    key = keys_of(scan)
-    order = np.lexsort((scan.echo_number, scan.range_m, key))
-    place = np.arange(len(scan))
-    starts = np.append(True, key[order][1:] != key[order][:-1])[: len(scan)]
-    number = np.empty(len(scan), dtype=np.int32)
-    number[order] = place - np.maximum.accumulate(np.where(starts, place, 0)) + 1 if len(scan) else number
-    return replace(scan, echo_number=number)

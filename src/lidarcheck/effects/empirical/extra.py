@@ -10,7 +10,6 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, choice_parameter, list_parameter, unfit_for
 from lidarcheck.effects.empirical.covariates import BeamColumns, keys_of
-from lidarcheck.effects.empirical.echoes import renumbered
 from lidarcheck.effects.empirical.terms import (
     NOT_COUNTED,
     Additive,
@@ -18,6 +17,7 @@ from lidarcheck.effects.empirical.terms import (
     knots_parameter,
     values_parameter,
 )
+from lidarcheck.effects.shared.ranges import renumbered
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import SpadArray

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from lidarcheck.effects.base import ReadoutEffect, Surroundings
 from lidarcheck.effects.empirical.covariates import EchoColumns
-from lidarcheck.effects.empirical.echoes import draws_of, renumbered
+from lidarcheck.effects.empirical.echoes import draws_of
 from lidarcheck.effects.empirical.terms import Additive, covariate_parameter, knots_parameter, values_parameter
+from lidarcheck.effects.shared.ranges import renumbered
 from lidarcheck.scan import Scan
 
 __all__ = ["EmpiricalLoss"]

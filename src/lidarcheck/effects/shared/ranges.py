@@ -12,7 +12,7 @@ from lidarcheck.effects.base import choice_parameter
 from lidarcheck.scan import Haze, Light, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "reported", "what_moves", "within_gate"]
+__all__ = ["StageByWhat", "at_range", "moved_light", "quantised", "renumbered", "reported", "what_moves", "within_gate"]
 
 
 _SLACK_M = 1e-6
@@ -40,19 +40,40 @@ def quantised(range_m: npt.NDArray[np.float64], sensor: Sensor) -> npt.NDArray[n
 
 
 def reported(scan: Scan, sensor: Sensor) -> Scan:
-    """The same echoes as the sensor reports them: at ranges with its constant error, rounded, within its gate."""
-    range_m = quantised(scan.range_m + sensor.range_offset_m, sensor)
-    xyz = scan.beams.positions_m(scan.layer, scan.point, range_m)
-    return within_gate(replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2]), sensor)
+    """The same echoes as the sensor reports them: at ranges with its constant error, rounded, within its gate.
+
+    A SPAD array reports what is timed before the shot at 0; of other detectors' echoes it is none, as what lies beyond
+    the gate's end.
+    """
+    before_m = scan.range_m + sensor.range_offset_m
+    xyz = scan.beams.positions_m(scan.layer, scan.point, quantised(before_m, sensor))
+    found = replace(scan, x_m=xyz[:, 0], y_m=xyz[:, 1], z_m=xyz[:, 2])
+    return within_gate(found, sensor, before_m < 0.0 if scan.made else None)
 
 
-def within_gate(scan: Scan, sensor: Sensor) -> Scan:
-    """The echoes that lie no nearer than the sensor reports any."""
-    if sensor.min_range_m == 0.0:
+def within_gate(scan: Scan, sensor: Sensor, behind: npt.NDArray[np.bool_] | None = None) -> Scan:
+    """The echoes that lie in the sensor's gate, numbered from 1.
+
+    `behind` (n,): those that are none, where the gate's end is looked at too; a SPAD array's trace ends there.
+    """
+    if sensor.min_range_m == 0.0 and behind is None:
         return scan
     range_m = scan.range_m
-    inside = np.flatnonzero(range_m >= sensor.min_range_m - _SLACK_M)
-    return scan if len(inside) == len(scan) else _in_order(scan.take(inside), range_m[inside])
+    inside = range_m >= sensor.min_range_m - _SLACK_M
+    if behind is not None:
+        inside &= ~behind & (range_m <= sensor.max_range_m + _SLACK_M)
+    return scan if inside.all() else renumbered(scan.take(np.flatnonzero(inside)))
+
+
+def renumbered(scan: Scan) -> Scan:
+    """The same rows, the echoes of each beam numbered from 1 in the order of range; of equal range as before."""
+    key = scan.layer.astype(np.int64) << 32 | scan.point
+    order = np.lexsort((scan.echo_number, scan.range_m, key))
+    place = np.arange(len(scan))
+    starts = np.append(True, key[order][1:] != key[order][:-1])[: len(scan)]
+    number = np.empty(len(scan), dtype=np.int32)
+    number[order] = place - np.maximum.accumulate(np.where(starts, place, 0)) + 1 if len(scan) else number
+    return replace(scan, echo_number=number)
 
 
 def at_range(scan: Scan, range_m: npt.NDArray[np.float64]) -> Scan:
