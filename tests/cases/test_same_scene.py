@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from explain_kit import write_case
+from lidarcheck.beams import Geometry
 from lidarcheck.cases.case import load_case
-from lidarcheck.cases.same_scene import Surfaces, compare_scenes
+from lidarcheck.cases.same_scene import Surfaces, _better, compare_scenes
 from lidarcheck.cli import main
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
@@ -198,3 +199,27 @@ def test_round_trip_keeps_the_scene(tmp_path: Path) -> None:
     found = compare_scenes(load_scan(tmp_path / "m.txt"), Surfaces.of(load_ideal(tmp_path / "i.txt")))
     assert found is not None
     assert not found.refused
+
+
+def test_another_order_of_beams_must_take_more_than_a_step_off_the_median():
+    """A few ghosts of a mirror lie where the other order has a surface; the beam in the middle fits no better there."""
+    own = np.full(400, 0.336)
+    own[:40] = 2.0
+    other = own - 0.004
+    other[:40] = 0.1
+    assert _better(own, other, few_tell=True) == 1
+    assert _better(own, other, few_tell=False) == 0
+    assert _better(own, other - 0.1, few_tell=False) == 1
+
+
+def test_units_that_noise_cannot_tell_are_said_where_no_range_tells_them():
+    """Echoes of background anywhere in the gate: every unit fits as badly."""
+    rng = np.random.default_rng(5)
+    layer, point = np.divmod(np.arange(2000), 100)
+    scan = Scan.from_beams(layer.astype(np.int32), point.astype(np.int32), rng.uniform(1.0, 300.0, 2000))
+    nothing = IdealScan(layer, point, np.full(2000, 20.0), np.ones(2000), np.zeros(2000))
+    found = compare_scenes(scan, Surfaces.of(nothing))
+    assert found is not None
+    assert {"ft", "mm"} <= {*found.untold(scan)}
+    known = replace(scan, geometry=Geometry("ok", 2000, 2000, 2000, unit_checked=True))
+    assert found.untold(known) == ()

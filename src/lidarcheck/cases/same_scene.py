@@ -30,8 +30,8 @@ STANDARD_ERRORS = 5.0
 RANGE_STEP_M = 0.01
 """... and by more than a step of the range, and is not the worse in the median."""
 FITS_M = 0.25
-"""Where the median beam fits as well as this, another order of the beams must halve its residual: a few ghosts of a
-mirror may lie where that order has a surface."""
+"""Where the median beam fits as well as this, another order of the beams must halve its residual, and always take off
+more than a step of the range: a few ghosts of a mirror may lie where that order has a surface."""
 SWEEP_PART = 0.25
 """A shift by a frame is tried on beams of the sweep's first quarter: later the next frame often fits as well."""
 NEAR_SHARE = 0.1
@@ -84,9 +84,13 @@ class SceneFinding:
     equal: tuple[str, ...] = ()
 
     def untold(self, measured: Scan) -> tuple[str, ...]:
-        """Those that nothing else tells either: of another order of beams the scan's own geometry does, if checked."""
-        sound = measured.geometry.verdict != "not checked"
-        return tuple(one for one in self.equal if one in (_BEFORE, _AFTER) or (one in _NUMBERS and not sound))
+        """Those that nothing else tells either.
+
+        Of another order of beams the scan's own geometry does, if checked; of another unit a RANGE beside X, Y, Z.
+        """
+        known = measured.geometry
+        told = (*(_NUMBERS if known.verdict != "not checked" else ()), *(METRES if known.unit_checked else ()))
+        return tuple(one for one in self.equal if one not in told)
 
 
 @dataclass(frozen=True)
@@ -297,7 +301,7 @@ def _better(own: FloatArray, other: FloatArray, *, few_tell: bool) -> int:
         return 0
     step = float(np.median(a) - np.median(b))
     contrary = gain * step < 0.0 and abs(step) > RANGE_STEP_M
-    few = not few_tell and gain > 0.0 and step < 0.5 * np.median(a) <= 0.5 * FITS_M
+    few = not few_tell and gain > 0.0 and (step <= RANGE_STEP_M or step < 0.5 * np.median(a) <= 0.5 * FITS_M)
     return 0 if contrary or few else int(np.sign(gain))
 
 
