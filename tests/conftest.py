@@ -1,6 +1,12 @@
 """Fixtures that several rooms of tests share."""
 
 import pytest
+from budget import WHOLE
+from hypothesis import settings
+
+settings.register_profile("steady", derandomize=True, database=None)  # the gate is red for what changed, never by chance
+settings.register_profile("search")
+settings.load_profile("search" if WHOLE else "steady")
 
 collect_ignore = ["data"]  # a project of its own, whose scenarios the pytest plugin would run
 pytest_plugins = ("command_kit",)

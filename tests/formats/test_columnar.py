@@ -19,7 +19,7 @@ from lidarcheck.formats.table import Table, check_names, quoted
 from lidarcheck.scan import IdealScan, Scan
 from places import shared_path
 
-STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=examples(60))
+STEADY = settings(deadline=None, max_examples=examples(60))
 SUFFIXES = [".txt", ".csv", ".parquet", ".pcd", ".las", ".laz", ".ply"]
 FIELDS = ("layer", "point", "echo_number", "width_ns", "area", "peak")
 DTYPES = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8", "?"]

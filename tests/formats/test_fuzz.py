@@ -40,7 +40,7 @@ JUNK = [
 ]
 
 
-@settings(derandomize=True, deadline=None, database=None, max_examples=examples(400))
+@settings(deadline=None, max_examples=examples(400))
 @given(data=st.data(), seed=st.integers(0, 2**32))
 def test_a_mutated_text_is_a_scan_or_one_error(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, seed: int
@@ -91,7 +91,7 @@ def test_a_truncated_sample_is_refused(tmp_path: Path, name: str) -> None:
 CELLS = st.text("0123456789+-.eE \t\r\n,na\x0b\0", max_size=12).map(str.encode)
 
 
-@settings(derandomize=True, deadline=None, database=None, max_examples=examples(1500))
+@settings(deadline=None, max_examples=examples(1500))
 @given(
     body=st.lists(CELLS | st.integers(-99, 99).map(lambda n: b"%d" % n), max_size=9), gap=st.sampled_from([b" ", b"\n"])
 )

@@ -22,7 +22,7 @@ from lidarcheck.scan import IdealScan, Scan, beams_of
 from places import shared_path
 from reference_grid import beam_directions
 
-STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=examples(150))
+STEADY = settings(deadline=None, max_examples=examples(150))
 SAMPLES = ("samples/1_25m.txt", "samples/2_45m.txt")
 PLAIN = b"//X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n2\n1 2 3 331 295 1 39 6007 236\n4 5 6.5 331 295 2 11 841 96\n"
 

@@ -220,9 +220,11 @@ def chosen(draw: st.DrawFn) -> tuple[Effect, ...]:
             if draw(st.booleans()) and not name.startswith(("dead", "blooming"))
         }
         try:
-            found = found.with_(make(name, kind.example() | numbers))
+            effect = make(name, kind.example() | numbers)
+            effect.check(found.sensor)  # the highest beam of a parameter may lie beyond this sensor's
         except UsageError:
-            found = found.with_(make(name, kind.example()))
+            effect = make(name, kind.example())
+        found = found.with_(effect)
     return found.effects
 
 
