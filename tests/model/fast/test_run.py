@@ -130,3 +130,17 @@ def test_sensors_beyond_the_library_go_through_the_exact_chain(change: dict[str,
     exact, ours = (echoes_of(beams, sensor, seed=2, fidelity=fidelity) for fidelity in ("exact", "fast"))
     assert np.array_equal(ours.x_m, exact.x_m)
     assert np.array_equal(ours.area, exact.area)
+
+
+def test_a_gate_that_opens_late_is_the_readout_s_and_no_pulse_s() -> None:
+    """Its library is that of a sensor without the gate, so that its echoes are these but for the ones before it."""
+    near = np.where(np.arange(4000) % 2, 20.0, 50.0)
+    open_, late = (
+        echoes_of(light(5.0, 4000, range_m=near), Sensor.of("SLIM", min_range_m=low), seed=4, fidelity="fast")
+        for low in (0.0, 30.0)
+    )
+    behind = open_.take(open_.range_m > 30.0)
+    assert len(behind) > 1500
+    assert len(open_) > len(behind) + 1500
+    np.testing.assert_array_equal(late.range_m, behind.range_m)
+    np.testing.assert_array_equal(late.area, behind.area)

@@ -74,7 +74,8 @@ def fill_block(source: Source, block: int, span: Span, threads: int | None) -> B
         pulse_signal=signal,
         shape=source.shape,
     )
-    short = replace(source.sensor, max_range_m=(span.length - 0.5) * bin_m)
+    # The gate is for the readout: a library knows pulses, not where they are.
+    short = replace(source.sensor, min_range_m=0.0, max_range_m=(span.length - 0.5) * bin_m)
     return _packed(chain_echoes(light, short, seed=_SEED, frame=block, threads=threads), centre)
 
 
