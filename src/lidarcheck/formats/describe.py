@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.field.recording import RECORDINGS
 from lidarcheck.formats.frames import SeveralFrames, frames_of
 from lidarcheck.formats.geometry import AS_IT_IS, Placement, words
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
@@ -25,7 +26,7 @@ from lidarcheck.formats.times import TimeUnit, clock_of, seconds
 from lidarcheck.scan import COUNTED, IdealScan, Scan
 from lidarcheck.sensor import Sensor
 
-__all__ = ["ColumnSummary", "FileDescription", "describe"]
+__all__ = ["ColumnSummary", "FileDescription", "beam_keys", "describe", "described"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,11 @@ def describe(
     """
     name = recognise(path)
     if name in FORMATS:
-        return _describe_table(read_table(path), FORMATS[name].title, placement, time_unit, sensor)
+        return described(read_table(path), FORMATS[name].title, placement, time_unit, sensor)[0]
+    if name in RECORDINGS:
+        from lidarcheck.formats.field.describe import describe_recording
+
+        return describe_recording(path, name, placement, time_unit, sensor)
     if name == "lut":
         return _describe_lut(path)
     if name == "settings":
@@ -137,11 +142,13 @@ def describe(
     return _describe_model(path, load_model(path))
 
 
-def _describe_table(
+def described(
     table: Table, form: str, placement: Placement, time_unit: TimeUnit | None, sensor: Sensor | None
-) -> FileDescription:
+) -> tuple[FileDescription, Scan | IdealScan, RowCounts]:
+    """What is in a table, what it was read as, and how many of its rows are no echoes of their own."""
     rows: Scan | IdealScan
     facts: dict[str, Any] = {}
+    found = RowCounts()
     whole, frames = _with_frames(table)
     if is_semantic(table) or is_ideal(table):
         rows = ideal_from_table(ideal_table(table, sensor) if is_semantic(table) else table, sensor)
@@ -151,7 +158,7 @@ def _describe_table(
         kind, range_m, facts = "scan", rows.range_m, {**_row_facts(rows, found), **_time_facts(table, time_unit)}
     frame = rows.extra[whole.spelling("Frame") or ""] if whole is not table else np.zeros(len(rows), dtype=np.int64)
     counts = np.concatenate([_rows_per_beam(rows.layer[at], rows.point[at]) for at in _each(frame)])
-    return FileDescription(
+    description = FileDescription(
         path=str(table.path),
         format=form,
         kind=kind,
@@ -163,6 +170,7 @@ def _describe_table(
         defaulted=tuple(name for name in rows.defaulted if _expected(name, sensor)),
         facts={**frames, **_sensor_facts(table, sensor, kind), **facts},
     )
+    return description, rows, found
 
 
 def _expected(column: str, sensor: Sensor | None) -> bool:
@@ -250,9 +258,13 @@ def _ideal_facts(ideal: IdealScan) -> dict[str, Any]:
 
 def _rows_per_beam(layer: Column, point: Column) -> npt.NDArray[np.int64]:
     """How many rows each known beam has, shape (n_beams,)."""
+    return np.asarray(np.unique(beam_keys(layer, point), return_counts=True)[1], dtype=np.int64)
+
+
+def beam_keys(layer: Column, point: Column) -> npt.NDArray[np.int64]:
+    """A whole number for the beam of each row whose beam is known."""
     known = (layer >= 0) & (point >= 0)
-    beam = (layer[known].astype(np.int64) << 32) | point[known]
-    return np.asarray(np.unique(beam, return_counts=True)[1], dtype=np.int64)
+    return np.asarray((layer[known].astype(np.int64) << 32) | point[known])
 
 
 def _summary(name: str, column: Column) -> ColumnSummary:

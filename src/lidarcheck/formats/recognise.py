@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.field.packets import packet_file
+from lidarcheck.formats.field.place import named
+from lidarcheck.formats.field.recording import RECORDINGS, open_recording
 from lidarcheck.formats.names import with_known_names
 from lidarcheck.formats.source import first_bytes
 from lidarcheck.formats.table import Table
@@ -69,18 +72,22 @@ _FOREIGN = {
     b"7z\xbc\xaf": "a 7z archive",
     b"\x89HDF": "HDF5",
     b"\x93NUMPY": "a numpy array",
-    b"ASTM-E57": "E57",
-    b"#ROSBAG": "a ROS bag",
-    b"\x89MCAP": "MCAP",
-    b"\xd4\xc3\xb2\xa1": "a packet capture",
-    b"\xa1\xb2\xc3\xd4": "a packet capture",
-    b"\x0a\x0d\x0d\x0a": "a packet capture",
-    b"SQLite format": "an SQLite database",
+    b"#ROSBAG": "a ROS bag of another version than 2.0",
+    b"\x89MCAP": "MCAP of another version than 0",
     b"ARROW1": "Arrow IPC",
     b"\x7fELF": "a program",
     b"\xff\xfe": "UTF-16 text",
     b"\xfe\xff": "UTF-16 text",
 }
+_MAGIC = {
+    b"\x89MCAP0\r\n": "mcap",
+    b"#ROSBAG V2.0\n": "rosbag",
+    b"SQLite format 3\x00": "db3",
+    b"ASTM-E57": "e57",
+}
+"""How recordings begin that say what they are."""
+_BY_SUFFIX = {".osi": "osi", ".txth": "osi", ".bin": "bins"}
+"""Of recordings that do not."""
 _PCD_LINE = re.compile(rb"(?:#[^\n]*\n|[ \t]*\r?\n)*(?:VERSION|FIELDS|COLUMNS)[ \t]", re.IGNORECASE)
 _BINARY_BODY = re.compile(rb"^(?:DATA|format)[ \t]+binary", re.IGNORECASE | re.MULTILINE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
@@ -91,17 +98,25 @@ _COMMENTS = re.compile(rb"(?:[ \t]*(?:[#;][^\n]*)?\r?\n)*")
 
 
 def recognise(path: str | os.PathLike[str]) -> str:
-    """The name of a file's format, by content: one of `FORMATS`, or `model`, `lut`, `settings`.
+    """The name of a file's format, by content: one of `FORMATS`, `RECORDINGS`, or `model`, `lut`, `settings`.
 
-    `model` stands for any TOML, `settings` for any JSON; their loaders judge them. `InputError` when the file cannot be
-    read, is of a known foreign format, or is binary without being one that can be read.
+    A topic or frame behind the file's name does not matter. `model` stands for any TOML, `settings` for any JSON; their
+    loaders judge them. `InputError` when the file cannot be read, is of a known foreign format, or is binary without
+    being one that can be read.
     """
+    path = named(path).file
     start = first_bytes(path)
     name = _by_magic(start)
     suffix = Path(path).suffix.lower()
     if name is not None:
         _refuse_binary_as_text(name, start, Path(path))
         return name
+    recorded = next((kind for magic, kind in _MAGIC.items() if start.startswith(magic)), _BY_SUFFIX.get(suffix))
+    if recorded is not None:
+        return recorded
+    packets = packet_file(start, Path(path))
+    if packets is not None:
+        raise packets
     _refuse_foreign(start, Path(path), suffix)
     return _by_text(start)
 
@@ -175,8 +190,19 @@ def _by_text(start: bytes) -> str:
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """The columns of a scan or ideal scan in any format, by our names; `InputError` when the file is none."""
+    """The columns of a scan or ideal scan in any format, by our names; of a recording, of its only frame or the named.
+
+    `InputError` when the file is none, or a recording of several frames.
+    """
     name = recognise(path)
+    if name in RECORDINGS:
+        recording, frame = open_recording(path, name), named(path).frame
+        if frame is None:
+            return recording.only()
+        if frame >= len(recording):
+            what = f"has no frame {frame}: it holds {len(recording)}"
+            raise InputError(what, file=recording.path, fix=f"name one of 0 to {len(recording) - 1}")
+        return recording.read(frame)
     if name not in FORMATS:
         title = {"model": "TOML", "lut": "a table of LUTs", "settings": "JSON"}[name]
         raise InputError(f"the file is {title}, not a scan", file=path, fix=f"use one of {_titles()}")

@@ -1,0 +1,1 @@
+"""Files of the field: bags, traces and rows of data sets, read frame by frame; packet files are recognised."""
