@@ -14,7 +14,7 @@ from lidarcheck.formats.columns import missing
 from lidarcheck.formats.describe import FileDescription, describe
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.ideals import ideal_from_table, is_ideal
-from lidarcheck.formats.recognise import Format, read_table, recognise, target_format
+from lidarcheck.formats.recognise import read_table, recognise, target_format
 from lidarcheck.formats.returns import no_returns
 from lidarcheck.formats.scans import positions_of, read_scan
 from lidarcheck.formats.semantic_ply import ideal_table, is_semantic
@@ -23,12 +23,15 @@ from lidarcheck.formats.table import Table
 from lidarcheck.formats.times import TimeUnit, clock_of, seconds
 from lidarcheck.sensor import Sensor
 
-__all__ = ["FileDescription", "convert", "describe"]
+__all__ = ["STREAMED", "FileDescription", "convert", "converted", "describe"]
+
+STREAMED = ("mcap", "rosbag", "osi")
+"""Formats that are written a frame at a time alone (`formats.field.write`)."""
 
 _WHOLE = ("Layer", "Point", "EchoNumber", "MaterialID", "ObjectID")
 _TIME_AS_WRITTEN = "TimeRaw"
-_NEEDS_POSITION = ("las", "ply", "pcd")
-_NO_POSITION = {"las": 0.0, "pcd": np.nan}
+_NEEDS_POSITION = ("las", "ply", "pcd", *STREAMED)
+_NO_POSITION = {"las": 0.0, "pcd": np.nan, **dict.fromkeys(STREAMED, np.nan)}
 """What a format has in X, Y and Z of a row without a return; the others keep what the row says."""
 
 
@@ -56,7 +59,24 @@ def convert(
     form = target_format(target)
     if Path(target).exists() and Path(source).exists() and Path(target).samefile(source):
         raise UsageError(f"{target} would be overwritten by its own conversion", fix="name another file to write")
-    table = read_table(source)
+    same = recognise(source) == form.name
+    form.write(converted(read_table(source), form.name, placement, drop_empty, time_unit, sensor, same=same), target)
+
+
+def converted(
+    table: Table,
+    form: str,
+    placement: Placement = AS_IT_IS,
+    drop_empty: bool = False,
+    time_unit: TimeUnit | None = None,
+    sensor: Sensor | None = None,
+    *,
+    same: bool = False,
+) -> Table:
+    """The columns of a scan or ideal scan as they are written in a format, by its name; see `convert`.
+
+    `same`: the table was read from that format. `InputError` for what is wrong with it.
+    """
     scan = _checked(table, placement, sensor)
     columns = table if scan else ideal_table(table, sensor) if is_semantic(table) else table
     if time_unit is not None:
@@ -66,9 +86,12 @@ def convert(
         columns, empty = replace(columns.take(np.flatnonzero(~empty)), origin=None, first_line=None), None
     if scan and placement.moves:
         columns = right_handed(_placed(right_handed(columns, sensor), placement, empty), sensor)
-    if scan and form.name in _NEEDS_POSITION:
-        columns = _with_positions(columns, form, empty, sensor, same=recognise(source) == form.name)
-    form.write(_whole_numbers(columns), target)
+    if scan and form in _NEEDS_POSITION:
+        columns = _with_positions(columns, form, empty, sensor, same=same)
+    if not scan and form in STREAMED:
+        what = "is an ideal scan, and the format holds points alone"
+        raise InputError(what, file=table.path, fix="write it as text, CSV or Parquet")
+    return _whole_numbers(columns)
 
 
 def _checked(table: Table, placement: Placement, sensor: Sensor | None) -> bool:
@@ -117,12 +140,12 @@ def _whole_numbers(table: Table) -> Table:
     return table
 
 
-def _with_positions(table: Table, form: Format, empty: BoolArray | None, sensor: Sensor | None, *, same: bool) -> Table:
+def _with_positions(table: Table, form: str, empty: BoolArray | None, sensor: Sensor | None, *, same: bool) -> Table:
     """A position where a point must have one, and none, as the format says that, where there was no return."""
     lacking = bool(missing(table, ["X", "Y", "Z"]))
-    if not lacking and (empty is None or same or form.name not in _NO_POSITION):
+    if not lacking and (empty is None or same or form not in _NO_POSITION):
         return table
-    nothing = _NO_POSITION.get(form.name, 0.0)
+    nothing = _NO_POSITION.get(form, 0.0)
     if lacking:
         xyz = positions_of(table, empty, None if sensor is None else sensor.beams)
     else:

@@ -11,6 +11,7 @@ from lidarcheck import __version__
 from lidarcheck.cli.core.calibration_commands import CALIBRATION_COMMANDS, GROUPS
 from lidarcheck.cli.core.command import Command
 from lidarcheck.cli.core.sensor_commands import SENSOR_COMMANDS
+from lidarcheck.formats.field.choice import Choice, choose
 from lidarcheck.permissions import grant
 
 __all__ = ["COMMANDS", "Command", "make_app"]
@@ -170,14 +171,17 @@ COMMANDS = (
 
 
 class _App(App):
-    """The parser; what the user permits holds as soon as it is read, for whatever the command then does."""
+    """The parser; what the user permits and chooses holds as soon as it is read, whatever the command then does."""
 
     def parse_args(self, *args: Any, **kwargs: Any) -> Any:
         """The command's function and its arguments."""
         found = super().parse_args(*args, **kwargs)
+        choose(Choice())
         for value in found[1].arguments.values():
             if hasattr(value, "permissions"):
                 grant(value.permissions())
+            if hasattr(value, "choice"):
+                choose(value.choice())
         return found
 
 

@@ -15,6 +15,7 @@ from lidarcheck.formats.limits import MAX_ROWS, MOST_ROWS
 from lidarcheck.permissions import Permissions
 
 if TYPE_CHECKING:
+    from lidarcheck.formats.field.choice import Choice
     from lidarcheck.formats.geometry import Placement
     from lidarcheck.model import Model
     from lidarcheck.sensor import Sensor
@@ -81,7 +82,7 @@ def _whole_number(_type: Any, tokens: Sequence[Any]) -> int:
     return int(text)
 
 
-MANY = ", or many frames: a folder, a file of several, a pattern in quotes"
+MANY = ", or many frames: a folder, a file of several, a bag (FILE#TOPIC), a data set, a pattern in quotes"
 """What help says of an argument in whose place many frames may be given."""
 Flag = Parameter(negative=(), show_default=False)
 """An option that is given or not, without a --no- of its own."""
@@ -137,6 +138,19 @@ class Placed:
             help='"x,y,z,roll,pitch,yaw" [m, deg]: takes the measured scans (mirrored) into the sensor\'s frame.',
         ),
     ] = None
+    topic: Annotated[
+        str | None, Parameter(help="The topic of a bag with several; as FILE#TOPIC of one bag among others.")
+    ] = None
+    frame: Annotated[
+        str | None,
+        Parameter(help="The sensor's frame in a bag's static transforms, where its clouds are in another."),
+    ] = None
+
+    def choice(self) -> Choice:
+        """What is chosen in recordings; the parser sees to it."""
+        from lidarcheck.formats.field.choice import Choice
+
+        return Choice(self.topic or "", self.frame or "")
 
 
 @Parameter(name="*")

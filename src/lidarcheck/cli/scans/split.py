@@ -56,11 +56,15 @@ def split(
     if out.exists() and not out.is_dir():
         raise InputError("is not a directory", file=out, fix="name a directory for the frames")
     from lidarcheck.cases.source import frames_of_file
+    from lidarcheck.formats.field.place import named
+    from lidarcheck.formats.field.recording import RECORDINGS
     from lidarcheck.formats.recognise import FORMATS, recognise, target_format
 
     with stage(f"reading {merged.name}"):
         frames = frames_of_file(merged, by)
-    form = FORMATS[recognise(merged)] if format is None else target_format(f"frame.{format}")
+    kind = recognise(merged)
+    form = FORMATS["pcd" if kind in RECORDINGS else kind] if format is None else target_format(f"frame.{format}")
+    merged = named(merged).file
     own = merged.suffix if merged.suffix.lower() in form.suffixes else form.suffixes[0]
     suffix = own if format is None else f".{format}"
     places = [out / f"{merged.stem}_{frame.label:06d}{suffix}" for frame in frames]

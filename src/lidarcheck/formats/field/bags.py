@@ -111,13 +111,14 @@ def open_bag(path: Path, kind: str, topic: str = "") -> Recording:
         raise packets.no_cloud(path, bag.title, bag.topics.values(), bag.counts)
     own = choose_topic(bag, found, topic)
     places = bag.places.get(own.number, [])
-    times = np.array([place.time_ns for place in places], dtype=np.float64) * 1e-9
+    start_ns = places[0].time_ns
     opened = _Bag(
         path=path,
         title=bag.title,
         topic=own.name,
-        times_s=tuple((times - times[0]).tolist()),
+        times_s=tuple((place.time_ns - start_ns) * 1e-9 for place in places),
         topics=tuple((one.name, bag.counts[one.number]) for one in found),
+        start_ns=start_ns,
         bag=bag,
         of=own,
         places=places,

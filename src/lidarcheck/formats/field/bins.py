@@ -76,4 +76,3 @@ def _plausible(start: np.ndarray[tuple[int], np.dtype[np.uint8]], width: int) ->
     ring = rows[:, 4] if width == 5 else np.zeros(len(rows), dtype=np.float32)
     whole_ring = (ring == np.rint(ring)) & (ring >= -1) & (ring < 1024)
     return bool(near.all() and not tiny.any() and bright.all() and whole_ring.all())
-

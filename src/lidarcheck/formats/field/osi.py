@@ -135,7 +135,10 @@ def _opened(
     _lidar(first, sensor, path)
     span = _seconds(last) - _seconds(first)
     times = tuple(span * number / max(count - 1, 1) for number in range(count)) if span > 0 else None
-    return _Trace(path, title, topic, times, tuple(notes), count=count, sensor=sensor, message=message)
+    start_ns = first.timestamp.seconds * 10**9 + first.timestamp.nanos
+    return _Trace(
+        path, title, topic, times, tuple(notes), start_ns=start_ns, count=count, sensor=sensor, message=message
+    )
 
 
 def _places(path: Path) -> tuple[list[tuple[int, int]], str]:

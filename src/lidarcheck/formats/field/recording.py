@@ -20,7 +20,7 @@ __all__ = ["RECORDINGS", "RECORDING_SUFFIXES", "Recording", "open_recording"]
 class Recording:
     """The frames of one topic of a file. `times_s`: when each was measured, since the first, None where not known.
 
-    `notes`: what is to be said of it: what was cut off, what was transformed. `topics`: those that hold frames, with
+    `start_ns`: when the first one was, since 1970, 0 where not known. `notes`: what is to be said of it: what was cut off, what was transformed. `topics`: those that hold frames, with
     how many.
     """
 
@@ -30,6 +30,7 @@ class Recording:
     times_s: tuple[float, ...] | None = None
     notes: tuple[str, ...] = ()
     topics: tuple[tuple[str, int], ...] = ()
+    start_ns: int = 0
 
     def __len__(self) -> int:
         raise NotImplementedError
