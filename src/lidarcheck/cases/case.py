@@ -19,6 +19,7 @@ from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.config.schema import Config, LineIndex, PathText, validate
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import parse_toml
+from lidarcheck.formats.field.place import named
 from lidarcheck.formats.frames import SeveralFrames, one_frame
 from lidarcheck.formats.geometry import pooled, words
 from lidarcheck.formats.geometry.keys import PlacementKeys
@@ -192,9 +193,11 @@ def _hashes(directory: Path, table: _CaseTable, model: Model) -> dict[str, str]:
     for name in names:
         # What is no file, or cannot be read, is for the reader to say; a pipe would keep us waiting for ever.
         with contextlib.suppress(OSError, ValueError):
-            if (directory / name).is_file():
-                with (directory / name).open("rb") as stream:
-                    found[name] = hashlib.file_digest(stream, "sha256").hexdigest()
+            file = named(directory / name).file  # of a frame of a recording
+            own = name if file == directory / name else os.path.relpath(file, directory)
+            if own not in found and file.is_file():
+                with file.open("rb") as stream:
+                    found[own] = hashlib.file_digest(stream, "sha256").hexdigest()
     return found
 
 

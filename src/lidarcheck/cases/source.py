@@ -41,6 +41,7 @@ __all__ = [
     "ideal_of",
     "natural",
     "scan_of",
+    "without_masked",
 ]
 
 PathLike = str | os.PathLike[str]
@@ -132,9 +133,7 @@ def scan_of(frame: FrameFile | PathLike, placement: Placement = AS_IT_IS, sensor
 
     What a data set declares of the frame holds: its placement, the unit that measured, and its mask.
     """
-    scan = scan_from_table(_table(frame), *how_of(frame, placement, sensor))
-    declared = frame.declared if isinstance(frame, FrameFile) else None
-    return scan if declared is None else declared.scan(scan)
+    return without_masked(frame, scan_from_table(_table(frame), *how_of(frame, placement, sensor)))
 
 
 def how_of(
@@ -143,6 +142,12 @@ def how_of(
     """How a frame lies and what measured it: as given, or as a data set declares it."""
     declared = frame.declared if isinstance(frame, FrameFile) else None
     return (placement, sensor) if declared is None else (declared.placed(placement), declared.sensor(sensor))
+
+
+def without_masked(frame: FrameFile | PathLike, scan: Scan) -> Scan:
+    """Another scan, as a simulated one, without the beams that a data set masks in a measured frame."""
+    declared = frame.declared if isinstance(frame, FrameFile) else None
+    return scan if declared is None else declared.scan(scan)
 
 
 def ideal_of(frame: FrameFile | PathLike, sensor: Sensor | None = None) -> IdealScan:

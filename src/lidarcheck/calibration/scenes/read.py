@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lidarcheck.calibration.scenes.checks import check_scene
 from lidarcheck.calibration.scenes.frame import SceneFrame, simulated_frame
 from lidarcheck.cases.same_scene import check_scene_of
-from lidarcheck.cases.source import Named, ideal_of, scan_of
+from lidarcheck.cases.source import Named, ideal_of, scan_of, without_masked
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
 from lidarcheck.model import Model
@@ -52,7 +52,7 @@ def read_frame(
         return simulated_frame(scan, meets, model, seed=seed, number=number, scene=scene, **files)
     if simulated is None:
         raise ValueError("neither a model nor a simulated frame")
-    shown = scan_of(simulated, sensor=known)
+    shown = without_masked(measured, scan_of(simulated, sensor=known))
     check_variants(scan, shown, str(measured))
     return SceneFrame(scan, meets, shown, None, str(measured), str(ideal), str(simulated))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lidarcheck.calibration.vehicles.compare import Pair
 from lidarcheck.calibration.vehicles.cut import CutBox, CutSource
-from lidarcheck.cases.source import Named, ideal_of, scan_of
+from lidarcheck.cases.source import Named, ideal_of, scan_of, without_masked
 from lidarcheck.errors import UsageError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.kpi.variant import check_variant, check_variants
@@ -51,7 +51,7 @@ def read_pair(
     meets = ideal_of(ideal, own) if ideal is not None else None
     other = str(simulated) if simulated is not None else str(model.file if model is not None else "")
     if simulated is not None:
-        shown = scan_of(simulated, sensor=own)
+        shown = without_masked(real, scan_of(simulated, sensor=own))
     elif model is not None and meets is not None:
         if model.external is None:
             check_variant(scan, model.sensor, str(real))

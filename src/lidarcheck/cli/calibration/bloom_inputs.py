@@ -51,7 +51,7 @@ def measured_of(
     measured = [(frame, distance_m) for group, (_, distance_m) in zip(groups, named, strict=True) for frame in group]
     others: Sequence[FrameFile | None] = [None] * len(measured)
     if ideals:
-        found = beside(groups, each_frame(ideals), "ideal")
+        found = beside(groups, each_frame(ideals, "ideal"), "ideal")
         others = found * len(measured) if len(found) == 1 else found
         if len(others) != len(measured):
             what = f"{len(measured)} scans and {len(others)} ideal scans"

@@ -159,7 +159,7 @@ def _frames(
         raise UsageError("no scan was given", fix="name one scan or more, before the options")
     groups = each_frame(scans)
     frames = [frame for group in groups for frame in group]
-    ideals = beside(groups, each_frame(ideal), "ideal") if ideal else []
+    ideals = beside(groups, each_frame(ideal, "ideal"), "ideal") if ideal else []
     shown = beside(groups, each_frame(simulated), "simulated") if simulated else []
     for option, found in (("ideal", ideals), ("simulated", shown)):
         if found and len(found) != len(frames):

@@ -114,7 +114,7 @@ def panels(
 
     groups = each_frame(measured)
     real = [frame for group in groups for frame in group]
-    ideals = list(dict.fromkeys(beside(groups, each_frame(ideal), "ideal"))) if ideal else []
+    ideals = list(dict.fromkeys(beside(groups, each_frame(ideal, "ideal"), "ideal"))) if ideal else []
     frames = [frame for group in each_frame(simulated or ()) for frame in group]
     _check_arguments(real, ideals, frames, model)
     from lidarcheck.calibration.panels.files import arrangements_of, provenance

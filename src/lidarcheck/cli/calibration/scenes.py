@@ -163,7 +163,7 @@ def _sides(
 
     groups = each_frame(measured)
     real = [frame for group in groups for frame in group]
-    ideals = beside(groups, each_frame(ideal), "ideal")
+    ideals = beside(groups, each_frame(ideal, "ideal"), "ideal")
     shown = beside(groups, each_frame(simulated), "simulated") if simulated else []
     if len(ideals) != len(real):
         raise UsageError(f"{len(real)} measured frames and {len(ideals)} ideal scans", fix="give an ideal scan each")

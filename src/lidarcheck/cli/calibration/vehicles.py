@@ -122,7 +122,7 @@ def _frames(
     groups, shown = ([[frame for frame, _ in group] for group in side] for side in sides)
     named_of = {frame: own for side in sides for group in side for frame, own in group}
     made = [named_of[frame] for frame in beside(groups, shown, "simulated")] if simulated else []
-    ideals = beside(groups, each_frame(ideal), "ideal") if ideal else []
+    ideals = beside(groups, each_frame(ideal, "ideal"), "ideal") if ideal else []
     return [named_of[frame] for group in groups for frame in group], made, ideals
 
 

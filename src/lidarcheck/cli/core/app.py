@@ -114,8 +114,27 @@ COMMANDS = (
         "scans.convert",
         "A B [OPTIONS]",
         "Convert a scan or an ideal scan to another format.",
-        "The input is recognised by its content, the output's format follows its suffix. Unknown columns are kept.",
-        ("lidarcheck convert scan.txt scan.laz",),
+        "The input is recognised by its content, the output's format follows its suffix. Unknown columns are kept. "
+        "Frames of a bag (FILE#TOPIC), a trace, a folder or a data set are read one by one and written to .mcap or "
+        ".bag (PointCloud2), .osi, .csv or .txt; FILE#TOPIC@NUMBER is one of them.",
+        (
+            "lidarcheck convert scan.txt scan.laz",
+            "lidarcheck convert drive.mcap#/points drive.csv",
+            "lidarcheck convert frames drive.mcap",
+        ),
+    ),
+    Command(
+        "dataset scan",
+        "dataset.scan",
+        "DIR [OPTIONS]",
+        "Write a data set's file from the names in a folder.",
+        "Distances, classes and repeats are told from names such as sign_25m_r2.pcd, ideal scans by `ideal` or "
+        "`postpro` in theirs; each frame of a bag is a frame of its own. Correct dataset.toml by hand: every command "
+        "that takes a scan takes it, with the pose, unit and calibration that it declares of each frame.",
+        (
+            "lidarcheck dataset scan measured --sensor HDL-32E",
+            "lidarcheck compare measured/dataset.toml simulated --ideal measured/dataset.toml",
+        ),
     ),
     Command(
         "split",
@@ -136,8 +155,9 @@ COMMANDS = (
         "scans.info",
         "FILE [OPTIONS]",
         "Say what a file is and what is in it.",
-        "Format, rows, columns with their ranges, and what was defaulted.",
-        ("lidarcheck info scan.pcd",),
+        "Format, rows, columns with their ranges, and what was defaulted; of bags, folders and data sets over all "
+        "frames, which are read one by one.",
+        ("lidarcheck info scan.pcd", "lidarcheck info drive.mcap#/points"),
     ),
     Command(
         "effects",

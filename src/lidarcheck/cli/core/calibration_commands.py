@@ -13,6 +13,7 @@ GROUPS: dict[str, str] = {
     "bloom": "Blooming: profiles real over simulated, and the fit of its tables.",
     "lut": "Blooming tables: show and edit them.",
     "sensor": "Sensor files: any lidar as data.",
+    "dataset": "Data sets: what was measured, at what, in one file.",
 }
 """What each group of commands is for, as `lidarcheck --help` shows it."""
 

@@ -69,7 +69,8 @@ def compare(
     limit_rows(max_rows)
     conditions, placement = conditions_of(fail_on or ()), placement_of(placed)
     check_places(out, json, files_given(measured, simulated, ideal, model, sensor_file(sensor)))
-    from lidarcheck.cases.source import frames_in, ideal_of, scan_of
+    from lidarcheck.cases.dataset import dataset_file
+    from lidarcheck.cases.source import frames_in, how_of, ideal_of, scan_of
     from lidarcheck.kpi.chance.verdict import ChanceTest
     from lidarcheck.kpi.compare import compare as run
     from lidarcheck.kpi.variant import OneVariant
@@ -79,7 +80,8 @@ def compare(
     seen_by = sensor_named(sensor, sensor_model)
     with stage("reading"):
         sides = frames_in(measured), frames_in(simulated)
-    if measured.is_dir() or max(map(len, sides)) > 1:
+    seen_by = how_of(sides[0][0], sensor=seen_by)[1]
+    if measured.is_dir() or dataset_file(measured) or max(map(len, sides)) > 1:
         return compare_frames(*sides, ideal, sensor_model, seen_by, placement, conditions, out, json)
     with stage("reading"):
         scene = None if ideal is None else ideal_of(ideal, seen_by)

@@ -43,7 +43,7 @@ def compare_frames(
     The exit code: 1 where a condition is met. What chance gives is over all frames' rows together.
     """
     from lidarcheck.cases.partners import paired
-    from lidarcheck.cases.source import frames_in, ideal_of, scan_of
+    from lidarcheck.cases.source import frames_in, ideal_of, scan_of, without_masked
     from lidarcheck.kpi.chance.verdict import ChanceTest
     from lidarcheck.kpi.compare import compare
     from lidarcheck.kpi.over_frames import OverFrames
@@ -51,7 +51,7 @@ def compare_frames(
     from lidarcheck.kpi.variant import OneVariant
 
     pairs = list(zip(measured, paired(measured, simulated), strict=True))
-    ideals = [] if ideal is None else frames_in(ideal)
+    ideals = [] if ideal is None else frames_in(ideal, "ideal")
     scenes = paired(measured, ideals) if len(ideals) > 1 else []
     common = ideal_of(ideals[0], sensor) if len(ideals) == 1 else None
     together, each, test, variant = OverFrames(), [], ChanceTest(), OneVariant(model, sensor if model is None else None)
@@ -63,7 +63,7 @@ def compare_frames(
             first = scene if first is None else first
             others += scene is not None and first is not None and not same_scene(first, scene)
             files = {"measured": str(one), "simulated": str(other)}
-            scans = scan_of(one, placement, sensor), scan_of(other, sensor=sensor)
+            scans = scan_of(one, placement, sensor), without_masked(one, scan_of(other, sensor=sensor))
             for scan, file in zip(scans, files.values(), strict=True):
                 variant.check(scan, file)
             said = geometry_notes(*scans, scene, Path(str(one)), Path(str(other)))

@@ -19,11 +19,15 @@ if TYPE_CHECKING:
 
 __all__ = ["guess"]
 
+_MOST_FRAMES = 20
+"""Of a long recording so many frames are looked at, evenly taken: they show all that more would."""
 _COLUMNS = ("ring", "rows", "elevation deg", "spread deg", "azimuth deg", "off deg", "fires us")
 
 
 def guess(
-    scans: Annotated[list[Path], Parameter(negative=(), help="Scans of one sensor, a frame each.")],
+    scans: Annotated[
+        list[Path], Parameter(negative=(), help="Scans of one sensor, a frame each, or a bag (FILE#TOPIC).")
+    ],
     /,
     *,
     ring: Annotated[
@@ -38,16 +42,18 @@ def guess(
 ) -> int:
     """Guess the beams of a sensor from its scans."""
     hush(quiet)
+    from lidarcheck.cases.source import each_frame
     from lidarcheck.formats.guess import HEAD, clouds_of, document_of, guess_beams
-    from lidarcheck.formats.recognise import read_table
     from lidarcheck.formats.sensors import document_text, sensor_of_import
 
     files = files_given(*scans)
-    check_twice(files)
+    check_twice(Path(scan) for scan in scans)
     if out is not None:
         check_out(out, files)
     with stage(f"reading {len(files)} scans"):
-        clouds = [cloud for file in files for cloud in clouds_of(read_table(file), ring=ring)]
+        frames = [frame for group in each_frame(scans) for frame in group]
+        some = frames[:: -(-len(frames) // _MOST_FRAMES)]
+        clouds = [cloud for frame in some for cloud in clouds_of(frame.read(), ring=ring)]
     try:
         found = guess_beams(clouds)
     except UsageError as error:

@@ -91,7 +91,7 @@ def _ideals(given: Sequence[Path], out: Path) -> list[FrameFile]:
     """The ideal scans; refused where one file is to hold the echoes of several that one name stands for."""
     from lidarcheck.cases.source import SUFFIXES, each_frame
 
-    groups = each_frame(given)
+    groups = each_frame(given, "ideal")
     several = next((file for file, group in zip(given, groups, strict=True) if len(group) > 1), None)
     if several is not None and out.suffix.lower() in SUFFIXES and not out.is_dir():
         what = f"{several} holds several frames, and --out {out} is one file"

@@ -18,10 +18,11 @@ __all__ = ["RECORDINGS", "RECORDING_SUFFIXES", "Recording", "open_recording"]
 
 @dataclass
 class Recording:
-    """The frames of one topic of a file. `times_s`: when each was measured, since the first, None where not known.
+    """The frames of one topic of a file.
 
-    `start_ns`: when the first one was, since 1970, 0 where not known. `notes`: what is to be said of it: what was cut off, what was transformed. `topics`: those that hold frames, with
-    how many.
+    `times_s`: when each was measured, since the first, None where not known; `start_ns`: when that was, since 1970, 0
+    where not known. `notes`: what is to be said of it: what was cut off, what was transformed. `topics`: those that
+    hold frames, with how many.
     """
 
     path: Path

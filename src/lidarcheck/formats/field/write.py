@@ -180,7 +180,8 @@ class _Osi:
         lidar.header.measurement_time.CopyFrom(data.timestamp)
         empty = no_returns(table)
         none = np.zeros(len(table), dtype=np.bool_) if empty is None else empty
-        x, y, z = (np.where(none, 0.0, table.get(name)).astype(np.float64) for name in "XYZ")
+        axes = [np.asarray(table.get(name), dtype=np.float64) for name in "XYZ"]
+        x, y, z = (np.where(none, 0.0, axis) for axis in axes)
         flat = np.hypot(x, y)
         columns = [np.hypot(flat, z), np.arctan2(y, x), np.arctan2(z, flat), none, *self._others(table, frame)]
         for distance, azimuth, elevation, lost, strength, beam in zip(*(c.tolist() for c in columns), strict=True):
