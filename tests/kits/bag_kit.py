@@ -141,7 +141,9 @@ def write_ros2(path: Path, messages: Iterable[Message], *, storage: str = "mcap"
         known: dict[str, Any] = {}
         for one in messages:
             if one.topic not in known:
-                told = {"typestore": store} if one.kind in store.fielddefs else {"msgdef": "uint8 x", "rihs01": "RIHS01_0"}
+                told = (
+                    {"typestore": store} if one.kind in store.fielddefs else {"msgdef": "uint8 x", "rihs01": "RIHS01_0"}
+                )
                 known[one.topic] = writer.add_connection(one.topic, one.kind, **told)
             writer.write(known[one.topic], one.time_ns, one.content)
     return next(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
@@ -160,7 +162,9 @@ def write_ros1(path: Path, messages: Iterable[Message], *, compression: str = ""
         known: dict[str, Any] = {}
         for one in messages:
             if one.topic not in known:
-                told = {"typestore": store} if one.kind in store.fielddefs else {"msgdef": "uint8 x", "md5sum": "0" * 32}
+                told = (
+                    {"typestore": store} if one.kind in store.fielddefs else {"msgdef": "uint8 x", "md5sum": "0" * 32}
+                )
                 known[one.topic] = writer.add_connection(one.topic, one.kind, **told)
             writer.write(known[one.topic], one.time_ns, one.content)
     return path

@@ -30,6 +30,7 @@ from lidarcheck.formats.sensor_columns import (
     histogram_feature,
     histogram_names,
     histograms_of,
+    numbered_beams,
     right_handed,
     spellings,
 )
@@ -109,7 +110,10 @@ def read_scan(
     where None.
     """
     _check_position(table)
-    table, own = right_handed(table, sensor), reference_beams() if sensor is None else sensor.beams
+    table, own = (
+        numbered_beams(right_handed(table, sensor), sensor),
+        reference_beams() if sensor is None else sensor.beams,
+    )
     empty = no_returns(table)
     as_read = table if empty is None else table.take(np.flatnonzero(~empty))
     echoes = placement.applied(as_read)
@@ -194,10 +198,6 @@ def positions_of(
 def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column, own: SensorBeams, sensor: Sensor | None) -> Beams:
     """Layer and Point, the missing ones from rings, times and directions, or from the positions alone."""
     given = [name for name in ("Layer", "Point") if table.spelling(name)]
-    number = None if given or sensor is None else _beam_numbers(table, own)
-    if number is not None:
-        layer, point = np.divmod(number, own.points)
-        return Beams(layer, point, frame_of(table.columns), told=True)
     if sensor is not None and len(given) < 2 and len(table) and frame_of(table.columns) is None:
         return _assigned(table, np.stack([x_m, y_m, z_m], axis=-1), sensor)
     columns = {name: whole_column(table, name, 0, INT32_MAX) for name in given}
@@ -205,13 +205,6 @@ def _beams(table: Table, x_m: Column, y_m: Column, z_m: Column, own: SensorBeams
         layer, point = beams_of(x_m, y_m, z_m, own)
         columns = {"Layer": layer, "Point": point, **columns}
     return Beams(columns["Layer"], columns["Point"], frame_of(table.columns), told=len(given) == 2)
-
-
-def _beam_numbers(table: Table, own: SensorBeams) -> Column | None:
-    """OSI's `beam_id`: a row of the sensor's table of beams, layer by layer; None where there is none."""
-    if table.spelling("beam_id") is None or not own.layers * own.points:
-        return None
-    return whole_column(table, "beam_id", 0, own.layers * own.points - 1)
 
 
 def _assigned(table: Table, xyz: FloatArray, sensor: Sensor) -> Beams:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.beams import BeamHistograms
-from lidarcheck.formats.columns import real_column
+from lidarcheck.formats.columns import missing, real_column, whole_column
 from lidarcheck.formats.table import Column, Table
 from lidarcheck.scan import COUNTED
 from lidarcheck.sensor import Feature, Sensor
@@ -19,6 +19,7 @@ __all__ = [
     "histogram_feature",
     "histogram_names",
     "histograms_of",
+    "numbered_beams",
     "right_handed",
     "spellings",
 ]
@@ -32,6 +33,15 @@ def right_handed(table: Table, sensor: Sensor | None) -> Table:
     if sensor is None or sensor.handedness == "right" or y is None:
         return table
     return table.with_column(table.spelling("Y") or "Y", -y)
+
+
+def numbered_beams(table: Table, sensor: Sensor | None) -> Table:
+    """The table with Layer and Point out of OSI's `beam_id`, a row of the sensor's table of beams, layer by layer."""
+    if sensor is None or table.spelling("beam_id") is None or len(missing(table, ("Layer", "Point"))) < 2:
+        return table
+    beams = sensor.beams
+    layer, point = np.divmod(whole_column(table, "beam_id", 0, beams.layers * beams.points - 1), beams.points)
+    return table.with_column("Layer", layer).with_column("Point", point)
 
 
 def spellings(table: Table, sensor: Sensor | None) -> dict[str, str]:

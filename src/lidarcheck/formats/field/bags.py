@@ -159,7 +159,7 @@ def _look_into(opened: _Bag) -> None:
     _, said = known_fields(first.columns)
     notes += [f"read {words}" for words in said]
     tree = transforms.Tree()
-    for topic in bag.of_kind(TRANSFORMS):
+    for topic in bag.of_kind(*TRANSFORMS):
         if topic.name.rstrip("/").endswith("tf_static"):
             for place in bag.places.get(topic.number, []):
                 transforms.read_transforms(tree, bag.message(place), topic.encoding, bag.path)

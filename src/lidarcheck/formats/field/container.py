@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,9 +14,9 @@ __all__ = ["CLOUD", "CUSTOM", "KEPT", "SENSOR_DATA", "TRANSFORMS", "Container", 
 CLOUD = "sensor_msgs/PointCloud2"
 CUSTOM = "CustomMsg"
 """Of a Livox driver, whatever its package is called."""
-TRANSFORMS = "tf2_msgs/TFMessage"
+TRANSFORMS = ("tf2_msgs/TFMessage", "tf/tfMessage")
 SENSOR_DATA = "osi3.SensorData"
-KEPT = (CLOUD, TRANSFORMS, SENSOR_DATA)
+KEPT = (CLOUD, *TRANSFORMS, SENSOR_DATA)
 """Messages whose places are kept; of all others only the number."""
 
 
@@ -108,8 +107,3 @@ def cut_words(size: int, whole: int, messages: Iterable[int]) -> str:
     """How much of a file that was cut short is whole."""
     lost = size - whole
     return f"cut short: its last {lost} bytes are no whole record, {sum(messages)} messages before them are used"
-
-
-def same_path(one: Path, other: Path) -> bool:
-    """Whether both name one file."""
-    return os.path.realpath(one) == os.path.realpath(other)

@@ -54,8 +54,8 @@ def read_db3(path: Path) -> Container:
                 raise bag.damaged("a topic without a name")
             bag.topics[number] = Topic(number, name, plain_kind(kind), encoding)
         _note_messages(bag, database)
-    for places in bag.places.values():
-        places.sort()
+    if bag.lost:
+        _drop_torn(bag)
     left = path.with_name(path.name + "-wal")
     if not bag.lost and left.is_file() and left.stat().st_size:
         bag.lost = f"the recorder did not close it: messages in {left.name} are not read"
@@ -71,7 +71,19 @@ def _note_messages(bag: _Database, database: sqlite3.Connection) -> None:
     except sqlite3.DatabaseError as error:
         if not sum(bag.counts.values()):
             raise
-        bag.lost = f"cut short ({error}): the {sum(bag.counts.values())} messages before that are used"
+        bag.lost = f"cut short ({error}): only the messages before that are used"
+
+
+def _drop_torn(bag: _Database) -> None:
+    """Take out the last messages, whose rows are there and whose content is not."""
+    for topic, places in bag.places.items():
+        while places:
+            try:
+                bag.message(places[-1])
+                break
+            except InputError:
+                places.pop()
+        bag.counts[topic] = len(places)
 
 
 @contextlib.contextmanager
@@ -93,6 +105,8 @@ def _opened(bag: _Database) -> Iterator[sqlite3.Connection]:
         database.text_factory = lambda content: content.decode("utf-8", "replace")
         database.set_progress_handler(stop, 1_000_000)
         database.execute("PRAGMA trusted_schema = OFF")
+        # Else nothing is read of a file that has fewer pages than it says. It is open for reading alone.
+        database.execute("PRAGMA writable_schema = ON")
         yield database
     except (sqlite3.Error, OverflowError) as error:
         raise bag.damaged(str(error)) from None

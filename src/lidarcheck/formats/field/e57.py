@@ -116,11 +116,21 @@ def _count(file: Any, scan: int, path: Path) -> int:
 def _opened(path: Path) -> Iterator[Any]:
     """The file; what its library raises as a user is told."""
     pye57 = needed("pye57", "e57", "an E57 file", path)
+    own = (
+        pye57.libe57.E57Exception,
+        RuntimeError,
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        AttributeError,
+        OSError,
+    )
     try:
         with pye57.E57(str(path)) as file:
             yield file
     except InputError:
         raise
-    except (RuntimeError, ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as error:
-        said = " ".join(str(error).split())[:200]
+    except own as error:
+        said = str(error).strip().partition("\n")[0][:200]
         raise InputError(f"the E57 file is damaged: {said}", file=path, fix=_DAMAGED) from None
