@@ -12,6 +12,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 import sensor_import_kit as calibrations
+from field_seeds import field_seeds
 from lidarcheck.calibration.blooming.csv import read_profile
 from lidarcheck.cases.case import load_case
 from lidarcheck.formats import load_ideal, load_scan
@@ -65,7 +66,8 @@ def seeds(directory: Path) -> list[Seed]:
         _made("binary.ply", lambda path: write_ply(scan, path), read_scan, directory),
         _made("semantic.ply", lambda path: write_ply(_semantic(), path), read_ideal, directory),
     ]
-    return [*made, *_settings(directory), *_meshes(directory), *_calibrations(directory)]
+    field = [Seed(*one) for one in field_seeds(directory)]
+    return [*made, *_settings(directory), *_meshes(directory), *_calibrations(directory), *field]
 
 
 def read_scan(path: Path) -> None:
