@@ -32,12 +32,13 @@ class Fired(NamedTuple):
     rays: Rays
 
 
-def fired_beams(sensor: Sensor, layers: Span, points: Span, frame: int) -> tuple[Beams, IntArray, IntArray]:
+def fired_beams(sensor: Sensor, layers: Span, points: Span, frame: int | None) -> tuple[Beams, IntArray, IntArray]:
     """The sensor's beams as that frame fires them, and layer and point of those asked for, layer by layer.
 
+    `frame`: None: the beams are those of a frame already, as a scan brings them.
     `UsageError` for layers or points that the sensor does not have, and for a sensor without beams of its own.
     """
-    beams, columns = sensor.beams.of_frame(frame)
+    beams, columns = (sensor.beams, sensor.beams.points) if frame is None else sensor.beams.of_frame(frame)
     layer, point = beams.every()
     if not len(layer):
         fix = "cast along the rays of a scan: lidarcheck scene --rays SCAN"
@@ -54,7 +55,12 @@ def fired_beams(sensor: Sensor, layers: Span, points: Span, frame: int) -> tuple
 
 
 def fired(
-    sensor: Sensor, layers: Span, points: Span, sub_beams: int | None, motion: tuple[Velocity, float] | None, frame: int
+    sensor: Sensor,
+    layers: Span,
+    points: Span,
+    sub_beams: int | None,
+    motion: tuple[Velocity, float] | None,
+    frame: int | None,
 ) -> Fired:
     """The rays of those beams; `motion`: the sensor's own velocity and yaw rate [deg/s], None for a sensor at rest."""
     beams, layer, point = fired_beams(sensor, layers, points, frame)

@@ -46,7 +46,7 @@ class Sampling:
 
     None: all layers or points, as many rays a beam as the sensor's footprint needs, as far as the sensor reaches.
     `motion` is the sensor's own velocity and yaw rate [deg/s], None for no sweep. `frame`: where columns do not repeat,
-    which frame of a run, from 0: each begins elsewhere.
+    which frame of a run, from 0: each begins elsewhere; None: the beams are those of a frame already.
     """
 
     sensor: Sensor
@@ -56,7 +56,7 @@ class Sampling:
     second_hits: bool = True
     motion: tuple[Velocity, float] | None = None
     max_range_m: float | None = None
-    frame: int = 0
+    frame: int | None = 0
 
     def __post_init__(self) -> None:
         if self.sub_beams is not None and not 1 <= self.sub_beams <= MAX_SUB_BEAMS:
@@ -66,7 +66,7 @@ class Sampling:
             raise UsageError(f"max_range_m = {self.max_range_m} is out of range", fix="use a number above 0 to 1000 m")
         if self.motion is not None and not np.all(np.isfinite([*self.motion[0], self.motion[1]])):
             raise UsageError("the sensor's velocity or yaw rate is not finite", fix="use finite numbers")
-        if self.frame < 0:
+        if self.frame is not None and self.frame < 0:
             raise UsageError(f"frame = {self.frame} is below 0", fix="count frames from 0")
 
     @property

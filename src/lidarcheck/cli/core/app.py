@@ -10,6 +10,7 @@ from cyclopts import App
 from lidarcheck import __version__
 from lidarcheck.cli.core.calibration_commands import CALIBRATION_COMMANDS, GROUPS
 from lidarcheck.cli.core.command import Command
+from lidarcheck.cli.core.recording_commands import RECORDING_COMMANDS
 from lidarcheck.cli.core.sensor_commands import SENSOR_COMMANDS
 from lidarcheck.formats.field.choice import Choice, choose
 from lidarcheck.permissions import grant
@@ -96,6 +97,7 @@ COMMANDS = (
     ),
     *CALIBRATION_COMMANDS,
     *SENSOR_COMMANDS,
+    *RECORDING_COMMANDS,
     Command(
         "report",
         "harness.report",

@@ -14,6 +14,7 @@ GROUPS: dict[str, str] = {
     "lut": "Blooming tables: show and edit them.",
     "sensor": "Sensor files: any lidar as data.",
     "dataset": "Data sets: what was measured, at what, in one file.",
+    "ideal": "Ideal scans from measurements.",
 }
 """What each group of commands is for, as `lidarcheck --help` shows it."""
 

@@ -37,6 +37,7 @@ class Command(NamedTuple):
 
     @property
     def code(self) -> str:
-        """Where its function is: `lidarcheck.cli.scans.info:info`, `lidarcheck.cli.sensor.from_:from_`."""
-        name = f"{self.verb}_" if iskeyword(self.verb) else self.verb
+        """Where its function is: `lidarcheck.cli.scans.info:info`, `lidarcheck.cli.sensor.from_:from_`; of a verb with
+        hyphens with underscores."""
+        name = f"{self.verb}_" if iskeyword(self.verb) else self.verb.replace("-", "_")
         return f"lidarcheck.cli.{self.module}:{name}"

@@ -1,0 +1,1 @@
+"""The commands that make ideal scans from measurements, a file each."""
