@@ -14,10 +14,10 @@ RECORDING_COMMANDS: tuple[Command, ...] = (
         "Make an ideal scan of a target cut out of scans.",
         "The target is a plane, a cylinder or a mesh. Its pose is given, or a robust fit finds it in the echoes of "
         "the region and leaves out what does not lie on it. Then the sensor's beams are cast: those that meet the "
-        "target have distance, incidence and material, those beside its edge are marked, and nothing is known of others.",
+        "target have distance, incidence and material, beams beside its edge are marked, of others nothing is known.",
         (
-            "lidarcheck ideal from-snippet panel_*.pcd --region 9,11,-1,1,-0.5,1 --sensor XT32 --out ideal.parquet",
-            "lidarcheck ideal from-snippet hall.pcd --beams 20,60,300,420 --form cylinder --model m.toml --out i.txt",
+            "lidarcheck ideal from-snippet a.pcd --beams 2,6,30,42 --sensor S --out i.pcd",
+            "lidarcheck ideal from-snippet a.pcd --region 4,5,0,1,0,2 --sensor S --out i.pcd",
         ),
     ),
     Command(
@@ -29,8 +29,8 @@ RECORDING_COMMANDS: tuple[Command, ...] = (
         "taken as it is, and what it does not show is empty; a cloud becomes flat pieces, each with its error, and "
         "between them nothing is known. DIR gets a file a pose, of the pose's name.",
         (
-            "lidarcheck ideal from-map hall.ply --poses poses.csv --sensor XT32 --out ideals",
-            "lidarcheck ideal from-map street.laz --poses drive.txt --swept --model model.toml --out ideals",
+            "lidarcheck ideal from-map hall.ply --poses p.csv --sensor XT32 --out ideals",
+            "lidarcheck ideal from-map a.laz --poses p.txt --swept --model m.toml --out out",
         ),
     ),
 )
