@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -22,7 +23,7 @@ from lidarcheck.sensor.overrides import overridden, whole_tables
 from lidarcheck.sensor.sensor import RANGE_KEYS, Sensor
 from lidarcheck.sensor.sweep import Sweep
 
-__all__ = ["own", "sensor_of", "shipped", "shipped_names"]
+__all__ = ["own", "sensor_of", "shipped", "shipped_names", "stated_numbers"]
 
 _DEFAULTS = {"min_range_m": 0.0, "max_range_m": 300.0, "range_resolution_m": 0.01, "range_offset_m": 0.0}
 _RATE_HZ = 10.0
@@ -75,6 +76,15 @@ def own(sensor: Sensor) -> Sensor:
     return sensor.plain if sensor.plain is not None else _plain(sensor.variant)
 
 
+def stated_numbers(sensor: Sensor) -> frozenset[str]:
+    """The detector's numbers and words that the sensor's file says; all others are defaults, or missing."""
+    if sensor.file:
+        document: Mapping[str, Any] = tomllib.loads(Path(sensor.file).read_text(encoding="utf-8-sig"))
+    else:
+        document = _shipped_document(sensor.variant)
+    return frozenset(document.get(sensor.detector) or {})
+
+
 def sensor_of(
     document: Mapping[str, Any],
     variant: str = "",
@@ -122,8 +132,6 @@ def sensor_of(
 
 
 def _validated(document: Mapping[str, Any]) -> Any:
-    from pathlib import Path
-
     from lidarcheck.config.schema import LineIndex, validate
     from lidarcheck.errors import ConfigError
     from lidarcheck.sensor.schema import SensorTable

@@ -8,6 +8,20 @@ __all__ = ["RECORDING_COMMANDS"]
 
 RECORDING_COMMANDS: tuple[Command, ...] = (
     Command(
+        "ideal from-repeats",
+        "ideals.from_repeats",
+        "FRAMES ... (--sensor S | --model M) --out DIR|IDEAL [OPTIONS]",
+        "Make ideal scans from repeats of a scene at rest.",
+        "Each ray's surface is a range that comes again in more than half of the repeats; its distance is the median, "
+        "its reflectance what makes the amplitudes and the losses likeliest. Each frame's ideal scan is made of the "
+        "others, so that none judges itself. What the sensor's file leaves open (scatter of ranges and amplitudes, "
+        "threshold) is fitted and written to model.toml. Two frames give these laws alone.",
+        (
+            "lidarcheck ideal from-repeats rest_*.pcd --sensor OS1-128 --out repeats",
+            "lidarcheck ideal from-repeats rest --sensor mine.toml --out ideal.parquet",
+        ),
+    ),
+    Command(
         "ideal from-snippet",
         "ideals.from_snippet",
         "SCAN ... (--region BOX | --beams SPAN) (--sensor S | --model M) --out IDEAL [OPTIONS]",
