@@ -103,6 +103,9 @@ def from_repeats(
     if json != "-":
         emit(_text(facts))
     _tell(found, out, single)
+    if own is not None and own.effects:
+        named = ", ".join(effect.name for effect in own.effects)
+        note(f"{model}: {named}: not taken out of the ideal scans; what is constant in time would count twice")
     return 0
 
 
@@ -232,7 +235,8 @@ def _tell(found: Repeats, out: Path, single: bool) -> None:
         return
     if not found.ideals:
         note(
-            f"{out}: {len(found.parts.names)} frames give laws (range, noise, loss), not a verdict: record three or more"
+            f"{out}: {len(found.parts.names)} frames give laws (range, noise, loss), not a verdict: "
+            "record three or more"
         )
         return
     counts = [str(found.parts.names.count(part)) for part in ("fit", "select", "verify")]

@@ -12,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray
+from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Feature, Linear, Sensor
+from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Feature, Linear, PhotonHistogram, Sensor
 
-__all__ = ["Amplitudes", "amplitude_feature", "amplitudes_of"]
+__all__ = ["Amplitudes", "amplitude_feature", "amplitudes_of", "values_of"]
 
 _PREFERRED = (
-    "photons", "affine", "range_corrected", "area_counts", "log", "table", "calibrated_reflectivity", "peak_counts",
-    "width_above_threshold", "confidence",
+    "photons", "affine", "range_corrected", "area_counts", "histogram", "log", "table", "calibrated_reflectivity",
+    "peak_counts", "width_above_threshold", "confidence",
 )  # fmt: skip
 """Laws from which an amplitude follows, the one that says most of it first."""
 _FAINTEST = 1e-300
@@ -41,8 +42,28 @@ class Amplitudes:
 def amplitude_feature(sensor: Sensor, scans: Sequence[Scan]) -> Feature | None:
     """The feature that tells amplitudes best among those that all scans have; None where none does."""
     there = set.intersection(*(set(scan.feature_names) for scan in scans))
+    if all(scan.histograms is not None for scan in scans):
+        there |= {feature.name for feature in sensor.features if feature.law == "histogram"}
     found = [feature for feature in sensor.features if feature.law in _PREFERRED and feature.name in there]
     return min(found, key=lambda feature: _PREFERRED.index(feature.law), default=None)
+
+
+def values_of(feature: Feature, scan: Scan, sensor: Sensor) -> FloatArray:
+    """The feature's value of each echo, shape (n,); of a histogram its counts under the echo."""
+    if feature.law != "histogram":
+        return np.asarray(scan.feature(feature.name), dtype=np.float64)
+    assert scan.histograms is not None
+    assert isinstance(sensor, PhotonHistogram)
+    held = scan.histograms
+    keys, asked = (beam_keys(one.layer, one.point) for one in (held, scan))
+    order = np.argsort(keys, kind="stable")
+    row = order[np.minimum(np.searchsorted(keys[order], asked), len(order) - 1)]
+    counts = held.counts[row]
+    late = counts[:, 3 * counts.shape[1] // 4 :]
+    time_ns = 2.0 * scan.range_m / LIGHT_SPEED_M_PER_NS
+    centre_ns = sensor.first_bin_ns + (np.arange(counts.shape[1]) + 0.5) * sensor.bin_ns
+    under = np.abs(centre_ns - time_ns[:, None]) <= sensor.pulse_fwhm_ns
+    return np.asarray(((counts - np.median(late, axis=1)[:, None]) * under).sum(axis=1))
 
 
 def amplitudes_of(feature: Feature, values: FloatArray, path_m: FloatArray, sensor: Sensor) -> Amplitudes:
@@ -119,6 +140,7 @@ _INVERSE: Mapping[str, Callable[[Feature, FloatArray, FloatArray, Sensor], Float
     "affine": _affine,
     "range_corrected": _range_corrected,
     "area_counts": _same,
+    "histogram": _same,
     "peak_counts": _same,
     "log": _log,
     "table": _table,

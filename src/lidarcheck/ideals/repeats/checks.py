@@ -53,12 +53,14 @@ def check_at_rest(names: Sequence[str], seen: Observations, groups: Groups, gaps
         first, second = (", ".join(names[k] for k in rows) for rows in groups_of)
         what = f"two recordings in one: {first} agree among themselves, and {second}, but not with each other"
         raise UsageError(what, fix="name the frames of one sensor and place alone")
-    what = f"nothing stands still: {100.0 * moved:.0f} % of the rays that saw something moved, by {far_m:.2g} m in the middle"
+    what = (
+        f"nothing stands still: {100.0 * moved:.0f} % of the rays that see something moved, by {far_m:.2g} m (median)"
+    )
     raise UsageError(what, fix="record with sensor and scene at rest, or use ideal from-map with poses")
 
 
 def moved_share(seen: Observations, groups: Groups) -> tuple[float, float]:
-    """Of the rays that were seen in two repeats or more, the share without a range that comes again; median move [m]."""
+    """Of the rays seen twice or more, the share without a range that comes again, and their median move [m]."""
     twice = groups.seen >= 2
     moved = twice & (groups.row < 0)
     if not twice.any():

@@ -11,11 +11,11 @@ import functools
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.ideals.repeats.response import LinearResponse, Response
+from lidarcheck.ideals.repeats.response import LinearResponse, Response, SimulatedResponse
 from lidarcheck.ideals.repeats.signal import STRONG, Shots, signals
 from lidarcheck.sensor import Linear
 
-__all__ = ["distance_error_m", "signal_error"]
+__all__ = ["errors_of"]
 
 _SEED = 0xE44
 _DRAWS = 4000
@@ -25,6 +25,37 @@ _MARGINS = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, STRONG
 _COARSE = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0])
 """Steps of the amplitude, in standard deviations."""
 _MOST_REPEATS = 64
+_FEWEST_SHOTS = 200
+_CORE = 0.995
+
+
+def errors_of(
+    signal: FloatArray, range_sd_m: FloatArray, step: FloatArray, hits: IndexArray, fired: IndexArray,
+    response: Response, step_m: float, *, fired_known: bool,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Standard deviations of the estimates of distance [m] and signal, shape (n,) each.
+
+    `range_sd_m`: scatter of one range; `step`: of the amplitude; `step_m`: of the range.
+    """
+    if isinstance(response, SimulatedResponse):
+        return _drawn(signal, hits, fired, response, step_m)
+    error = signal_error(signal, step, hits, fired, response, fired_known=fired_known)
+    moved = response.shift_m(signal + error) - response.shift_m(signal)
+    return np.hypot(distance_error_m(range_sd_m, hits, step_m), moved), error
+
+
+def _drawn(
+    signal: FloatArray, hits: IndexArray, fired: IndexArray, response: SimulatedResponse, step_m: float
+) -> tuple[FloatArray, FloatArray]:
+    distance, error = np.empty((2, len(signal)))
+    seen, shot = np.minimum(hits, _MOST_REPEATS), np.minimum(fired, _MOST_REPEATS)
+    for pair in np.unique(np.column_stack([seen, shot]), axis=0):
+        rows = (seen == pair[0]) & (shot == pair[1])
+        of_distance, of_signal = drawn_errors(response, int(pair[0]), int(pair[1]), step_m)
+        at = np.log(np.maximum(signal[rows], 1e-300))
+        distance[rows] = np.interp(at, response.log_signal, of_distance)
+        error[rows] = signal[rows] * np.interp(at, response.log_signal, of_signal)
+    return distance, error
 
 
 def distance_error_m(sigma_m: FloatArray, hits: IndexArray, step_m: float) -> FloatArray:
@@ -102,12 +133,11 @@ def _signal_table(fired: int, fired_known: bool, stepped: bool) -> FloatArray:
 
 
 def _scatter(fired: int, margin: float, step: float, fired_known: bool) -> float:
-    base = 20.0 if margin < STRONG else 1000.0
     response = LinearResponse(_UNIT())
     shift = response.sensor.threshold
     rng = np.random.default_rng([_SEED, fired, round(1e3 * (margin + 10)), round(1e3 * step)])
-    true = shift + margin if margin < STRONG else base
-    true = true + step * (rng.random((_DRAWS // 2, 1)) - 0.5)
+    # What is called strong stands far above the threshold: nothing is lost there.
+    true = shift + (margin if margin < STRONG else 1000.0) + step * (rng.random((_DRAWS // 2, 1)) - 0.5)
     a = true + rng.standard_normal((_DRAWS // 2, fired))
     hit = a > shift
     value = np.rint(a / step) * step if step > 0.0 else a
@@ -136,3 +166,41 @@ def _UNIT() -> Linear:
     plain = shipped("VLP-16")
     assert isinstance(plain, Linear)
     return replace(plain, threshold=20.0, noise=1.0, excess=0.0, relative=0.0, saturation=None, missing=())
+
+
+@functools.lru_cache(maxsize=256)
+def drawn_errors(response: SimulatedResponse, hits: int, fired: int, step_m: float) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations of the estimates of distance [m] and of signal (as a share of it), for each signal simulated.
+
+    Amplitude and range of a shot are drawn together, as the model made them: pile-up moves both.
+    """
+    rng = np.random.default_rng([_SEED, hits, fired])
+    distance, share = np.full((2, len(response.shots)), np.nan)
+    for k, shots in enumerate(response.shots):
+        if len(shots) < _FEWEST_SHOTS:
+            continue
+        picked = shots[rng.integers(0, len(shots), (_DRAWS // 4, hits))]
+        amplitude, off = picked[..., 0], picked[..., 1]
+        mean = amplitude.mean(axis=1)
+        rows = len(mean)
+        found = signals(
+            Shots(
+                np.full(rows, fired), np.full(rows, hits), mean, amplitude.var(axis=1), mean, mean,
+                np.zeros(rows, dtype=np.bool_),
+            ),
+            response,
+        )  # fmt: skip
+        place = rng.random((rows, 1)) * step_m
+        ranges = off + place
+        if step_m > 0.0:
+            ranges = np.rint(ranges / step_m) * step_m + step_m * (rng.random((rows, hits)) - 0.5)
+        distance[k] = _core(np.median(ranges, axis=1) - place[:, 0] - response.shift_m(found))
+        share[k] = _core(found / np.exp(response.log_signal[k]) - 1.0)
+    at = np.flatnonzero(np.isfinite(distance))
+    return tuple(np.interp(np.arange(len(column)), at, column[at]) for column in (distance, share))
+
+
+def _core(error: FloatArray) -> float:
+    """Root mean square, without the draws in which another echo was taken."""
+    inside = np.abs(error - np.median(error)) <= np.quantile(np.abs(error - np.median(error)), _CORE)
+    return float(np.sqrt(np.mean(error[inside] ** 2)))

@@ -9,7 +9,7 @@ import numpy as np
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.effects.shared.reflectance import REFLECTANCE
 from lidarcheck.ideals.repeats.amplitude import Amplitudes
-from lidarcheck.ideals.repeats.errors import distance_error_m, signal_error
+from lidarcheck.ideals.repeats.errors import errors_of
 from lidarcheck.ideals.repeats.groups import Groups, grouped
 from lidarcheck.ideals.repeats.neighbours import at_edges, incidence_deg
 from lidarcheck.ideals.repeats.observations import Observations
@@ -51,20 +51,27 @@ def estimated(
     hidden: BoolArray,
     response: Response,
     sensor: Sensor,
+    *,
+    untold_m: float = 0.0,
 ) -> Estimate:
-    """The estimate by the frames of `use`, without the rays that are `hidden` in them."""
+    """The estimate by the frames of `use`, without the rays that are `hidden` in them.
+
+    `untold_m`: nearer than this amplitudes say nothing of the signal; such rays are left out, as at an edge.
+    """
     groups = grouped(seen, amplitudes, gaps_m, use, hidden)
-    signal, error, margin = _signals(groups, response, seen.fired_known)
-    shift = response.shift_m(signal)
-    distance = np.maximum(groups.median_m - shift, _NEAREST_M)
-    sigma = response.range_sd_m(signal, distance)
-    moved = response.shift_m(signal + error) - shift
-    scatter = np.hypot(distance_error_m(sigma, groups.hits, sensor.range_resolution_m), moved)
+    signal, told = _signals(groups, response, seen.fired_known)
+    margin = response.margin(signal)
+    distance = np.maximum(groups.median_m - response.shift_m(signal), _NEAREST_M)
+    scatter, error = errors_of(
+        signal, response.range_sd_m(signal, distance), np.nan_to_num(groups.high - groups.low), groups.hits,
+        groups.fired[groups.ray], response, sensor.range_resolution_m, fired_known=seen.fired_known,
+    )  # fmt: skip
+    error = error if told else np.zeros_like(error)
     place = np.full(len(seen.rays), np.nan)
     has = groups.row >= 0
     place[has] = distance[groups.row[has]]
     angle, flat = incidence_deg(seen.rays, place)
-    edge = at_edges(seen.rays, place) | groups.two | (has & ~flat)
+    edge: BoolArray = np.asarray(at_edges(seen.rays, place) | groups.two | (has & ~flat) | (place < untold_m))
     if not seen.fired_known:
         weak = margin < WEAK_UNFIRED
         edge[groups.ray[weak]] = True
@@ -81,19 +88,15 @@ def estimated(
     )
 
 
-def _signals(groups: Groups, response: Response, fired_known: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signal, its error and its margin above the threshold, of each surface."""
+def _signals(groups: Groups, response: Response, fired_known: bool) -> tuple[FloatArray, bool]:
+    """The signal of each surface, and whether anything tells it."""
     if len(groups) and not np.isfinite(groups.amplitude).any():
         # Nothing tells amplitudes: as strong as is seen for certain.
-        signal = np.full(len(groups), _certain(response))
-        return signal, np.zeros(len(groups)), response.margin(signal)
+        return np.full(len(groups), _certain(response)), False
     hits = groups.hits
     variance = np.nan_to_num(groups.amplitude_var) * (hits - 1) / np.maximum(hits, 1)
     shots = Shots(groups.fired[groups.ray], hits, groups.amplitude, variance, groups.low, groups.high, groups.capped)
-    signal = signals(shots, response, fired_known=fired_known)
-    step = groups.high - groups.low
-    error = signal_error(signal, step, hits, shots.fired, response, fired_known=fired_known)
-    return signal, error, response.margin(signal)
+    return signals(shots, response, fired_known=fired_known), True
 
 
 def _certain(response: Response) -> float:

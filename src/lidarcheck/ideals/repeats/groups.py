@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -144,7 +145,7 @@ def _may_be_two(
 def _moments(
     seen: Observations, amplitudes: Amplitudes, used: IndexArray, group: IndexArray, starts: IndexArray,
     surface: BoolArray,
-) -> dict[str, FloatArray | BoolArray]:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     """What the ranges and amplitudes of each surface come to."""
     n = len(starts)
     count = np.bincount(group, minlength=n).astype(np.float64)

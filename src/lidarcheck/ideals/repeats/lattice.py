@@ -43,7 +43,7 @@ class Rays:
         """Point of each ray, shape (n,)."""
         return np.tile(np.arange(self.points, dtype=np.int32), self.layers) + np.int32(self.first_point)
 
-    def index(self, layer: IntArray, point: IntArray) -> IndexArray:
+    def index(self, layer: IntArray, point: IndexArray) -> IndexArray:
         """The ray of each beam, shape (m,); -1 for one outside of the block."""
         down, along = layer.astype(np.int64) - self.first_layer, point.astype(np.int64) - self.first_point
         inside = (down >= 0) & (down < self.layers) & (along >= 0) & (along < self.points)
@@ -82,7 +82,7 @@ class Rays:
     @functools.cached_property
     def there(self) -> BoolArray:
         """The cells that have a ray, shape (layers, width)."""
-        return self.image(np.ones(len(self), dtype=np.bool_), False)
+        return np.asarray(self.image(np.ones(len(self), dtype=np.bool_), False), dtype=np.bool_)
 
     def image(self, column: npt.NDArray[np.generic], fill: float | bool) -> npt.NDArray[np.generic]:
         """A column of the rays as an image, shape (layers, width), with `fill` in the place of rays that are none."""

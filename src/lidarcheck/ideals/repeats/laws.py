@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,6 +33,7 @@ _TELLS_NEAR = 4.0
 _BRIGHT = 0.8
 """Reflectance of the brightest twentieth of the surfaces where nothing says how much light the laser sends."""
 _MOST_LOST = 0.01
+_FEWEST_SEEN = 200
 _LEAST = 0.1
 """A threshold is at least this part of the least amplitude where the scatter of ranges is counted from it."""
 
@@ -81,9 +83,10 @@ class _Work:
         bound = type(self.sensor).numbers()[name]
         value = float(np.clip(value, bound.low, bound.high))
         low, high = ends or (value - _BY_90 * (error or 0.0), value + _BY_90 * (error or 0.0))
-        self.fitted[name] = Fitted(value, max(low, bound.low), min(high, bound.high))
+        self.fitted[name] = Fitted(value, float(max(low, bound.low)), float(min(high, bound.high)))
         missing = tuple(m for m in self.sensor.missing if m != name)
-        self.sensor = replace(self.sensor, missing=missing, **{name: value})
+        changed: dict[str, Any] = {name: value}
+        self.sensor = replace(self.sensor, missing=missing, **changed)
 
 
 def fit_laws(
@@ -92,7 +95,7 @@ def fit_laws(
     """The laws by the frames of `use`, shape (frames,). `stated`: the detector's numbers that the sensor's file has."""
     if not isinstance(sensor, Linear):
         return _as_stated(seen, sensor, feature, use)
-    free = set(type(sensor).numbers()) - stated
+    free = {*type(sensor).numbers(), "range_law"} - stated
     work = _Work(seen, feature, use, _begun(seen, sensor, feature, free), free)
     if feature is None:
         work.notes.append("no feature tells amplitudes: noise and threshold are as the sensor's file has them")
@@ -141,7 +144,7 @@ def sample_of(
     groups = grouped(seen, amplitudes, gaps, use)
     place = np.full(len(seen.rays), np.nan)
     place[groups.ray[groups.main]] = groups.path_m[groups.main]
-    clean = groups.main & ~groups.two[groups.ray] & ~_at_jumps(seen, place)[groups.ray]
+    clean = groups.main & ~groups.two[groups.ray] & ~at_edges(seen.rays, place)[groups.ray]
     rows = np.flatnonzero(clean & (groups.hits >= 2) & ~groups.capped)
     amplitude = np.nan_to_num(groups.amplitude[rows])
     sample = Sample(
@@ -149,11 +152,6 @@ def sample_of(
         np.nan_to_num(groups.amplitude_var[rows]), np.nan_to_num(groups.high[rows] - groups.low[rows]),
     )  # fmt: skip
     return sample, groups, gaps
-
-
-def _at_jumps(seen: Observations, place: FloatArray) -> BoolArray:
-    """Rays next to a jump of range or to one without a surface; where nearly all are, weak ones' rays count."""
-    return at_edges(seen.rays, place)
 
 
 def _near(work: _Work) -> float:
@@ -221,7 +219,7 @@ def _noise(work: _Work, bins: Sequence[AmplitudeBin]) -> None:
     usable = [b for b in bins if b.resolved and b.amplitude_sd > 0.0]
     clear = [b for b in usable if response.margin(np.array([b.amplitude]))[0] > 3.0]
     usable = clear if len(clear) >= 4 else usable
-    mean, variance = (np.array([f(b) for b in usable]) for f in (lambda b: b.amplitude, lambda b: b.amplitude_sd**2))
+    mean, variance = np.array([[b.amplitude, b.amplitude_sd**2] for b in usable]).reshape(-1, 2).T
     freedom = np.array([float(b.freedom) for b in usable])
     terms = {"noise": np.ones_like(mean), "excess": mean, "relative": mean**2}
     power = {"noise": 2, "excess": 1, "relative": 2}
@@ -242,7 +240,7 @@ def _range(work: _Work, bins: Sequence[AmplitudeBin], coarse: bool) -> None:
     """Scatter of ranges over the amplitude: floor, and either the pulse's edge or a power of threshold over signal."""
     if len(bins) < 2:
         return
-    if coarse and {"range_law", "range_floor_m", "edge_factor"} <= work.free | {"range_law"}:
+    if coarse and {"range_law", "range_floor_m", "edge_factor"} <= work.free:
         _power(work, bins)
         return
     sensor = work.sensor
@@ -251,7 +249,10 @@ def _range(work: _Work, bins: Sequence[AmplitudeBin], coarse: bool) -> None:
     response = LinearResponse(sensor)
     signal = np.array([b.amplitude for b in bins])
     pulse_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.pulse_fwhm_ns / FWHM_PER_SIGMA
-    edge = (pulse_m * response.amplitude_sd(signal) / np.maximum(signal, 1e-12)) ** 2
+    # A bin holds signals about its mean amplitude: the mean of a law that bends lies beside the law of the mean.
+    aside = np.sqrt(np.array([b.width**2 + b.amplitude_sd**2 / b.hits for b in bins]))
+    around = np.maximum(np.stack([signal - aside, signal + aside]), 0.3 * signal)
+    edge = np.mean((pulse_m * response.amplitude_sd(around) / np.maximum(around, 1e-12)) ** 2, axis=0)
     y = np.array([b.range_sd_m**2 for b in bins])
     terms = {"range_floor_m": np.ones_like(edge), "edge_factor": edge}
     free = [name for name in terms if name in work.free]
@@ -317,9 +318,25 @@ def _loss(work: _Work, coarse: bool) -> None:
         _note(work, "too few shots were lost to tell the threshold: it is the least amplitude seen")
         return
     threshold, low, high, wide = found
+    least = None if coarse else _least_seen(groups, amplitudes, chosen)
+    if least is not None and least[1] > threshold:
+        # No shot is seen below the threshold: of very many the least lies just above it.
+        threshold, low, high = least[1], least[0], least[2]
     work.put("threshold", threshold, ends=(low, high))
     if coarse and "signal_at_1m" in work.free and work.feature.law == "calibrated_reflectivity":
         _in_noise(work, wide)
+
+
+def _least_seen(groups: Groups, amplitudes: Amplitudes, chosen: BoolArray) -> tuple[float, float, float] | None:
+    """The least amplitude of these surfaces' echoes but a thousandth of them, and what would be rounded to it: low end,
+    value, high end; None of few."""
+    rows = groups.used[(groups.group >= 0) & chosen[np.maximum(groups.group, 0)]]
+    if len(rows) < _FEWEST_SEEN:
+        return None
+    at = rows[np.argpartition(amplitudes.value[rows], 3 + len(rows) // 1000)[3 + len(rows) // 1000]]
+    least = float(amplitudes.value[rows].min())
+    low, value, high = (float(column[at]) for column in (amplitudes.low, amplitudes.value, amplitudes.high))
+    return min(low, least), value, max(high, 2.0 * value - least)
 
 
 def _in_noise(work: _Work, width: float) -> None:

@@ -27,7 +27,7 @@ _LAPSE = 0.005
 
 @dataclass(frozen=True)
 class Lost:
-    """Rays near the threshold: `fired`, `hits` (rays,) and, a row each hit, its `ray` and `amplitude`, `low`, `high`."""
+    """Rays near the threshold: `fired`, `hits` (rays,); a row each hit: its `ray`, `amplitude`, `low` and `high`."""
 
     fired: IndexArray
     hits: IndexArray

@@ -9,17 +9,18 @@ import abc
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
-from lidarcheck.arrays import FloatArray
-from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Feature, Linear, Material, Sensor
+from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.ideals.repeats.amplitude import values_of
+from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS, Feature, Linear, Material, PhotonHistogram, Sensor
 from lidarcheck.sensor.grid import Axis, GridBeams
 
 __all__ = ["LinearResponse", "Response", "SimulatedResponse", "response_of"]
 
-_BEAMS = 2000
+_BEAMS = 3000
 """Beams that are simulated for each signal: means are right to a fiftieth of the standard deviation."""
-_FINE = 8
+_FINE = 12
 """Signals a decade."""
 _PLACE_M = 30.0
 
@@ -114,9 +115,12 @@ class LinearResponse(Response):
         return self.amplitude_sd(signal)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulatedResponse(Response):
-    """Of any detector, read off what the model made of beams of rising signal; columns of shape (k,)."""
+    """Of any detector, read off what the model made of beams of rising signal; columns of shape (k,).
+
+    `shots`: of each signal, amplitude and range beyond the surface of what was detected, shape (m, 2); for draws.
+    """
 
     log_signal: FloatArray
     margins: FloatArray
@@ -124,6 +128,7 @@ class SimulatedResponse(Response):
     amplitude_sds: FloatArray
     shifts_m: FloatArray
     range_sds_m: FloatArray
+    shots: tuple[FloatArray, ...] = ()
     latent = False
 
     def _at(self, signal: FloatArray, column: FloatArray) -> FloatArray:
@@ -172,10 +177,11 @@ def _simulated(sensor: Sensor, feature: Feature | None) -> SimulatedResponse:
     weakest, strongest = sensor.signal_of(0.02 * sensor.threshold_counts), sensor.signal_of(1e5)
     signals = np.geomspace(weakest, strongest, max(int(_FINE * np.log10(strongest / weakest)), 8) + 1)
     place = min(_PLACE_M, 0.5 * sensor.max_range_m)
-    beams = GridBeams(sensor.sweep, Axis(len(signals), 0.0, 1e-3), Axis(_BEAMS, 0.0, 1e-3))
+    count = _BEAMS // 8 if isinstance(sensor, PhotonHistogram) else _BEAMS
+    beams = GridBeams(sensor.sweep, Axis(len(signals), 0.0, 1e-3), Axis(count, 0.0, 1e-3))
     layer, point = beams.every()
-    # A whole number of range steps and of bins lies between the first place and the last: no place in a bin is preferred.
-    distance = place + (np.arange(_BEAMS) / _BEAMS)[point] * 3.0
+    # From the first place to the last lie many bins: no place within one is preferred.
+    distance = place + (np.arange(count) / count)[point] * min(3.0, 0.3 * place)
     signal_at_1m = 1.0
     ideal = IdealScan(layer, point, distance, np.zeros(len(layer), np.int32), np.zeros(len(layer)), beams=beams)
     ideal = with_reflectance(ideal, signals[layer] * (distance**2 + sensor.near_m**2) / signal_at_1m)
@@ -184,13 +190,15 @@ def _simulated(sensor: Sensor, feature: Feature | None) -> SimulatedResponse:
     off = scan.range_m - distance.reshape(len(signals), -1)[scan.layer, scan.point]
     own = np.flatnonzero(np.abs(off) < 4.0 * sensor.window_m)
     own = own[np.lexsort((np.abs(off[own]), scan.point[own], scan.layer[own]))]
-    key = scan.layer[own].astype(np.int64) * _BEAMS + scan.point[own]
+    key = scan.layer[own].astype(np.int64) * count + scan.point[own]
     own = own[np.concatenate(([True], key[1:] > key[:-1]))] if len(own) else own
-    values = np.asarray(scan.strength if feature is None else scan.feature(feature.name), dtype=np.float64)[own]
-    return _described(signals, scan.layer[own], values, off[own])
+    values = (scan.strength if feature is None else values_of(feature, scan, plain))[own]
+    return _described(signals, count, scan.layer[own].astype(np.int64), values, off[own])
 
 
-def _described(signals: FloatArray, line: FloatArray, values: FloatArray, off_m: FloatArray) -> SimulatedResponse:
+def _described(
+    signals: FloatArray, beams: int, line: IndexArray, values: FloatArray, off_m: FloatArray
+) -> SimulatedResponse:
     """Moments of the echoes of each line; those of lines with few echoes are the next line's."""
     count = np.bincount(line, minlength=len(signals)).astype(np.float64)
     enough = count >= 50
@@ -205,12 +213,9 @@ def _described(signals: FloatArray, line: FloatArray, values: FloatArray, off_m:
 
     amplitude, amplitude_sd = moments(values)
     shift_m, range_sd_m = moments(off_m)
-    margin = np.maximum.accumulate(ndtri(np.clip(count / _BEAMS, 1e-6, 1.0 - 1e-9)))
+    margin = np.maximum.accumulate(ndtri(np.clip(count / beams, 1e-6, 1.0 - 1e-9)))
+    shots = np.split(np.column_stack([values, off_m]), np.cumsum(count).astype(np.int64)[:-1])
     return SimulatedResponse(
-        np.log(signals), margin, amplitude, np.maximum(amplitude_sd, 1e-9), shift_m, np.maximum(range_sd_m, 1e-6)
-    )
-
-
-def detected_share(response: Response, signal: FloatArray) -> FloatArray:
-    """Share of the shots with an echo."""
-    return np.asarray(ndtr(response.margin(signal)))
+        np.log(signals), margin, amplitude, np.maximum(amplitude_sd, 1e-9), shift_m, np.maximum(range_sd_m, 1e-6),
+        tuple(shots),
+    )  # fmt: skip

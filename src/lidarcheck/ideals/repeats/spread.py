@@ -36,10 +36,13 @@ class Sample:
 class AmplitudeBin:
     """Rays of about one amplitude: how many, how their ranges and amplitudes scatter, what share of shots was seen.
 
-    `amplitude_sd`: NaN where the values' step hides it. `freedom`: degrees of freedom of the two.
+    `freedom`: degrees of freedom of the two scatters; `hits`: echoes a ray; `width`: standard deviation of the rays'
+    mean amplitudes.
     """
 
     amplitude: float
+    width: float
+    hits: float
     path_m: float
     rays: int
     freedom: int
@@ -55,7 +58,7 @@ class AmplitudeBin:
 
 
 def bins_of(amplitude: FloatArray, *, octave: int = 2) -> IndexArray:
-    """The bin of each ray, shape (n,): so many an octave of amplitude, from the weakest; a bin of few joins the next."""
+    """The bin of each ray, shape (n,): so many an octave of amplitude, from the weakest; few rays join the next."""
     weakest = max(float(amplitude.min(initial=np.inf)), 1e-9 * float(np.abs(amplitude).max(initial=0.0)), 1e-300)
     place = np.floor(octave * np.log2(np.maximum(amplitude, weakest) / weakest)).astype(np.int64)
     counts = np.bincount(place)
@@ -86,7 +89,8 @@ def binned(sample: Sample, step_m: float) -> list[AmplitudeBin]:
         plain = unrounded(of_amplitude, step)
         found.append(
             AmplitudeBin(
-                float(np.mean(sample.amplitude[rows])), float(np.median(sample.path_m[rows])), len(rows),
+                float(np.mean(sample.amplitude[rows])), float(np.std(sample.amplitude[rows])),
+                float(np.mean(sample.hits[rows])), float(np.median(sample.path_m[rows])), len(rows),
                 int(freedom[kept].sum()), float(np.sqrt(unrounded(variance, step_m))), float(np.sqrt(plain)), step,
                 float(sample.hits[rows].sum() / max(int(sample.fired[rows].sum()), 1)),
             )

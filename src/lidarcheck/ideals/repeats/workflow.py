@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray
-from lidarcheck.ideals.repeats.amplitude import amplitude_feature
+from lidarcheck.ideals.repeats.amplitude import Amplitudes, amplitude_feature
 from lidarcheck.ideals.repeats.checks import check_at_rest, check_scans, check_sensor
 from lidarcheck.ideals.repeats.estimate import Estimate, estimated, ideal_of
 from lidarcheck.ideals.repeats.groups import gap_m, grouped
 from lidarcheck.ideals.repeats.laws import Laws, fit_laws
 from lidarcheck.ideals.repeats.neighbours import hidden_rays
-from lidarcheck.ideals.repeats.observations import Observations, observed
+from lidarcheck.ideals.repeats.observations import Observations, observed, turned
 from lidarcheck.ideals.repeats.response import Response, response_of
 from lidarcheck.ideals.repeats.split import FEWEST_FOR_VERDICT, Parts, parts_of
 from lidarcheck.scan import IdealScan, Scan
@@ -92,6 +92,7 @@ def repeats_of(
     feature = amplitude_feature(sensor, scans)
     seen = observed(scans, sensor, feature, of=scans[0].beams if not sensor.beams.repeats else None)
     moved = _checked(names, seen, sensor, feature)
+    seen = _turned(seen, sensor, feature, range(len(scans)))
     fitting = _mask(len(scans), parts.fitting if not whole else range(len(scans)))
     laws = fit_laws(seen, sensor, feature, stated, fitting)
     work = _Work(scans, seen, laws, feature, response_of(laws.sensor, feature), parts, material)
@@ -111,6 +112,18 @@ def _checked(names: Sequence[str], seen: Observations, sensor: Sensor, feature: 
     return check_at_rest(names, seen, groups, gaps)
 
 
+def _turned(seen: Observations, sensor: Sensor, feature: Feature | None, some: Sequence[int] | range) -> Observations:
+    """The observations as if every frame had fired the same rays, by what the frames of `some` show beside them."""
+    if not seen.aside.any():
+        return seen
+    amplitudes = seen.amplitudes(feature, sensor)
+    gaps = np.full(len(seen.ray), min(0.5, 0.5 * sensor.separation_m))
+    groups = grouped(seen, amplitudes, gaps, _mask(seen.frames, some))
+    about = np.full(len(seen.rays), np.nan)
+    about[groups.ray[groups.main]] = groups.path_m[groups.main]
+    return turned(seen, about)
+
+
 @dataclass
 class _Work:
     """Estimating one frame after another; where columns repeat all share one table of observations."""
@@ -122,6 +135,8 @@ class _Work:
     response: Response
     parts: Parts
     material: int
+    kept: tuple[Observations, Amplitudes, FloatArray] | None = None
+    hidden: BoolArray | None = None
 
     def each(self, tell: Tell | None) -> list[FrameIdeal]:
         """The ideal scan of every frame, by others."""
@@ -160,23 +175,28 @@ class _Work:
         seen = self.seen
         if not sensor.beams.repeats:
             seen = observed(self.scans, sensor, self.feature, of=self.scans[frame].beams)
-        elif hasattr(self, "_hidden"):
-            return seen, self._hidden
+            seen = _turned(seen, sensor, self.feature, self.parts.others(frame))
+        elif self.hidden is not None:
+            return seen, self.hidden
         every = _mask(len(self.scans), self.parts.estimating)
-        gaps = self._gaps(seen)
-        groups = grouped(seen, seen.amplitudes(self.feature, sensor), gaps, every)
-        self._hidden: BoolArray = hidden_rays(seen, groups, gaps)
-        return seen, self._hidden
+        amplitudes, gaps = self._told(seen)
+        groups = grouped(seen, amplitudes, gaps, every)
+        self.hidden = hidden_rays(seen, groups, gaps)
+        return seen, self.hidden
 
-    def _gaps(self, seen: Observations) -> FloatArray:
-        amplitude = seen.amplitudes(self.feature, self.laws.sensor).value
-        return gap_m(self.response, self.laws.sensor, amplitude, seen.path_m)
+    def _told(self, seen: Observations) -> tuple[Amplitudes, FloatArray]:
+        """The amplitudes of all echoes, and how far apart two ranges of one ray must lie."""
+        if self.kept is None or self.kept[0] is not seen:
+            amplitudes = seen.amplitudes(self.feature, self.laws.sensor)
+            gaps = gap_m(self.response, self.laws.sensor, amplitudes.value, seen.path_m)
+            self.kept = seen, amplitudes, gaps
+        return self.kept[1:]
 
     def _estimate(self, seen: Observations, others: Sequence[int], hidden: BoolArray) -> Estimate:
         sensor = self.laws.sensor
-        amplitudes = seen.amplitudes(self.feature, sensor)
+        amplitudes, gaps = self._told(seen)
         use = _mask(len(self.scans), others)
-        return estimated(seen, amplitudes, self._gaps(seen), use, hidden, self.response, sensor)
+        return estimated(seen, amplitudes, gaps, use, hidden, self.response, sensor, untold_m=self.laws.untold_m)
 
     def _ideal(self, estimate: Estimate, seen: Observations, hidden: BoolArray, frame: int) -> IdealScan:
         return ideal_of(estimate, seen, self.laws.sensor, self.material, frame=frame, hidden=hidden[frame])
@@ -210,8 +230,3 @@ def _counts(estimate: Estimate, seen: Observations, hidden: BoolArray, frame: in
         free=int(free.sum()),
         occluded=int(behind.sum()),
     )
-
-
-def summary_of(found: Repeats) -> Mapping[str, object]:
-    """The counts of all frames together, for a summary."""
-    return {"moved": found.moved, "outside": found.outside, "feature": found.feature}
