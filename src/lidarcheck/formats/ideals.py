@@ -60,8 +60,6 @@ _OPTIONAL = {
     "Azimuth0": (-360.0, 360.0, "degrees"),
 }
 """Least, most and unit of columns of real numbers; the optional ones may have rows without a value."""
-_NOT_YET_USED = ("ReflectanceError", "DistanceError")
-"""Read, checked and kept, but nothing counts on them."""
 _log = logging.getLogger(__name__)
 
 
@@ -86,9 +84,6 @@ def ideal_from_table(table: Table, sensor: Sensor | None = None) -> IdealScan:
     _check_needed(table)
     beams = reference_beams() if sensor is None else sensor.beams
     columns = _checked(table, beams)
-    unused = [name for name in _NOT_YET_USED if table.spelling(name)]
-    if unused:
-        _log.warning("%s: kept, but nothing uses it yet: %s", table.path, ", ".join(unused))
     defaulted: tuple[str, ...] = ()
     if "incidence_deg" not in columns:
         defaulted = ("IncidenceAngle",)

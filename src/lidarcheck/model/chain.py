@@ -8,6 +8,7 @@ from typing import Any
 
 from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.errors import ExternalModelError, UsageError
+from lidarcheck.model.estimates import drawn, is_estimate
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.reported import as_reported
 from lidarcheck.model.sharing import Progress, share
@@ -52,7 +53,7 @@ def simulate(
         from lidarcheck.model.external import run_external
 
         try:
-            return run_external(ideal, model.external, seed=seed)
+            return run_external(drawn(ideal, seed), model.external, seed=seed)
         except ExternalModelError as error:
             error.file = error.file or (None if model.file is None else str(model.file))
             raise
@@ -76,7 +77,7 @@ def _plain_frame(
 
     if of_stage("aim", model.effects) or of_stage("light", model.effects) or not isinstance(model.sensor, SpadArray):
         return None, None
-    if reflectance_of(ideal) is not None:
+    if reflectance_of(ideal) is not None or is_estimate(ideal):
         return None, None
     run = run_of(ideal, model, how["seed"], how["frame"], scene, None).after_stage("detector", model.effects)
     return run, fast_frame(ideal, model, SpadArray.narrow(run.sensor), Task(rounded=rounded, **how))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lidarcheck.effects.base import AimEffect, Effect
 from lidarcheck.errors import UsageError
+from lidarcheck.model.estimates import drawn, with_row_keys
 from lidarcheck.model.light import light_of, surface_signal
 from lidarcheck.model.sharing import share
 from lidarcheck.model.spec import Model
@@ -79,6 +80,11 @@ class Surfaces:
 
         return LocalSurfaces.of(self.ideal)
 
+    @functools.cached_property
+    def keyed(self) -> IdealScan:
+        """The ideal scan, whose rows keep what their errors are drawn by while effects aim them."""
+        return with_row_keys(self.ideal)
+
     def aimed(self, effect: AimEffect, run: Run) -> IdealScan:
         """What the run's beams meet with the effect; from memory, where it draws no random numbers."""
         for kept in self._aimed:
@@ -112,8 +118,9 @@ class _Watched:
 def light_after_effects(
     ideal: IdealScan, model: Model, *, seed: int = 0, frame: int = 0, scene: Caster | None = None
 ) -> tuple[Light, Sensor]:
-    """The light that reaches the SPADs and the sensor that sees it, behind all effects up to the readout."""
-    run, light = run_and_light(ideal, model, seed, frame, scene)
+    """The light that reaches the SPADs and the sensor that sees it, behind all effects up to the readout; of an ideal
+    scan as it is written, whatever errors it has."""
+    run, light = run_and_light(ideal, model, seed, frame, scene, as_written=True)
     return light, run.sensor
 
 
@@ -136,7 +143,9 @@ def run_of(
     """A frame before any effect; `UsageError` for an effect that means nothing for the model's sensor."""
     for effect in model.effects:
         effect.check(model.sensor)
-    return Run(seed, frame, model, model.sensor, ideal, scene, surfaces or Surfaces(ideal))
+    surfaces = surfaces or Surfaces(ideal)
+    keyed = surfaces.keyed if surfaces.ideal is ideal else with_row_keys(ideal)
+    return Run(seed, frame, model, model.sensor, keyed, scene, surfaces)
 
 
 def run_and_light(
@@ -147,12 +156,16 @@ def run_and_light(
     scene: Caster | None,
     surfaces: Surfaces | None = None,
     threads: int | None = 1,
+    *,
+    as_written: bool = False,
 ) -> tuple[Run, Light]:
     """What effects may know behind the detector stage, and the light that reaches the SPADs.
 
-    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None.
+    `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None. `as_written`: without
+    drawing what the ideal scan may be off by (`estimates`).
     """
     run = run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
+    run = run if as_written else replace(run, ideal=drawn(run.ideal, seed))
     light = light_of(run.ideal, model, functools.partial(share, threads=threads))
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
