@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +17,9 @@ from pydantic import Field
 from lidarcheck.beams import Geometry
 from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
-from lidarcheck.config.schema import Config, LineIndex, PathText, validate
+from lidarcheck.cases.origin import CAST, Origin, OriginKeys, Part, origin_faults, origin_of
+from lidarcheck.cases.repeats import of_repeats
+from lidarcheck.config.schema import LineIndex, PathText, validate
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.field.place import named
@@ -53,11 +56,17 @@ class _FrameTable(PlacementKeys):
     ideal: PathText
     measured: PathText
     time: float = Field(json_schema_extra={"unit": "s"})
+    part: Literal["fit", "select", "verify"] | None = None
 
 
-class _CaseTable(Config):
+class _CaseTable(OriginKeys):
     model: PathText
     frames: tuple[_FrameTable, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What each frame is for, empty where it does not say."""
+        return tuple(frame.part or "" for frame in self.frames)
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ class Case:
     """What `load_case` found. `frames`: those that can be used, `number` as they stand in the file, from 0.
 
     `left_out`: damaged frames by "frame NUMBER", and why. `hashes`: SHA-256 of every file that was read, by its path
-    relative to `directory`.
+    relative to `directory`. `origin`: where the ideal scans come from.
     """
 
     directory: Path
@@ -74,6 +83,7 @@ class Case:
     frames: tuple[Frame, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     hashes: Mapping[str, str] = field(default_factory=dict)
+    origin: Origin = CAST
 
     @property
     def geometry(self) -> Geometry:
@@ -117,7 +127,7 @@ def load_case(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES)
     left_out = {f"frame {number}": _reason(fault) for number, fault in sorted(faults.items())}
     for name, why in left_out.items():
         _log.warning("%s is left out: %s", name, why)
-    return Case(file.parent, model, model_file, tuple(frames), left_out, hashes)
+    return Case(file.parent, model, model_file, tuple(frames), left_out, hashes, origin_of(table, table.parts))
 
 
 def case_model(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES) -> Path:
@@ -158,10 +168,14 @@ def _check_places(table: _CaseTable, lines: LineIndex, fewest: int) -> None:
             what = f"frame {i} names {measured} as measured, as frame {first[measured]} does"
             faults.append(lines.fault(("frames", i, "measured"), what, fix="every frame is a measurement of its own"))
         first.setdefault(measured, i)
+    faults += origin_faults(table, table.parts, lines, split=fewest > 2)
     if len(table.frames) < fewest:
         what = f"the case has {_counted(len(table.frames))}, too few {'frames to split' if fewest > 1 else 'to fit'}"
         why = ": to fit, select and verify" if fewest > 2 else ""
-        faults.append(lines.fault(("frames",), what, fix=f"measure {fewest} or more{why}"))
+        laws = (
+            "; fewer give the laws of range, noise and loss, and no verdict" if table.ideals_from == "repeats" else ""
+        )
+        faults.append(lines.fault(("frames",), what, fix=f"measure {fewest} or more{why}{laws}"))
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
 
@@ -219,14 +233,19 @@ def _frames(
 ) -> tuple[list[Frame], dict[int, InputError]]:
     """The frames that can be used, and what is wrong with the others, by number."""
     frames, faults = [], {}
+    origin = origin_of(table, table.parts)
     for number, entry in enumerate(table.frames):
         try:
             ideal, measured = _read(directory, number, entry, lines, model.sensor)
         except _Damaged as damage:
             faults[number] = damage.fault
             continue
+        frames.append(Frame(number, ideal, measured, entry.time, part=entry.part or "", origin=origin))
+    frames = of_repeats(frames) if origin.source == "repeats" else frames
+    for i, frame in enumerate(frames):
+        ideal, measured = judged_beams(frame.ideal, frame.measured)
         surface_signal(ideal, model)  # names a material without an entry
-        frames.append(Frame(number, ideal, measured, entry.time))
+        frames[i] = replace(frame, ideal=ideal, measured=measured)
     sound = []
     for frame in frames:
         entry = table.frames[frame.number]
@@ -260,7 +279,7 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex, se
         scan = _with_features(
             _known_beams(scan_from_table(tables[1], entry.placement, sensor), ideal, file), file, sensor
         )
-        return judged_beams(ideal, scan)
+        return ideal, scan
     except InputError as error:
         if error.file == str(lines.file) or isinstance(error, SeveralFrames):
             raise

@@ -105,7 +105,7 @@ def compared_scene(frame: Frame, frames: Sequence[Frame], ideal: str) -> SceneFi
 def _neighbour(frame: Frame, frames: Sequence[Frame], sign: float) -> Surfaces | None:
     """The surfaces of the frame just before or after; None where there is none, or they are the same."""
     others = [other for other in frames if sign * (other.time_s - frame.time_s) > 0.0]
-    if not others:
+    if not others or frame.origin.source == "repeats":
         return None
     ideal = min(others, key=lambda other: abs(other.time_s - frame.time_s)).ideal
     own = frame.ideal

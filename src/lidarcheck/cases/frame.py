@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lidarcheck.cases.origin import CAST, Origin, Part
 from lidarcheck.scan import IdealScan, Scan
 
 __all__ = ["FEWEST_FRAMES", "Frame"]
@@ -18,7 +19,8 @@ FEWEST_FRAMES = 3
 class Frame:
     """One frame of a case: `number` from 0 as in the case's file, what its beams meet, and what was measured.
 
-    `untold`: what the ranges cannot tell from the frame as it is, as `the frame before`.
+    `untold`: what the ranges cannot tell from the frame as it is, as `the frame before`. `part`: what the case says
+    that it is for, empty where it does not. `origin`: where its ideal scan comes from.
     """
 
     number: int
@@ -26,6 +28,13 @@ class Frame:
     measured: Scan
     time_s: float
     untold: tuple[str, ...] = ()
+    part: Part = ""
+    origin: Origin = CAST
+
+    @property
+    def repeated(self) -> bool:
+        """Whether all frames show the same rays again: those of a case whose ideal scans come from repeats."""
+        return self.origin.source == "repeats" or (not self.origin.source and "DistanceError" in self.ideal.extra)
 
     @property
     def median_range_m(self) -> float:

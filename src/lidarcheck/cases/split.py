@@ -50,6 +50,8 @@ class Split:
     fit: tuple[Frame, ...]
     select: tuple[Frame, ...]
     verify: Unseen
+    declared: bool = False
+    """Whether the case itself says what each frame is for."""
 
     def numbers(self) -> Mapping[str, tuple[int, ...]]:
         """The frames' numbers as in the case's file."""
@@ -63,21 +65,33 @@ class Split:
 
 def split_frames(frames: Sequence[Frame]) -> Split:
     """Deal frames in order of their median distance to fit, select and verify, so that each spans the distances; then
-    swap some, so that the frames of the fit have in view what the others have.
+    swap some, so that the frames of the fit have in view what the others have. Where frames say what they are for, as
+    that.
 
-    Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three.
+    Of the case's frames only the ideal scans are looked at. `UsageError` for fewer than three, or a part without any.
     """
     if len(frames) < FEWEST_FRAMES:
         raise UsageError(
             f"{len(frames)} {'frame is' if len(frames) == 1 else 'frames are'} too few to split",
             fix=f"give at least {FEWEST_FRAMES} frames: one each to fit, to select and to verify",
         )
+    if any(frame.part for frame in frames):
+        return _as_declared(frames)
     order = sorted(frames, key=lambda f: (f.median_range_m, f.number))
     roles = _ROLES_OF_FEW if len(frames) < _FEW else _ROLES
     dealt = _swapped(np.array([roles[i % len(roles)] for i in range(len(order))]), _in_view(order))
     by_role = {name: [f for f, role in zip(order, dealt, strict=True) if role == name] for name in _ROLES_OF_FEW}
     fit, select, verify = (tuple(sorted(part, key=lambda f: f.number)) for part in by_role.values())
     return Split(fit, select, Unseen(verify))
+
+
+def _as_declared(frames: Sequence[Frame]) -> Split:
+    by_part = {part: tuple(f for f in frames if f.part == part) for part in _ROLES_OF_FEW}
+    for part, those in by_part.items():
+        if not those:
+            raise UsageError(f"no frame to {part} is left", fix="mend the frames that are left out, or add some")
+    fit, select, verify = by_part.values()
+    return Split(fit, select, Unseen(verify), declared=True)
 
 
 def exchanged(split: Split) -> Split:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lidarcheck.cases.origin import CAST, Origin
 from lidarcheck.cases.split import Split, Unseen, exchanged, split_frames
 from lidarcheck.effects.base import catalogue, find
 from lidarcheck.effects.search import search_spec
@@ -68,6 +69,7 @@ class Workflow:
     on_step: StepCallback = ignore_step
     checkpoint: Checkpoint | None = None
     calibrates: bool = True
+    origin: Origin = CAST
     steps: list[SearchStep] = field(default_factory=list)
     described: list[Description] = field(default_factory=list)
     chances: list[Chance] = field(default_factory=list)
@@ -78,8 +80,13 @@ class Workflow:
         self.on_step(self.steps[-1])
 
     def searched(self) -> list[str]:
-        """The effects that are searched for: those known to the search that mean something for the sensor."""
-        return [name for name in self._known() if not find(name).why_not(self.model.sensor)]
+        """The effects that are searched for: those known to the search that mean something for the sensor, and that the
+        ideal scans have not taken up."""
+        return [name for name in self._known() if not self._why_not(name)]
+
+    def _why_not(self, name: str) -> str:
+        """Why an effect cannot show in any frames of the sensor beside such ideal scans; empty where it can."""
+        return find(name).why_not(self.model.sensor) or self.origin.why_unseen(search_spec(name))
 
     def _known(self) -> list[str]:
         """The effects that the search knows where to begin with, and that may be named."""
@@ -106,7 +113,7 @@ class Workflow:
 
     def exchange_frames(self, split: Split, bench: SearchData) -> tuple[Split, SearchData]:
         """The select frames fit in the place of others where they alone show what is to be found."""
-        if not shows_in_select_alone(bench):
+        if split.declared or not shows_in_select_alone(bench):
             return split, bench
         other = exchanged(split)
         self.did("exchange", f"the select frames alone show a gap; now {other.words()}")
@@ -246,8 +253,7 @@ class Workflow:
 
     def list_untestable(self, bench: SearchData, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects the sensor could not have, or these scenes could not show."""
-        needs = {name: find(name).why_not(self.model.sensor) for name in self._known()}
-        found = {name: why for name, why in needs.items() if why}
+        found = {name: why for name in self._known() if (why := self._why_not(name))}
         found |= not_testable(bench.simulator, screened, self.searched(), bench.level)
         self.on_progress("equivalence and testability", 1, 1)
         return found
@@ -294,7 +300,8 @@ class Workflow:
             return answer
         asked = Classifier.of(bench.select.frames, self.model, bench.select.seed)
         self.chances.extend(filter(None, [asked.chance(self.model, self.pool)]))
-        words = against_no_gap(bench.select, asked, search.fit.nuisance, next(iter(self.chances), None))
+        chance = next(iter(self.chances), None)
+        words = against_no_gap(bench.select, asked, search.fit.nuisance, chance, rates=self.origin.judges_rates)
         if not words:
             return answer
         self.did("doubt", f"no gap is not said: {words}")

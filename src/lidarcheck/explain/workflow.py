@@ -54,6 +54,7 @@ def explain(
                 on_step or ignore_step,
                 checkpoint,
                 calibrate,
+                case.origin,
             ),
         )
 

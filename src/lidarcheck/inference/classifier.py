@@ -16,7 +16,7 @@ from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.intervals import ClassifierGap
 from lidarcheck.inference.nuisances import Nuisance
-from lidarcheck.inference.observed.beam_table import BeamTable, beams_of, key_of
+from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
 from lidarcheck.kpi.classifier import classifier_gap, folds_of
 from lidarcheck.kpi.lattice import piece_of
 from lidarcheck.kpi.pairing import nearest_on_line
@@ -43,10 +43,6 @@ _PAIRS, _OF_PAIRS = 20, 2.60
 """Pairs of seeds of the model, and the floor in their standard deviations: 1 % of further pairs lie above it."""
 _FIRST, _FIRST_PAIR = 9700, 9800
 """Where the seeds begin: no fit, and no distance, uses any of them."""
-_REPEATED = "DistanceError"
-"""A column that ideal scans have which were estimated from repeats: all of their frames show the same rays."""
-_EDGE = "Edge"
-"""A column of ideal scans: 1 where a beam meets two surfaces, or may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +73,10 @@ class Classifier:
     def of(cls, frames: Sequence[Frame], model: Model, seed: int, *, most: int = MOST_BEAMS) -> Classifier:
         """Of frames, the same for every model. `model` says what materials the beams meet."""
         beams = beams_of([f.ideal for f in frames], model)
-        repeated = any(_REPEATED in f.ideal.extra for f in frames)
+        repeated = any(f.repeated for f in frames)
         lattice = [np.unique(number, return_inverse=True)[1] for number in (beams.layer, beams.point)]
         fold = folds_of(beams.frame, *lattice, repeated=repeated, piece=_pieces(beams, frames))
-        drawn = _drawn(beams.column, most) & ~_at_marked_edges(beams, frames)
+        drawn = _drawn(beams.column, most)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
         return cls(tuple(frames), surfaces, beams, drawn, fold, _known(beams, lattice, repeated=repeated), seed)
 
@@ -155,12 +151,9 @@ class Classifier:
         """What scans show of the drawn beams in `COLUMNS`, a row for each echo and for each beam without one, and the
         beam of each; ranges dithered by `step_m`, as how many digits a file has is no artefact of a sensor."""
         beams = self.beams
-        names = ("layer", "point", "range_m", "echo_number")
-        layer, point, range_m, number = (
-            np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in names
-        )
-        frame = np.repeat(np.arange(len(scans)), [len(scan) for scan in scans])
-        beam = np.searchsorted(beams.key, key_of(frame, layer, point))
+        scans, beam = beams.echoes_of(scans)
+        names = ("range_m", "echo_number")
+        range_m, number = (np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in names)
         range_m = range_m - beams.range_offset_m[beam]
         surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
         met_m = np.where(surface >= 0, np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], 0.0)
@@ -199,16 +192,6 @@ def _drawn(column: IndexArray, most: int) -> BoolArray:
     taken = np.zeros(len(sizes), dtype=bool)
     taken[order[:count]] = True
     return taken[column]
-
-
-def _at_marked_edges(beams: BeamTable, frames: Sequence[Frame]) -> BoolArray:
-    """The beams of which an ideal scan says that they meet, or may meet, two surfaces."""
-    found = np.zeros(len(beams), dtype=bool)
-    for i, frame in enumerate(frames):
-        marked = np.asarray(frame.ideal.extra.get(_EDGE, np.zeros(len(frame.ideal)))) == 1
-        rows = key_of(np.full(int(marked.sum()), i), frame.ideal.layer[marked], frame.ideal.point[marked])
-        found[np.searchsorted(beams.key, rows)] = True
-    return found
 
 
 def _pieces(beams: BeamTable, frames: Sequence[Frame]) -> IndexArray | None:

@@ -61,13 +61,15 @@ class Simulates(Protocol):
 def shuffled(beams: BeamTable, drawn: Sequence[Observations], seeds: Iterable[int]) -> Iterator[Observations]:
     """More measurements that the model could have made: each beam as one of some simulations shows it.
 
-    Beams are independent under the model, so that this is as good as another simulation.
+    Beams are independent under the model, but for those that were estimated together, so that this is as good as
+    another simulation.
     """
+    groups = int(beams.estimate.max(initial=-1)) + 1
     all_detected, all_features = np.array([s.detected for s in drawn]), np.array([s.feature for s in drawn])
     all_strayed, rows = np.array([s.strayed for s in drawn]), np.arange(len(beams))
     for seed in seeds:
         rng = np.random.default_rng(np.random.SeedSequence([seed & 0xFFFFFFFF, 77]))
-        pick = rng.integers(0, len(drawn), len(beams))
+        pick = rng.integers(0, len(drawn), groups)[beams.estimate]
         mine = [np.flatnonzero(pick[s.extra_beam] == k) for k, s in enumerate(drawn)]
         extra = {
             name: np.concatenate([getattr(s, name)[m] for s, m in zip(drawn, mine, strict=True)]) for name in EXTRA

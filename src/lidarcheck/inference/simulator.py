@@ -56,7 +56,9 @@ class Simulator:
         base = mapped(lambda k: self.observations(model, _FIRST_EXPECTATION + k), range(EXPECTATION_SEEDS))
         drawn = mapped(lambda k: self.observations(model, _FIRST_FLOOR + k), range(FLOOR_SEEDS))
         fresh = shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
-        self.summaries = Summaries(self.beams, base, fresh, names)
+        # Every frame of a case has ideal scans of one origin.
+        judged = {"location": frames[0].origin.judges_location, "rates": frames[0].origin.judges_rates}
+        self.summaries = Summaries(self.beams, base, fresh, names, **judged)
         self.measured_observations = observations_of(self.beams, [f.measured for f in frames])
         self.measured_plain = self.summaries.plain(self.measured_observations)
         self.measured = compressed(self.measured_plain)

@@ -150,13 +150,9 @@ def _frame_of(frame: Frame, keys: npt.NDArray[np.int64], number: int) -> Frame:
 
 def _beams_of(beams: BeamTable, keep: BoolArray) -> BeamTable:
     """Some rows of a table of beams; what stands beside a beam stays known where that beam is left out."""
-    place = np.cumsum(keep) - 1
-    hits = keep[beams.hit_beam]
-    others = ("hit_beam", "hit_m", "view", "sensor")
-    columns = {f.name: getattr(beams, f.name)[keep] for f in dataclasses.fields(beams) if f.name not in others}
+    found = beams.without(~keep)
     # Frames are numbered anew where one of them has no beam left; keys follow.
-    frame = np.unique(columns["frame"], return_inverse=True)[1].astype(np.int64)
-    columns |= {"frame": frame, "key": key_of(frame, columns["layer"], columns["point"])}
-    return BeamTable(
-        **columns, hit_beam=place[beams.hit_beam[hits]], hit_m=beams.hit_m[hits], view=beams.view, sensor=beams.sensor
-    )
+    frame = np.unique(found.frame, return_inverse=True)[1].astype(np.int64)
+    key = key_of(frame, found.layer, found.point)
+    # The frames' own scans have no other beams either, but for those that were left out before.
+    return dataclasses.replace(found, frame=frame, key=key, whole=beams.whole)

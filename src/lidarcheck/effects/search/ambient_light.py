@@ -25,6 +25,8 @@ SPEC = SearchSpec(
     of_background=("rate_per_ns",),
     groups=frozenset({"background"}),
     form_errors={"sky": 0.20},  # what the sky is taken to be
+    in_repeats=True,
+    in_fitted_laws=True,
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
     shown_by=("others", "map"),
 )

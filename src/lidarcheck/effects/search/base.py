@@ -211,6 +211,15 @@ class SearchSpec:
     why_unseen: Callable[[Evidence], str] | None = None
     """Why these frames cannot show it, empty where its strength alone is to blame."""
 
+    # What an ideal scan that was estimated from measurements has taken up.
+    in_repeats: bool = False
+    """Whether repeats of a still scene show it beside an ideal scan made from them: by scatter, loss, or echoes of no
+    surface. What is the same in all repeats is in that ideal scan."""
+    in_fitted_pose: bool = False
+    """Whether it is lost where the pose, or a target's plane, was fitted to the same scans."""
+    in_fitted_laws: bool = False
+    """Whether it is lost where the laws of range, noise and loss were fitted to the same scans."""
+
     # How wrong its form may be.
     form_errors: Mapping[str, float] = field(default_factory=dict)
     """Part of a parameter's value by which it may be off since the form is not quite the sensor's; else the usual."""

@@ -45,6 +45,7 @@ SPEC = SearchSpec(
     usual_error=UsualError(POSE_ERROR_DEG, ("yaw_deg", "pitch_deg", "roll_deg")),
     at_edges=True,
     least_errors={"yaw_deg": POSE_ERROR_DEG, "pitch_deg": POSE_ERROR_DEG},
+    in_fitted_pose=True,
     watched_by=("echo_layer_mean", "echo_point_mean", "range_residual_per_layer", "range_noise", "area_mean"),
     shown_by=("range", "map"),
 )

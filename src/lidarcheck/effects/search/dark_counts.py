@@ -10,6 +10,8 @@ SPEC = SearchSpec(
     of_background=("rate_per_ns",),
     groups=frozenset({"background"}),
     confused_with={"ambient_light": "a frame in the dark, or a closed aperture"},
+    in_repeats=True,
+    in_fitted_laws=True,
     watched_by=("false_alarm_probability", "false_alarms_per_beam", "area_mean"),
     shown_by=("others", "histogram"),
 )

@@ -176,6 +176,7 @@ SPEC = SearchSpec(
     form_errors={"share": 0.12},  # how often it strikes
     chance_errors=_chance_errors,
     as_struck=_as_struck,
+    in_repeats=True,
     watched_by=("detection_probability", "echo_share"),
     shown_by=("detected", "map"),
 )

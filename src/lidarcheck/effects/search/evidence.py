@@ -157,7 +157,7 @@ class Evidence(Protocol):
         """What the model shows."""
 
     def rows_of(self, frame: int, layer: npt.ArrayLike, point: npt.ArrayLike) -> IndexArray:
-        """The places of a frame's beams in the table, (n,)."""
+        """The places of a frame's beams in the table, -1 for those that are left out, (n,)."""
 
     def dimming(self, shown: Sequence[Observations] | None = None) -> Dimming:
         """The gain that each beam's echo asks for beyond what the model shows, or beyond some simulations."""

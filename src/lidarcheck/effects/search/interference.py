@@ -22,6 +22,7 @@ SPEC = SearchSpec(
     amounts=("share",),
     at_random="adds echoes",
     form_errors={"share": 0.12},  # how often it strikes
+    in_repeats=True,
     watched_by=(
         "false_alarms_per_beam",
         "false_alarm_probability",

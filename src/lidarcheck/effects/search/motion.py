@@ -92,9 +92,10 @@ def _per_speed(evidence: Evidence) -> FloatArray:
     found = np.zeros((len(evidence.beams), 4))
     for number, ideal in enumerate(evidence.ideals):
         passed_s = ideal.beams.fire_time_s(ideal.layer, ideal.point) - (0.0 if ideal.time_s is None else ideal.time_s)
-        place = evidence.rows_of(number, ideal.layer, ideal.point)
-        found[place, :3] = -passed_s[:, None] * rays_of(ideal).direction
-        found[place, 3] = passed_s * evidence.beams.slope_m_per_deg[place, 1]
+        rows = evidence.rows_of(number, ideal.layer, ideal.point)
+        there, place = rows >= 0, rows[rows >= 0]
+        found[place, :3] = -passed_s[there, None] * rays_of(ideal).direction[there]
+        found[place, 3] = passed_s[there] * evidence.beams.slope_m_per_deg[place, 1]
     return found
 
 
@@ -132,6 +133,7 @@ SPEC = SearchSpec(
     groups=frozenset({"ranges", "aim"}),
     lasting_case_of="vibration",  # a view that wanders follows any turn that lasts
     read_lists=("movers",),
+    in_repeats=True,
     watched_by=("range_residual_per_point", "range_residual_mean", "range_noise"),
     shown_by=("range", "point"),
 )

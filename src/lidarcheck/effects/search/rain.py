@@ -21,6 +21,7 @@ SPEC = SearchSpec(
     order=16,
     amounts=("rate_mm_h",),
     named_by={"drop_density": 0.0},  # drops that nobody sees, and the light that they take, are fog as well
+    in_repeats=True,
     watched_by=("false_alarms_per_beam", "echo_range_mean", "area_loss_per_metre", "stray_range_onset"),
     shown_by=("others", "histogram"),
 )

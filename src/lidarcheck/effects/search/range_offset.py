@@ -43,6 +43,7 @@ SPEC = SearchSpec(
     imitation=Imitation("motion", _driving),
     kinds_alike=True,  # over a range of a bin
     may_stay={"range": (0.04, 0.15)},
+    in_fitted_pose=True,
     watched_by=("range_residual_mean", "range_residual_median"),
     shown_by=("range", "histogram"),
 )

@@ -34,6 +34,7 @@ SPEC = SearchSpec(
     },
     kinds_alike=True,  # over a range of a bin
     may_stay={"range": (0.04, 0.15)},
+    in_fitted_pose=True,
     watched_by=("range_residual_per_metre", "range_residual_mean"),
     shown_by=("range", "range"),
 )

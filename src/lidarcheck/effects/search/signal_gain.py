@@ -16,6 +16,7 @@ SPEC = SearchSpec(
     },
     usual_error=UsualError(GAIN_ERROR, ("gain",), log=True),
     may_stay={"area": (0.12, 0.06), "peak": (0.12, 0.06)},
+    in_repeats=True,
     watched_by=("area_mean", "detection_probability", "peak_mean"),
     shown_by=("area", "range"),
 )

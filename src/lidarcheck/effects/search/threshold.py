@@ -9,6 +9,8 @@ SPEC = SearchSpec(
     amounts=("shift",),
     groups=frozenset({"background"}),
     whole_steps={"shift": lambda _sensor: 1.0},
+    in_repeats=True,
+    in_fitted_laws=True,
     watched_by=("detection_probability", "false_alarm_probability", "width_mean", "area_mean"),
     shown_by=("detected", "amplitude"),
 )

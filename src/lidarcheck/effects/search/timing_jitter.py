@@ -7,6 +7,8 @@ SPEC = SearchSpec(
     free=(FreeParameter("sigma_ns", LOG_STEP, log=True), FreeParameter("amplitude_power", 0.1)),
     fixed_starts=({"sigma_ns": 0.3}, {"sigma_ns": 1.0}),
     amounts=("sigma_ns",),
+    in_repeats=True,
+    in_fitted_laws=True,
     watched_by=("range_noise",),
     shown_by=("range", "histogram"),
 )

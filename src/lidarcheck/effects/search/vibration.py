@@ -201,6 +201,7 @@ SPEC = SearchSpec(
     at_random="turns the view",
     variants_anew=("random", "wander", "free phase"),
     acts_anew=_turns_anew,
+    in_repeats=True,
     watched_by=("range_residual_point_spread", "range_noise"),
     shown_by=("range", "point"),
 )

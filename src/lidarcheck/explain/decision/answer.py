@@ -148,4 +148,5 @@ def explanation_of(
         calibrated=verified.calibrated,
         rivals=answer.rivals,
         geometry=case.geometry_words,
+        ideals_from=case.origin.source,
     )

@@ -144,6 +144,7 @@ class Explanation:
     `geometry`: whether X, Y, Z were checked against the beams, in words.
     `closed_seen`: share of the gap that the names close on the frames that they were chosen by; None without names.
     `calibrated`: what was fitted besides the names. `rivals`: other names that were tried in their places.
+    `ideals_from`: what the ideal scans were made from, where the case says it.
     """
 
     verdict: str
@@ -162,11 +163,18 @@ class Explanation:
     closed_seen: float | None = None
     calibrated: tuple[Calibrated, ...] = ()
     rivals: tuple[Alternative, ...] = ()
+    ideals_from: str = ""
+
+    @property
+    def nothing_more(self) -> str:
+        """To what "nothing is missing" is limited where the ideal scans were made from repeats; else empty."""
+        return "that repeats can show" if self.ideals_from == "repeats" else ""
 
     def to_dict(self) -> dict[str, Any]:
         """report.json."""
         return {
             "verdict": self.verdict,
+            **({"ideals_from": self.ideals_from} if self.ideals_from else {}),
             "effects": [one.to_dict() for one in self.findings],
             "not_testable": list(self.not_testable),
             "gap": {

@@ -76,6 +76,7 @@ def _explanation(document: Mapping[str, Any], before: Model, after: Model) -> Ex
         hashes=dict(document["hashes"]),
         left_out=dict(document["left_out"]),
         geometry=str(document.get("geometry", "")),
+        ideals_from=str(document.get("ideals_from", "")),
         # Reports of earlier versions lack what follows.
         closed_seen=document["gap"].get("closed_seen"),
         calibrated=tuple(

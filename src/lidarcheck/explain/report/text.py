@@ -55,7 +55,7 @@ def verdict_sentence(explanation: Explanation) -> str:
     if explanation.verdict == "no_gap":
         return (
             "NO GAP: model and measurement agree within what chance and small errors of gain, reflectances and pose "
-            "explain. Nothing is missing that these scenes can show."
+            f"explain. Nothing is missing {explanation.nothing_more or 'that these scenes can show'}."
         )
     if explanation.verdict == "explained":
         what, them = ("one effect is", "it") if len(names) == 1 else (f"{len(names)} effects are", "them")

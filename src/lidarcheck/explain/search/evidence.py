@@ -60,8 +60,10 @@ class SimulatorEvidence:
         return self._simulator.summaries.expected
 
     def rows_of(self, frame: int, layer: npt.ArrayLike, point: npt.ArrayLike) -> IndexArray:
-        """The places of a frame's beams in the table, (n,)."""
-        return np.searchsorted(self.beams.key, key_of(frame, layer, point))
+        """The places of a frame's beams in the table, -1 for those that are left out, (n,)."""
+        key = key_of(frame, layer, point)
+        place = np.minimum(np.searchsorted(self.beams.key, key), len(self.beams) - 1)
+        return np.where(self.beams.key[place] == key, place, -1)
 
     def dimming(self, shown: Sequence[Observations] | None = None) -> Dimming:
         """The gain that each beam's echo asks for beyond what the model shows, or beyond some simulations."""

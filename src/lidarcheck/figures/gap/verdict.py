@@ -29,7 +29,7 @@ def verdict_of(explanation: Explanation) -> Verdict:
     floor = f"chance alone makes {amount(gap.floor.value)}"
     if explanation.verdict == "no_gap":
         sentence = f"On {frames} measured and simulated echoes are {size} apart; {floor}."
-        return Verdict("No gap: nothing is missing in the model", sentence, "good")
+        return Verdict(f"No gap: nothing is missing {explanation.nothing_more or 'in the model'}", sentence, "good")
     closed = f"On {frames}, which no fit has seen, {_share(gap.closed)} of the gap closes"
     sentence = f"{closed}: from {size} to {amount(gap.after.value)}, where {floor}."
     missing = f"{_list([_named(one) for one in known])} {'is' if len(known) == 1 else 'are'} missing in the model"

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.inference.observed.echo_view import EchoView
+from lidarcheck.kpi.fired import at_marked_edges
+from lidarcheck.model.estimates import is_estimate, row_keys
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
-from lidarcheck.scan import IdealScan
+from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Beams
 
 __all__ = ["SIDES", "BeamTable", "beams_of", "bright_offsets"]
 
 
+_BEAM = ("layer", "point")
 SIDES = ("above", "below", "left", "right")
 """The neighbours of a beam, in the order of `BeamTable.neighbour_m`."""
 
@@ -43,9 +46,10 @@ class BeamTable:
     nearly the same range meets another material or a surface of another slope, so that a pose a little off changes
     which one the beam meets.
     `bright` (n, 4): beams to the next bright surface on each side, 0 where there is none, and `bright_m` (n, 4) its
-    range. `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
+    range. `estimate` (n,): beams of one number were estimated together, in several frames, and are off alike.
+    `hit_beam`, `hit_m` (m,): all surfaces, ascending in (beam, range), a beam's several rows each.
     `range_offset_m` (n,): what a reported range is longer than the way; `view`: what is looked at of the echoes;
-    `sensor`: the sensor's beams, of the first frame.
+    `sensor`: the sensor's beams, of the first frame; `whole`: whether no beam of the ideal scans is left out.
     """
 
     key: IndexArray
@@ -65,14 +69,43 @@ class BeamTable:
     crease: npt.NDArray[np.bool_]
     bright: IndexArray
     bright_m: FloatArray
+    estimate: IndexArray
     hit_beam: IndexArray
     hit_m: FloatArray
     range_offset_m: FloatArray
     view: EchoView
     sensor: Beams
+    whole: bool = True
 
     def __len__(self) -> int:
         return len(self.key)
+
+    def without(self, left_out: BoolArray) -> BeamTable:
+        """The other beams, (n,); what stands beside a beam stays known where that is left out."""
+        keep = ~left_out
+        place, hits = np.cumsum(keep) - 1, keep[self.hit_beam]
+        others = ("hit_beam", "hit_m", "view", "sensor", "whole")
+        columns = {f.name: getattr(self, f.name)[keep] for f in fields(self) if f.name not in others}
+        return BeamTable(
+            **columns,
+            hit_beam=place[self.hit_beam[hits]],
+            hit_m=self.hit_m[hits],
+            view=self.view,
+            sensor=self.sensor,
+            whole=False,
+        )
+
+    def echoes_of(self, scans: Sequence[Scan]) -> tuple[Sequence[Scan], IndexArray]:
+        """The echoes of the table's beams in the scans of its frames, and the beam of each, one scan after the other;
+        every echo's beam must be in the table, or have been left out."""
+        frame = np.repeat(np.arange(len(scans)), [len(scan) for scan in scans])
+        layer, point = (np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in _BEAM)
+        key = key_of(frame, layer, point)
+        beam = np.searchsorted(self.key, key)
+        if self.whole:
+            return scans, beam
+        there = self.key[np.minimum(beam, len(self) - 1)] == key
+        return [scan.take(there[frame == i]) for i, scan in enumerate(scans)], beam[there]
 
     def apart_m(self, distance_m: FloatArray) -> FloatArray:
         """From which distance [m] on another surface lies apart from those at these, same shape."""
@@ -92,7 +125,8 @@ def key_of(frame: npt.ArrayLike, layer: npt.ArrayLike, point: npt.ArrayLike) -> 
 
 
 def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
-    """The beams of some frames, numbered as they stand in `ideals`."""
+    """The beams of some frames, numbered as they stand in `ideals`; without those that are marked there as beams that
+    meet, or may meet, two surfaces."""
     frames = np.concatenate([np.full(len(ideal), i) for i, ideal in enumerate(ideals)])
     layer, point, distance, material, incidence = (
         np.concatenate([np.asarray(getattr(ideal, name)) for ideal in ideals])
@@ -110,9 +144,10 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
     hit = distance[order] > 0.0
     retros = [i for i, entry in model.materials.items() if entry.kind == "retro"]
     shape = _shape(frames[row], layer[row].astype(np.int64), point[row].astype(np.int64), ideals[0].beams)
+    at_edges = _at_edges(ideals, key, rows_key)
     neighbour, step, slope, crease = _neighbours(shape, distance[row], incidence[row], material[row])
     bright, bright_m = bright_offsets(shape, signal[row], distance[row], model.sensor.bright_signal)
-    return BeamTable(
+    found = BeamTable(
         key=key,
         frame=frames[row],
         layer=layer[row].astype(np.int64),
@@ -130,12 +165,29 @@ def beams_of(ideals: Sequence[IdealScan], model: Model) -> BeamTable:
         crease=crease,
         bright=bright,
         bright_m=bright_m,
+        estimate=_together(ideals, row),
         hit_beam=beam[hit],
         hit_m=distance[order][hit],
         range_offset_m=np.zeros(len(row)) + ideals[0].beams.range_offset_m(layer[row]),
         view=EchoView.of(model.sensor),
         sensor=ideals[0].beams,
     )
+    return found.without(at_edges) if at_edges.any() else found
+
+
+def _at_edges(ideals: Sequence[IdealScan], key: IndexArray, rows_key: IndexArray) -> BoolArray:
+    """The beams `key` (n,) of which a row is marked as one that meets two surfaces; `rows_key`: of all rows."""
+    marked = [at_marked_edges(ideal) for ideal in ideals]
+    rows = [np.zeros(len(ideal), dtype=bool) if one is None else one for ideal, one in zip(ideals, marked, strict=True)]
+    return np.isin(key, rows_key[np.concatenate(rows)])
+
+
+def _together(ideals: Sequence[IdealScan], row: IndexArray) -> IndexArray:
+    """A number for each beam, by its first row (n,): the same for beams whose errors are drawn together."""
+    if not any(is_estimate(ideal) for ideal in ideals):
+        return np.arange(len(row))
+    key = np.concatenate([row_keys(ideal) for ideal in ideals])[row]
+    return np.asarray(np.unique(key, return_inverse=True)[1]).ravel()
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.inference.observed.beam_table import BeamTable, key_of
+from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.kernels import write_nearest
 from lidarcheck.kpi.pairing import nearest_on_line
 from lidarcheck.scan import Scan
@@ -52,12 +52,9 @@ class Observations:
 
 
 def observations_of(beams: BeamTable, scans: Sequence[Scan]) -> Observations:
-    """Pair the echoes of the frames' scans with what the beams meet; every echo's beam must be in the table."""
-    frame = np.concatenate([np.full(len(scan), i) for i, scan in enumerate(scans)])
-    columns = ("layer", "point", "range_m")
-    layer, point, range_m = (np.concatenate([np.asarray(getattr(scan, name)) for scan in scans]) for name in columns)
-    beam = np.searchsorted(beams.key, key_of(frame, layer, point))
-    range_m = range_m - beams.range_offset_m[beam]
+    """Pair the echoes of the frames' scans with what the beams meet; those of beams that are left out are left out."""
+    scans, beam = beams.echoes_of(scans)
+    range_m = np.concatenate([np.asarray(scan.range_m) for scan in scans]) - beams.range_offset_m[beam]
     surface = nearest_on_line(beams.hit_beam, beams.hit_m, beam, range_m)
     residual = np.where(surface >= 0, range_m - np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], np.inf)
     nearest = np.full(len(beams), -1)

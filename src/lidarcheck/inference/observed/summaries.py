@@ -8,7 +8,7 @@ both.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -74,9 +74,13 @@ class Summaries:
         base: Sequence[Observations],
         fresh: Iterable[Observations],
         materials: Mapping[int, str],
+        *,
+        location: bool = True,
+        rates: bool = True,
     ) -> None:
         """`base`: what the model shows with some seeds, of which each beam's expectation is taken; `fresh`: with
-        others, of which the summaries' own means and spreads are taken."""
+        others, of which the summaries' own means and spreads are taken. Without `location` those of mean residuals and
+        mean amplitudes are left out, without `rates` those of losses and of further echoes."""
         self.beams = beams
         self.expected = expectation(beams, base)
         coarse = divisions(beams, self.expected.log_area, materials)
@@ -87,7 +91,7 @@ class Summaries:
         self._in_column = np.array([covariate == _COLUMN for covariate, _ in self._lines.bins])
         self._pose = pose_weights(beams, self.expected)
         self._strays = FalseEchoes(beams)
-        self.names = [
+        names = [
             *_named([_STATISTICS[j] for j in _MEANS], self._coarse),
             *_named([_STATISTICS[j] for j in _SCATTERED], self._scattered),
             *_named([_STATISTICS[j] for j in _FINE_MEANS], self._fine),
@@ -95,6 +99,9 @@ class Summaries:
             *_named(_EXTRAS, self._coarse),
             *self._strays.names,
         ]
+        left_out = {"location": not location, "rate": not rates, "spread": False}
+        self._kept = np.flatnonzero([not left_out[_kind_of(one)] for one in names])
+        self.names = [names[i] for i in self._kept]
         values = np.array(mapped(self._sum, fresh))
         self._centre = values.mean(axis=0)
         counted = np.array([name.feature in (*_EXTRAS, "other echoes") for name in self.names])
@@ -126,7 +133,7 @@ class Summaries:
             self._coarse.of(counts, range(len(_EXTRAS))).T.ravel(),
             self._strays.counts(observations),
         ]
-        return np.concatenate(parts)
+        return np.concatenate(parts)[self._kept]
 
     def _along_lines(self, observations: Observations, value: FloatArray, weight: FloatArray) -> FloatArray:
         """Range residuals along the slope of the surfaces, where the beams look beside where they should, over strips
@@ -164,6 +171,14 @@ class Summaries:
         kind = sides_of_surface(self.beams, beam, range_m)
         cells = len(self.beams) * len(_EXTRAS)
         return np.bincount(beam * len(_EXTRAS) + kind, minlength=cells).reshape(-1, len(_EXTRAS)).astype(np.float64)
+
+
+def _kind_of(one: Summary) -> Literal["location", "rate", "spread"]:
+    """Whether it is a mean of a surface's echoes, a rate of losses or further echoes, or a spread."""
+    of_surface = one.feature.startswith(("range", "area", "peak", "width")) and not one.feature.endswith("bloom")
+    if not of_surface:
+        return "rate"
+    return "spread" if one.covariate == _COLUMN or "scatter" in one.feature else "location"
 
 
 def _named(features: Sequence[str], sums: _Sums) -> list[Summary]:

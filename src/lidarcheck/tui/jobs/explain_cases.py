@@ -68,7 +68,8 @@ class CaseState:
         if self.found is None:
             return kept or "not run"
         names = ", ".join(finding.name for finding in self.found.findings)
-        words = {"no_gap": "no gap", "explained": f"explained: {names}", "unknown": "unknown"}[self.found.verdict]
+        no_gap = f"no gap {self.found.nothing_more}".rstrip()
+        words = {"no_gap": no_gap, "explained": f"explained: {names}", "unknown": "unknown"}[self.found.verdict]
         return f"{words}{f'; {kept}' if kept else ''}"
 
 
