@@ -1,20 +1,16 @@
-"""Where a case's ideal scans come from, what each frame is for, and what only all repeats together say of a ray."""
+"""Where a case's ideal scans come from, what these cannot show, and what each frame is for."""
 
-import dataclasses
 import re
 
-import numpy as np
 import pytest
 
-from explain_kit import ideal_scan, write_case
+from explain_kit import write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.cases.origin import Origin
 from lidarcheck.cases.split import split_frames
 from lidarcheck.effects.base import catalogue
 from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import LidarcheckError, UsageError
-from lidarcheck.formats import load_ideal, save_ideal, save_scan
-from lidarcheck.model import load_model, simulate
 
 PARTS = ("fit", "fit", "fit", "select", "verify", "verify")
 
@@ -146,38 +142,3 @@ def test_with_few_repeats_less_is_judged():
     assert judged == {2: (False, False), 3: (False, True), 4: (False, True), 5: (True, True)}
     assert Origin("map").judges_location
     assert Origin().judges_rates
-
-
-def still(tmp_path, frames, unknown, change=lambda k, scan: scan):
-    """Repeats of one scene: `unknown` (n,) rows of which no ideal scan knows what they meet."""
-    place = write_case(tmp_path / "case", frames=frames)
-    ideal = ideal_scan(0)
-    ideal = dataclasses.replace(ideal, distance_m=np.where(unknown(ideal), np.nan, ideal.distance_m))
-    for k in range(frames):
-        scan = simulate(ideal_scan(0), load_model(place / "model.toml"), seed=1, frame=k)
-        save_ideal(ideal, place / f"i{k}.txt")
-        save_scan(change(k, scan), place / f"m{k}.txt")
-    text = (place / "case.toml").read_text()
-    (place / "case.toml").write_text(f'ideals_from = "repeats"\n{text}')
-    return load_case(place)
-
-
-def test_a_ray_that_none_of_nine_repeats_saw_meets_nothing(tmp_path):
-    # Layer 250 meets nothing, layer 255 the wall: nobody knows that of either.
-    def unknown(ideal):
-        return np.isin(ideal.layer, (250, 255))
-
-    few, many = (still(tmp_path / str(n), n, unknown) for n in (9, 10))
-    assert not np.isin(few.frames[0].ideal.layer, (250, 255)).any()
-    ideal = many.frames[0].ideal
-    assert (ideal.distance_m[ideal.layer == 250] == 0.0).sum() > 20
-    assert not (ideal.layer == 255).any()
-
-
-def test_a_column_without_an_echo_was_not_fired(tmp_path):
-    def lose(k, scan):
-        return scan.take(~np.isin(scan.point, (480, 481))) if k == 2 else scan
-
-    case = still(tmp_path, 4, lambda ideal: ideal.layer < 0, lose)
-    assert [bool(np.isin(frame.ideal.point, (480, 481)).any()) for frame in case.frames] == [True, True, False, True]
-    assert np.isin(load_ideal(case.directory / "i2.txt").point, (480, 481)).any()

@@ -18,7 +18,6 @@ from lidarcheck.beams import Geometry
 from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.cases.origin import CAST, Origin, OriginKeys, Part, origin_faults, origin_of
-from lidarcheck.cases.repeats import of_repeats
 from lidarcheck.config.schema import LineIndex, PathText, validate
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import parse_toml
@@ -240,12 +239,8 @@ def _frames(
         except _Damaged as damage:
             faults[number] = damage.fault
             continue
-        frames.append(Frame(number, ideal, measured, entry.time, part=entry.part or "", origin=origin))
-    frames = of_repeats(frames) if origin.source == "repeats" else frames
-    for i, frame in enumerate(frames):
-        ideal, measured = judged_beams(frame.ideal, frame.measured)
         surface_signal(ideal, model)  # names a material without an entry
-        frames[i] = replace(frame, ideal=ideal, measured=measured)
+        frames.append(Frame(number, ideal, measured, entry.time, part=entry.part or "", origin=origin))
     sound = []
     for frame in frames:
         entry = table.frames[frame.number]
@@ -279,7 +274,7 @@ def _read(directory: Path, number: int, entry: _FrameTable, lines: LineIndex, se
         scan = _with_features(
             _known_beams(scan_from_table(tables[1], entry.placement, sensor), ideal, file), file, sensor
         )
-        return ideal, scan
+        return judged_beams(ideal, scan)
     except InputError as error:
         if error.file == str(lines.file) or isinstance(error, SeveralFrames):
             raise

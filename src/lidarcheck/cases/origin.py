@@ -12,7 +12,7 @@ from lidarcheck.config.schema import Config, LineIndex
 from lidarcheck.effects.search.base import SearchSpec
 from lidarcheck.errors import InputError
 
-__all__ = ["CAST", "PARTS", "SEEN_BY_NONE", "Origin", "OriginKeys", "Part", "origin_faults", "origin_of"]
+__all__ = ["CAST", "PARTS", "Origin", "OriginKeys", "Part", "origin_faults", "origin_of"]
 
 Part = Literal["", "fit", "select", "verify"]
 PARTS: tuple[Part, ...] = ("fit", "select", "verify")
@@ -21,8 +21,6 @@ PARTS: tuple[Part, ...] = ("fit", "select", "verify")
 _FOR_LOCATION, _FOR_RATES = 5, 3
 """With fewer repeats in an estimate a mean is judged by little else than the estimate's own error; with two, a ray that
 one of them lost tells nothing of losses either."""
-SEEN_BY_NONE = 9
-"""From so many repeats on, a ray that none of them saw meets nothing."""
 
 
 class OriginKeys(Config):
@@ -79,7 +77,7 @@ def origin_of(keys: OriginKeys, parts: Sequence[Part]) -> Origin:
     """What the keys say; of repeats without their number, that each frame to fit or select is left out of its own."""
     repeats = 0
     if keys.ideals_from == "repeats":
-        repeats = keys.repeats or sum(part != "verify" for part in parts) - 1
+        repeats = keys.repeats or max(sum(part != "verify" for part in parts) - 1, 2)
     return Origin(keys.ideals_from or "", keys.pose_from == "fit", keys.laws_from == "repeats", repeats)
 
 

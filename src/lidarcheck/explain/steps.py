@@ -300,8 +300,7 @@ class Workflow:
             return answer
         asked = Classifier.of(bench.select.frames, self.model, bench.select.seed)
         self.chances.extend(filter(None, [asked.chance(self.model, self.pool)]))
-        chance = next(iter(self.chances), None)
-        words = against_no_gap(bench.select, asked, search.fit.nuisance, chance, rates=self.origin.judges_rates)
+        words = against_no_gap(bench.select, asked, search.fit.nuisance, next(iter(self.chances), None))
         if not words:
             return answer
         self.did("doubt", f"no gap is not said: {words}")

@@ -29,11 +29,9 @@ _SEEN = 0.999
 """A surface that is seen so surely is lost by nothing that gain and reflectances are usually off by."""
 
 
-def against_no_gap(
-    select: Simulator, classifier: Classifier, off: Nuisance, chance: Chance | None = None, *, rates: bool = True
-) -> str:
-    """What speaks against "no gap" on the select frames, in words; empty where nothing does. `rates`: whether losses
-    and further echoes say anything there."""
+def against_no_gap(select: Simulator, classifier: Classifier, off: Nuisance, chance: Chance | None = None) -> str:
+    """What speaks against "no gap" on the select frames, in words; empty where nothing does."""
+    rates = select.frames[0].origin.judges_rates
     return (rates and rates_beyond_chance(select, off)) or still_tells(select, classifier, off, chance)
 
 
