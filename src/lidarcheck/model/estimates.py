@@ -1,8 +1,10 @@
 """What an ideal scan that was estimated may be off by: its distances and reflectances, drawn anew with each seed.
 
 An ideal scan from measurements says of each row how far `Distance` and `Reflectance` may be off. Both are drawn once
-for an ideal scan and ray, as normal numbers, so that a simulation scatters about the row as written as much as the
-measurement does. A draw is keyed by the seed and by what the row says: frames that are judged against one estimate
+for an ideal scan and ray, so that a simulation scatters about the row as written as much as the measurement does. Draws
+are spread evenly, as rounding spreads values: where a sensor reports an amplitude in steps that are wide beside its
+noise, a normal number of the same deviation would leave the step in one case of twelve, which no measurement does that
+the row was estimated from; beside the noise of ranges and fine amplitudes the two are hardly told apart. A draw is keyed by the seed and by what the row says: frames that are judged against one estimate
 share it, also where some rows are left out of one of them.
 """
 
@@ -14,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.shared.draws import normals
 from lidarcheck.effects.shared.reflectance import reflectance_of, with_reflectance
 from lidarcheck.model import streams
 from lidarcheck.scan import IdealScan
@@ -26,6 +27,8 @@ DISTANCE_ERROR, REFLECTANCE_ERROR = "DistanceError", "ReflectanceError"
 _KEY = "lidarcheck row key"
 """A column that goes with the rows while effects aim them, and into no file."""
 _PURPOSE = "ideal scan"
+_WIDTH = 2.0 * 3.0**0.5
+"""Of an even distribution whose standard deviation is 1."""
 _NEAREST_M = 1e-3
 """A drawn surface lies no nearer."""
 _MIX = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
@@ -63,14 +66,14 @@ def with_row_keys(ideal: IdealScan) -> IdealScan:
 
 
 def drawn(ideal: IdealScan, seed: int) -> IdealScan:
-    """The rows with distances and reflectances as they may be, normal about what is written; the same for a seed.
+    """The rows with distances and reflectances as they may be, even about what is written; the same for a seed.
 
     A row without a surface, without an error or without a reflectance of its own stays as it is.
     """
     if not is_estimate(ideal):
         return ideal
     key = row_keys(ideal)
-    off = normals(streams.uniforms(seed, _PURPOSE, 0, key >> _HALF, key & _LOW, 2))
+    off = _WIDTH * (streams.uniforms(seed, _PURPOSE, 0, key >> _HALF, key & _LOW, 2) - 0.5)
     distance = ideal.distance_m + _error(ideal, DISTANCE_ERROR) * off[:, 0]
     met = ideal.distance_m > 0.0
     found = replace(ideal, distance_m=np.where(met, np.maximum(distance, _NEAREST_M), ideal.distance_m))
