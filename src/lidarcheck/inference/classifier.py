@@ -17,6 +17,7 @@ from lidarcheck.cases.frame import Frame
 from lidarcheck.inference.intervals import ClassifierGap
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.coarse import amplitude_tells
 from lidarcheck.kpi.classifier import classifier_gap, folds_of
 from lidarcheck.kpi.lattice import piece_of
 from lidarcheck.kpi.pairing import nearest_on_line
@@ -68,6 +69,8 @@ class Classifier:
     fold: IndexArray | None
     known: FloatArray
     seed: int
+    amplitude: bool = True
+    """Whether the amplitude is shown."""
 
     @classmethod
     def of(cls, frames: Sequence[Frame], model: Model, seed: int, *, most: int = MOST_BEAMS) -> Classifier:
@@ -78,7 +81,8 @@ class Classifier:
         fold = folds_of(beams.frame, *lattice, repeated=repeated, piece=_pieces(beams, frames))
         drawn = _drawn(beams.column, most)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
-        return cls(tuple(frames), surfaces, beams, drawn, fold, _known(beams, lattice, repeated=repeated), seed)
+        known = _known(beams, lattice, repeated=repeated)
+        return cls(tuple(frames), surfaces, beams, drawn, fold, known, seed, amplitude_tells(frames, model))
 
     @functools.cached_property
     def shared(self) -> Shared[Classifier]:
@@ -159,7 +163,9 @@ class Classifier:
         met_m = np.where(surface >= 0, np.append(beams.hit_m, 0.0)[np.maximum(surface, 0)], 0.0)
         rng = np.random.default_rng([0, *dither])
         off = range_m - met_m + step_m * (rng.random(len(beam)) - 0.5)
-        echoes = np.column_stack([off, *beams.view.columns(scans), number])
+        amplitude, *others = beams.view.columns(scans)
+        amplitude = amplitude if self.amplitude else np.full(len(amplitude), np.nan)
+        echoes = np.column_stack([off, amplitude, *others, number])
         shown = self.drawn[beam]
         lost = np.flatnonzero(self.drawn & (np.bincount(beam, minlength=len(beams)) == 0))
         every = np.concatenate([beam[shown], lost])

@@ -13,6 +13,7 @@ from lidarcheck.inference.covariance import metrics, nuisances, shuffled
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.coarse import amplitude_tells
 from lidarcheck.inference.observed.edges import runs_along, runs_past, with_beams_of
 from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.inference.observed.summaries import Summaries, compressed
@@ -57,8 +58,16 @@ class Simulator:
         drawn = mapped(lambda k: self.observations(model, _FIRST_FLOOR + k), range(FLOOR_SEEDS))
         fresh = shuffled(self.beams, drawn, range(self.seed, self.seed + FLOOR_DRAWS))
         # Every frame of a case has ideal scans of one origin.
-        judged = {"location": frames[0].origin.judges_location, "rates": frames[0].origin.judges_rates}
-        self.summaries = Summaries(self.beams, base, fresh, names, **judged)
+        origin = frames[0].origin
+        self.summaries = Summaries(
+            self.beams,
+            base,
+            fresh,
+            names,
+            location=origin.judges_location,
+            rates=origin.judges_rates,
+            amplitude=amplitude_tells(frames, model),
+        )
         self.measured_observations = observations_of(self.beams, [f.measured for f in frames])
         self.measured_plain = self.summaries.plain(self.measured_observations)
         self.measured = compressed(self.measured_plain)

@@ -20,6 +20,7 @@ from lidarcheck.inference.intervals import ENDS, Gap, Interval
 from lidarcheck.inference.kind_distances import apart_by_kind, named_by_kind, unlike_echoes
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.coarse import amplitude_tells
 from lidarcheck.inference.observed.kernels import areas_between
 from lidarcheck.inference.observed.observations import FEATURES, Observations, observations_of
 from lidarcheck.inference.observed.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
@@ -59,6 +60,8 @@ class Scale:
     strata: tuple[IndexArray, ...]
     seed: int
     surfaces: tuple[Surfaces, ...]
+    features: tuple[int, ...] = (0, 1, 2, 3)
+    """Those of `FEATURES` that are compared."""
 
     @classmethod
     def of(cls, frames: Sequence[Frame], model: Model, seed: int) -> Scale:
@@ -72,7 +75,8 @@ class Scale:
         expected = expectation(beams, runs)
         found = [*divisions(beams, expected.log_area, {}), *fine_divisions(beams)]
         strata = tuple(d.bin for d in found if d.covariate in _STRATA)
-        return cls(tuple(frames), beams, expected, strata, seed, surfaces)
+        compared = tuple(j for j in range(4) if j != FEATURES.index("area") or amplitude_tells(frames, model))
+        return cls(tuple(frames), beams, expected, strata, seed, surfaces, compared)
 
     @functools.cached_property
     def shared(self) -> Shared[Scale]:
@@ -141,7 +145,7 @@ class Scale:
         theirs = [np.flatnonzero(self.expected.known & other.detected) for other in others]
         row, count = np.concatenate([mine, *theirs]), len(mine)
         found = np.zeros((len(weights), 4))
-        for j in range(4):
+        for j in self.features:
             own = self._standard(one, mine, j)
             value = np.concatenate([own, *(self._standard(o, t, j) for o, t in zip(others, theirs, strict=True))])
             ascending = np.argsort(value)

@@ -4,8 +4,10 @@ An ideal scan from measurements says of each row how far `Distance` and `Reflect
 for an ideal scan and ray, so that a simulation scatters about the row as written as much as the measurement does. Draws
 are spread evenly, as rounding spreads values: where a sensor reports an amplitude in steps that are wide beside its
 noise, a normal number of the same deviation would leave the step in one case of twelve, which no measurement does that
-the row was estimated from; beside the noise of ranges and fine amplitudes the two are hardly told apart. A draw is keyed by the seed and by what the row says: frames that are judged against one estimate
-share it, also where some rows are left out of one of them.
+the row was estimated from; beside the noise of ranges and fine amplitudes the two are hardly told apart.
+
+A draw is keyed by the seed and by what the row says: frames that are judged against one estimate share it, also where
+some rows are left out of one of them.
 """
 
 from __future__ import annotations

@@ -77,10 +77,12 @@ class Summaries:
         *,
         location: bool = True,
         rates: bool = True,
+        amplitude: bool = True,
     ) -> None:
         """`base`: what the model shows with some seeds, of which each beam's expectation is taken; `fresh`: with
         others, of which the summaries' own means and spreads are taken. Without `location` those of mean residuals and
-        mean amplitudes are left out, without `rates` those of losses and of further echoes."""
+        mean amplitudes are left out, without `rates` those of losses and of further echoes, without `amplitude` those
+        of surfaces' amplitudes."""
         self.beams = beams
         self.expected = expectation(beams, base)
         coarse = divisions(beams, self.expected.log_area, materials)
@@ -100,7 +102,10 @@ class Summaries:
             *self._strays.names,
         ]
         left_out = {"location": not location, "rate": not rates, "spread": False}
-        self._kept = np.flatnonzero([not left_out[_kind_of(one)] for one in names])
+        told = [amplitude or one.feature not in ("area", "area scatter") for one in names]
+        self._kept = np.flatnonzero(
+            [tells and not left_out[_kind_of(one)] for one, tells in zip(names, told, strict=True)]
+        )
         self.names = [names[i] for i in self._kept]
         values = np.array(mapped(self._sum, fresh))
         self._centre = values.mean(axis=0)
