@@ -20,7 +20,7 @@ SKIPPED = (
     "effects/parameters.py",  # bounds and help texts of parameters
     "effects/plugins.py",
     "model/cuda",  # needs a GPU
-    "model/external.py",  # another program and its files
+    "model/external",  # another program and its files
     "model/fidelity.py",  # checks of what a user asks
     "model/files",
     "model/incremental.py",  # what inference keeps of a frame

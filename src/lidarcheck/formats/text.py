@@ -29,7 +29,7 @@ from lidarcheck.formats.rows import REAL_COLUMNS, TextRows, end_of_rows, parse_r
 from lidarcheck.formats.source import read_lines
 from lidarcheck.formats.table import Column, Table, TextLayout, check_names, counted, quoted
 
-__all__ = ["check_header", "delimiter_of", "read_text", "rows_as_text", "source_as_text", "write_text"]
+__all__ = ["as_text", "check_header", "delimiter_of", "read_text", "rows_as_text", "source_as_text", "write_text"]
 
 _BOM = b"\xef\xbb\xbf"
 _LINE = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
@@ -240,14 +240,18 @@ def write_text(table: Table, path: str | os.PathLike[str]) -> None:
     A table read from such text keeps its layout and every unedited byte. Floats are written with as few digits as give
     the same bits back. `InputError`, with nothing written, when a name or a value cannot be held.
     """
-    if table.layout is not None and table.layout.delimiter in _BLANKS:
-        content = source_as_text(table)
-    else:
-        plain = Table(writable_names(table, path, lambda name: _NAME_IN_TEXT.fullmatch(name) is not None))
-        header = f"//{' '.join(plain.columns)}\n{len(table)}\n"
-        content = header.encode() + rows_as_text(plain, " ")
+    content = as_text(table, path)
     with atomic_write(path) as stream:
         stream.write(content)
+
+
+def as_text(table: Table, path: str | os.PathLike[str]) -> bytes:
+    """What `write_text` writes."""
+    if table.layout is not None and table.layout.delimiter in _BLANKS:
+        return source_as_text(table)
+    plain = Table(writable_names(table, path, lambda name: _NAME_IN_TEXT.fullmatch(name) is not None))
+    header = f"//{' '.join(plain.columns)}\n{len(table)}\n"
+    return header.encode() + rows_as_text(plain, " ")
 
 
 def check_header(

@@ -41,9 +41,9 @@ def source_hash() -> str:
 
 
 def _sources(root: Path) -> list[Path]:
-    """What kernels and the echoes kept beside them are made with; what a search must know of an effect never is."""
+    """What kernels and the echoes kept beside them are made with; searches and other programs have no part in that."""
     found = (path for part in ("elementary", "model", "effects") for path in (root / part).rglob("*.py"))
-    return sorted(path for path in found if "search" not in path.relative_to(root).parts)
+    return sorted(path for path in found if not {"search", "external"} & set(path.relative_to(root).parts))
 
 
 @cache

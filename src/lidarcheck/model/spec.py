@@ -17,14 +17,17 @@ __all__ = ["External", "Model"]
 class External:
     """Somebody else's sensor model, run in the built-in one's place.
 
-    `command` may hold `{ideal}`, `{ini}`, `{scan}` and `{seed}`; it runs in `directory` for at most `timeout_s`.
-    `ini` is the file that `{ini}` stands for.
+    `command` may hold the placeholders of `lidarcheck.model.external`; it runs in `directory`, for at most `timeout_s`
+    an ideal scan. `ini` is the file that `{ini}` stands for. `server`: the command stays up and answers requests.
+    `module`: a Python function, `package.module:function`, found in `directory` or installed; then there is no command.
     """
 
     command: tuple[str, ...]
     directory: Path
     ini: Path | None = None
     timeout_s: float = 600.0
+    server: bool = False
+    module: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,7 +163,7 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
             'variant = "SLIM"\nexternl = 1',
             [":2: unknown key externl; valid keys are effects, materials, sensor, variant"],
         ),
-        ("[external]", [":1: external.command is missing; add it: a list of at least 1, each entry text"]),
+        ("[external]", [":1: external.command is missing; add it: a list of at least 1, each entry text; or module"]),
         (
             'variant = "SLIM"\n[sensor]\n[external]\ncommand = ["./a", "{scan}"]\n',
             [
@@ -182,8 +182,23 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
             [
                 ":4: unknown placeholder {ideel}; did you mean {ideal}?",
                 ":4: a single brace in '{'; write {{ or }} for a brace",
-                ":5: unknown placeholder {zzz}; placeholders are {ideal}, {ini}, {scan}, {seed}; write {{ for a brace",
+                ":5: unknown placeholder {zzz}; placeholders are {ideal}, {ini}, {scan}, {seed}, {frame}; write {{ for a brace",
                 ':6: ini = "no.ini" is not a file; give its path from the model file\'s directory',
+            ],
+        ),
+        (
+            '[external]\nmodule = "a.b"\n',
+            [':2: module = "a.b" names no function; write it as "package.module:function"'],
+        ),
+        (
+            '[external]\nmodule = "a:b"\nserver = true\n',
+            [":3: external.server stands beside module; remove server or module"],
+        ),
+        (
+            '[external]\ncommand = ["a", "{seed}"]\nserver = true\n',
+            [
+                ":2: {seed} in the command of a server; take it out: each request names its files, seed and frame; "
+                "write {{ for a brace"
             ],
         ),
         ('[external]\ncommand = ["a"]', [":2: command has no {scan}; add {scan}, the file that it must write"]),

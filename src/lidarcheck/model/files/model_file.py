@@ -31,6 +31,7 @@ from lidarcheck.trust.places import named_file
 __all__ = ["dump_model", "load_model", "model_of", "save_model"]
 
 
+_MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 _BUILT_IN = ("variant", "sensor", "materials", "effects")
 
 
@@ -49,7 +50,9 @@ class _ModelTable(Config):
 
 
 class _ExternalTable(Config):
-    command: tuple[str, ...] = Field(min_length=1)
+    command: tuple[str, ...] = ()
+    server: bool = False
+    module: str = ""
     ini: PathText | None = None
     timeout_s: float = Field(600.0, gt=0.0, le=86_400.0, json_schema_extra={"unit": "s"})
 
@@ -208,19 +211,36 @@ def _external_model(data: dict[str, Any], lines: LineIndex) -> Model:
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
     directory = lines.file.absolute().parent
-    external = External(table.command, directory, table.ini and directory / table.ini, table.timeout_s)
+    ini = table.ini and directory / table.ini
+    external = External(table.command, directory, ini, table.timeout_s, table.server, table.module)
     return Model(Sensor.of(VARIANTS[0]), external=external, file=lines.file)
 
 
 def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
     faults = []
-    for index, error in check_command(table.command):
+    for index, error in check_command(table.command, server=table.server) if table.command else ():
         place = ("external", "command") if index is None else ("external", "command", index)
         faults.append(lines.fault(place, error.what, fix=error.fix))
+    faults += _kind_faults(table, lines)
     if table.ini is not None and not named_file(lines.file, table.ini, lines.line(("external", "ini"))).is_file():
         what = f"ini = {shown(str(table.ini))} is not a file"
         faults.append(lines.fault(("external", "ini"), what, fix="give its path from the model file's directory"))
     return faults
+
+
+def _kind_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
+    """What is wrong with the choice of a command, a server or a module."""
+    if table.module and (table.command or table.server):
+        other = "command" if table.command else "server"
+        fix = f"remove {other} or module"
+        return [lines.fault(("external", other), f"external.{other} stands beside module", fix=fix)]
+    if table.module and not _MODULE.fullmatch(table.module):
+        what = f"module = {shown(table.module)} names no function"
+        return [lines.fault(("external", "module"), what, fix='write it as "package.module:function"')]
+    if not table.module and not table.command:
+        fix = "add it: a list of at least 1, each entry text; or module"
+        return [lines.fault(("external",), "external.command is missing", fix=fix)]
+    return []
 
 
 def _document(model: Model, directory: Path) -> dict[str, Any]:
@@ -266,7 +286,9 @@ def _external_document(external: External, directory: Path) -> dict[str, Any]:
             f"the external model's command runs in {external.directory}, not in {directory}",
             fix="save it in its own directory",
         )
-    table: dict[str, Any] = {"command": list(external.command)}
+    table: dict[str, Any] = {"module": external.module} if external.module else {"command": list(external.command)}
+    if external.server:
+        table["server"] = True
     if external.ini is not None:
         table["ini"] = os.path.relpath(external.ini, external.directory)
     if external.timeout_s != External.__dataclass_fields__["timeout_s"].default:

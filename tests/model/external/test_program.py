@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import signal
 import stat
@@ -11,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidarcheck.errors import ExternalModelError, InputError, UsageError
-from lidarcheck.model.external import check_command, run_external
+from lidarcheck.errors import ExternalModelError, UsageError
+from lidarcheck.model.external import Request, check_command, run_external, run_requests
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan
 
@@ -197,11 +198,67 @@ def test_without_a_temporary_directory(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_an_ideal_scan_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
-        raise InputError("cannot write: No space left on device", file="ideal.txt", fix="nothing was changed")
+        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("lidarcheck.formats.save_ideal", refuse)
-    with pytest.raises(InputError, match="No space left"):
-        run_external(IDEAL, External(("true", "{scan}"), tmp_path), seed=0)
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    line = failure(External(("true", "{scan}"), tmp_path))
+    assert "cannot be given its ideal scan: No space left on device; free some space, or set TMPDIR" in line
+
+
+def test_the_frame_and_own_parameters_stand_in_the_command(tmp_path: Path) -> None:
+    source = "import sys; open(sys.argv[2], 'w').write(f'X Y Z Layer Point\\n{sys.argv[1]} 0 0 1 1\\n')"
+    external = python(tmp_path, source, "{frame}{gain}", "{scan}")
+    gains = {"gain": 0.25}
+    first, other = run_requests(
+        external, [Request(IDEAL, frame=3, parameters=gains), Request(IDEAL, frame=4, parameters=gains)]
+    )
+    assert (first.x_m.tolist(), other.x_m.tolist()) == ([30.25], [40.25])
+
+
+def test_own_parameters_without_a_place_in_the_command_are_keys_of_the_settings(tmp_path: Path) -> None:
+    source = (
+        "import sys; open(sys.argv[2], 'w').write(f'X Y Z Layer Point\\n{len(open(sys.argv[1]).read())} 0 0 1 1\\n')"
+    )
+    settings = tmp_path / "s.ini"
+    settings.write_text("Gain = 1 ; as measured\nOther.Gain = 2\n")
+    external = dataclasses.replace(python(tmp_path, source, "{ini}", "{scan}"), ini=settings)
+    [scan] = run_requests(external, [Request(IDEAL, parameters={"gain": 123456.5})])
+    assert scan.x_m.tolist() == [len("Gain = 123456.5; as measured\nOther.Gain = 2\n")]
+    assert settings.read_text().startswith("Gain = 1 ;")
+    with pytest.raises(UsageError, match=r"the parameter loss is no key of .*s.ini"):
+        run_requests(external, [Request(IDEAL, parameters={"loss": 1.0})])
+
+
+def test_only_the_columns_that_are_asked_for_are_sent(tmp_path: Path) -> None:
+    source = "import sys; sys.exit(open(sys.argv[1]).readline().strip())"
+    ideal = dataclasses.replace(IDEAL, share=np.ones(3), extra={"Background": np.ones(3), "Other": np.ones(3)})
+    external = python(tmp_path, source, "{ideal}", "{scan}")
+    with pytest.raises(
+        ExternalModelError, match=r"said: \"//Layer Point Distance MaterialID IncidenceAngle Background\""
+    ):
+        run_requests(external, [Request(ideal, columns=("Background",))])
+
+
+SLEEPER = """\
+import sys, time
+from pathlib import Path
+seed = sys.argv[1]
+Path("begun" + seed).touch()
+if seed == "0":
+    while not Path("begun1").exists():
+        time.sleep(0.01)
+    sys.exit("out of luck")
+time.sleep(60)
+"""
+
+
+def test_runs_beside_one_that_failed_are_ended(tmp_path: Path, scratch: Path) -> None:
+    external = python(tmp_path, SLEEPER, "{seed}", "{scan}")
+    started = time.monotonic()
+    with pytest.raises(ExternalModelError, match="out of luck"):
+        run_requests(external, [Request(IDEAL, seed) for seed in range(4)], jobs=2)
+    assert time.monotonic() - started < 30
+    assert list(scratch.iterdir()) == []
 
 
 def test_without_an_ini_the_command_gets_one_with_the_seed(tmp_path: Path) -> None:
