@@ -15,9 +15,10 @@ from typing import Any, ClassVar, Protocol
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.recognise import FORMATS, recognise
+from lidarcheck.trust.module_text import module_place
 from lidarcheck.trust.places import project_of
 
-__all__ = ["Program", "hash_of", "named_paths"]
+__all__ = ["Program", "hash_of", "module_files", "named_paths"]
 
 NOT_PROGRAM = frozenset({".lidarcheck", ".git", "__pycache__"})
 _RESULTS = frozenset({"report.html", "report.json", "result.json"})
@@ -47,21 +48,40 @@ class Program(Protocol):
     def ini(self) -> Path | None:
         """The file of its settings."""
 
+    @property
+    def module(self) -> str:
+        """The Python function, `package.module:function`, where it is one and no command."""
+
 
 def hash_of(program: Program) -> str:
     """SHA-256 over the table, its `ini`, every argument that is a file, and the program text around these.
 
     Program text are all files below the folder of each argument that is a file of the project, below each argument
-    that is a folder of it, and below the model's own folder where the command begins with no file of the project. Not
-    what `NOT_PROGRAM` names, results, goldens, scans and ideal scans, which change without the program. Links are
-    followed inside the project. `InputError` for a file that cannot be read.
+    that is a folder of it, and below the model's own folder where the command begins with no file of the project. Of a
+    module it is the text of its package, wherever that lies. Not what `NOT_PROGRAM` names, results, goldens, scans and
+    ideal scans, which change without the program. Links are followed inside the project. `InputError` for a file that
+    cannot be read, `ExternalModelError` for a module that is not there.
     """
     place = program.directory
     files = {path for path in named_paths(program) if _kind(path) == stat.S_IFREG}
-    text = {path for folder in _folders(program) for path in _program_text(folder, _project(program))}
+    text = (
+        set()
+        if program.module
+        else {path for folder in _folders(program) for path in _program_text(folder, _project(program))}
+    )
     parts = {os.path.relpath(path, place): _digest(path) for path in files | text}
+    parts |= {name: _digest(path) for name, path in module_files(program).items()}
     document = {"table": _table(program), "files": parts}
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def module_files(program: Program) -> dict[str, Path]:
+    """The text of a module's package, by what each file is called there; nothing for a command."""
+    if not program.module:
+        return {}
+    place = module_place(program.module, program.directory)
+    found = _program_text(place, _project(program)) if _kind(place) == stat.S_IFDIR else [place]
+    return {f"module {os.path.relpath(path, place.parent)}": path for path in found}
 
 
 def named_paths(program: Program) -> list[Path]:

@@ -32,7 +32,7 @@ def require_trust(program: Program, model: str | os.PathLike[str] | None = None)
     mine, own = user_file(), hash_of(program)
     if own in hashes or own in mine.trust:
         return
-    command, place = printable(shlex.join(program.command)), os.path.normpath(program.directory)
+    command, place = printable(program.module or shlex.join(program.command)), os.path.normpath(program.directory)
     what = f"runs a program that you do not trust: {command} in {place}"
     raise ExternalModelError(what, file=model, fix=_how(own, mine, user_file_path()))
 

@@ -1,8 +1,6 @@
 import dataclasses
-import os
 import signal
 import stat
-import subprocess
 import sys
 import tempfile
 import threading
@@ -12,20 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from external_kit import IDEAL, gone, refusal
 from lidarcheck.errors import ExternalModelError, UsageError
 from lidarcheck.model.external import Request, check_command, run_external, run_requests
 from lidarcheck.model.spec import External
-from lidarcheck.scan import IdealScan
 
 pytestmark = pytest.mark.usefixtures("trusting")
-
-IDEAL = IdealScan(
-    layer=np.array([10, 11, 12], dtype=np.int32),
-    point=np.array([5, 6, 7], dtype=np.int32),
-    distance_m=np.array([20.0, 0.0, 33.5]),
-    material_id=np.array([1, 1, 2], dtype=np.int32),
-    incidence_deg=np.array([0.0, 0.0, 12.0]),
-)
 
 POSTPRO = """\
 import sys
@@ -44,25 +34,9 @@ print("a warning", file=sys.stderr)
 """
 
 
-@pytest.fixture(autouse=True)
-def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Temporary directories are made here, and none may be left."""
-    path = tmp_path / "scratch"
-    path.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(path))
-    return path
-
-
 def python(tmp_path: Path, source: str, *arguments: str, timeout_s: float = 20.0) -> External:
     (tmp_path / "model.py").write_text(source)
     return External((sys.executable, "-S", "model.py", *arguments), tmp_path, timeout_s=timeout_s)
-
-
-def failure(external: External) -> str:
-    with pytest.raises(ExternalModelError) as caught:
-        run_external(IDEAL, external, seed=1)
-    [line] = caught.value.lines()
-    return line
 
 
 def test_an_external_model_simulates(tmp_path: Path, scratch: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -85,7 +59,7 @@ def test_a_program_beside_the_model_file(tmp_path: Path) -> None:
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     scan = run_external(IDEAL, External(("./postpro", "{{x}}", "{scan}"), tmp_path), seed=0)
     assert (scan.x_m[0], scan.y_m[0], scan.z_m[0]) == (1.0, 2.0, 3.0)
-    line = failure(External(("postpro", "{scan}"), tmp_path))
+    line = refusal(External(("postpro", "{scan}"), tmp_path))
     assert line == (
         "error: the external model postpro '{scan}' cannot be started: No such file or directory; "
         "write ./postpro for the file beside the model"
@@ -94,14 +68,14 @@ def test_a_program_beside_the_model_file(tmp_path: Path) -> None:
 
 def test_exit_code_and_last_words(tmp_path: Path, scratch: Path) -> None:
     source = "import sys; sys.stderr.write('first\\nlast \\x1b[31mwords\\n\\n'); sys.exit(3)"
-    line = failure(python(tmp_path, source, "{ideal}", "{scan}"))
+    line = refusal(python(tmp_path, source, "{ideal}", "{scan}"))
     assert line.startswith("error: the external model ")
     assert "model.py '{ideal}' '{scan}' ended with exit code 3 (it said: \"last  [31mwords\"); run the command" in line
     assert list(scratch.iterdir()) == []
 
 
 def test_a_signal(tmp_path: Path) -> None:
-    line = failure(python(tmp_path, "import os; os.kill(os.getpid(), 9)", "{scan}"))
+    line = refusal(python(tmp_path, "import os; os.kill(os.getpid(), 9)", "{scan}"))
     assert "was killed by SIGKILL; run the command by hand" in line
 
 
@@ -116,15 +90,15 @@ def test_a_signal(tmp_path: Path) -> None:
     ],
 )
 def test_no_usable_scan(tmp_path: Path, scratch: Path, source: str, what: str) -> None:
-    assert what in failure(python(tmp_path, source, "{scan}"))
+    assert what in refusal(python(tmp_path, source, "{scan}"))
     assert list(scratch.iterdir()) == []
 
 
 def test_what_cannot_be_started(tmp_path: Path) -> None:
-    assert "cannot be started: No such file" in failure(External(("./none", "{scan}"), tmp_path))
+    assert "cannot be started: No such file" in refusal(External(("./none", "{scan}"), tmp_path))
     (tmp_path / "plain").write_text("x")
-    assert "cannot be started: Permission denied" in failure(External(("./plain", "{scan}"), tmp_path))
-    assert "there is no directory" in failure(External(("true", "{scan}"), tmp_path / "gone"))
+    assert "cannot be started: Permission denied" in refusal(External(("./plain", "{scan}"), tmp_path))
+    assert "there is no directory" in refusal(External(("true", "{scan}"), tmp_path / "gone"))
 
 
 GRANDCHILD = """\
@@ -136,23 +110,12 @@ time.sleep(60)
 """
 
 
-def assert_gone(pid_file: Path) -> None:
-    pid = int(pid_file.read_text())
-    for _ in range(100):
-        state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
-        if state in ("", "Z"):
-            return
-        time.sleep(0.02)
-    os.kill(pid, signal.SIGKILL)
-    pytest.fail("the model's child outlived it")
-
-
 def test_a_timeout_kills_the_model_and_all_that_it_started(tmp_path: Path, scratch: Path) -> None:
     started = time.monotonic()
-    line = failure(python(tmp_path, GRANDCHILD, "{scan}", timeout_s=1.0))
+    line = refusal(python(tmp_path, GRANDCHILD, "{scan}", timeout_s=1.0))
     assert time.monotonic() - started < 10
     assert 'took longer than 1 s (it said: "waiting"); raise timeout_s or make it faster' in line
-    assert_gone(tmp_path / "pid")
+    assert gone(int((tmp_path / "pid").read_text()))
     assert list(scratch.iterdir()) == []
 
 
@@ -173,13 +136,13 @@ def test_an_interrupt_kills_the_model_and_all_that_it_started(tmp_path: Path, sc
     finally:
         signal.signal(signal.SIGINT, before)
     thread.join()
-    assert_gone(tmp_path / "pid")
+    assert gone(int((tmp_path / "pid").read_text()))
     assert list(scratch.iterdir()) == []
 
 
 def test_a_program_that_moves_into_a_session_of_its_own_still_ends(tmp_path: Path) -> None:
     source = "import os, time; os.setpgid(0, 0) if os.getpgid(0) != os.getpid() else None; time.sleep(60)"
-    assert "took longer than 0.5 s" in failure(python(tmp_path, source, "{scan}", timeout_s=0.5))
+    assert "took longer than 0.5 s" in refusal(python(tmp_path, source, "{scan}", timeout_s=0.5))
 
 
 def test_placeholders_are_checked(tmp_path: Path) -> None:
@@ -193,7 +156,7 @@ def test_placeholders_are_checked(tmp_path: Path) -> None:
 
 def test_without_a_temporary_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
-    assert "there is no temporary directory" in failure(External(("true", "{scan}"), tmp_path))
+    assert "there is no temporary directory" in refusal(External(("true", "{scan}"), tmp_path))
 
 
 def test_an_ideal_scan_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +164,7 @@ def test_an_ideal_scan_that_cannot_be_written_is_said(tmp_path: Path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", refuse)
-    line = failure(External(("true", "{scan}"), tmp_path))
+    line = refusal(External(("true", "{scan}"), tmp_path))
     assert "cannot be given its ideal scan: No space left on device; free some space, or set TMPDIR" in line
 
 

@@ -32,6 +32,7 @@ Groups = set[int]
 _TAIL_BYTES = 8192
 _GUARD = 'read -r over || { kill -9 "-$1"; rm -rf -- "$2"; }'
 """The end of input without a word is the end of whoever would have said it."""
+_GENTLE_S = 1.0
 _running: Groups = set()
 """Those of all external models that run."""
 
@@ -80,6 +81,16 @@ class Child:
             return self._process.wait(timeout=seconds)
         except subprocess.TimeoutExpired:
             return None
+
+    def forget_words(self) -> None:
+        """Let what it said so far be nothing that it said last."""
+        os.truncate(self.log, 0)
+
+    def close(self) -> None:
+        """End its standard input and give it a moment to end by itself."""
+        with contextlib.suppress(OSError):
+            self.stdin.close()
+        self.wait(_GENTLE_S)
 
     def end(self) -> None:
         """Kill it and all that it started."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 
 from lidarcheck.model.external.command import check_command, filled, names_in
-from lidarcheck.model.external.exchange import Request, echoes_in, placed
+from lidarcheck.model.external.echoes import echoes_in
+from lidarcheck.model.external.exchange import Request, Run, write_ideal, write_settings
 from lidarcheck.model.external.process import Child, Groups, exit_words, failure, last_words, scratch_directory
 from lidarcheck.model.spec import External
 from lidarcheck.scan import Scan
@@ -27,9 +29,11 @@ def run_program(request: Request, external: External, sensor: Sensor | None, gro
     for _, fault in check_command(external.command, request.parameters):
         raise fault
     with scratch_directory() as directory:
-        run = placed(request, external, directory, names_in(external.command))
-        files = {"ideal": run.ideal, "ini": run.ini, "scan": run.scan}
-        values = {**request.parameters, **files, "seed": request.seed, "frame": request.frame}
+        ideal, scan = directory / "ideal.txt", directory / "scan.txt"
+        write_ideal(request, ideal, external)
+        ini = write_settings(request, directory / "settings.ini", external, names_in(external.command))
+        run = Run(ideal, ini, scan)
+        values = {**request.parameters, **dataclasses.asdict(run), "seed": request.seed, "frame": request.frame}
         child = Child(
             [filled(argument, values) for argument in external.command], external, directory, pipes=False, groups=groups
         )
@@ -45,4 +49,4 @@ def run_program(request: Request, external: External, sensor: Sensor | None, gro
             raise failure(exit_words(code), external, said, "run the command by hand")
         if said:
             _log.info("%s said: %s", external.command[0], said)
-        return echoes_in(run, external, sensor, said)
+        return echoes_in(run.scan, external, sensor, said)

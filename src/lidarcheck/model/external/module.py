@@ -1,0 +1,96 @@
+"""Somebody else's model as a Python function: it runs in a process of its own, which stays up.
+
+Ideal tables go to `module_worker` and echo tables come back as a JSON object in a line and the bytes of its columns.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lidarcheck.config.words import printable
+from lidarcheck.errors import ExternalModelError
+from lidarcheck.formats.table import Table
+from lidarcheck.model.external import module_worker
+from lidarcheck.model.external.echoes import echoes_of_table
+from lidarcheck.model.external.exchange import Request, sent
+from lidarcheck.model.external.pipe import Pipe
+from lidarcheck.model.external.process import Child, Groups, last_words, name_of, scratch_directory
+from lidarcheck.model.spec import External
+from lidarcheck.scan import Scan
+from lidarcheck.sensor import Sensor
+
+__all__ = ["ModuleProcess"]
+
+
+class ModuleProcess:
+    """A process that has loaded the function. `ExternalModelError` when it cannot be found or loaded."""
+
+    batch = 1
+
+    def __init__(self, external: External, groups: Groups) -> None:
+        self._external = external
+        command = [sys.executable, "-P", module_worker.__file__, str(external.directory), external.module]
+        with contextlib.ExitStack() as stack:
+            directory = stack.enter_context(scratch_directory())
+            self._child = Child(command, external, directory, pipes=True, groups=groups)
+            stack.callback(self._child.end)
+            self._pipe = Pipe(self._child, external)
+            self._answer()
+            self._stack = stack.pop_all()
+
+    @property
+    def group(self) -> int:
+        """Its process group."""
+        return self._child.group
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self._child.wait(0.0) is None
+
+    def end(self, *, gently: bool = False) -> None:
+        """Let it be gone, with all that it started."""
+        if gently:
+            self._child.close()
+        self._stack.close()
+
+    def run(self, requests: Sequence[Request], sensor: Sensor | None) -> list[Scan]:
+        """The echoes that the function gives."""
+        self._child.forget_words()
+        return [self._scan(request, sensor) for request in requests]
+
+    def _scan(self, request: Request, sensor: Sensor | None) -> Scan:
+        asked = {
+            "seed": request.seed,
+            "frame": request.frame,
+            "ini": None if self._external.ini is None else str(self._external.ini),
+            "parameters": {name: float(value) for name, value in request.parameters.items()},
+        }
+        self._pipe.send(module_worker.packed(asked, sent(request).columns), self._external.timeout_s)
+        return echoes_of_table(Table(self._answer()), self._external, sensor, last_words(self._child.log))
+
+    def _answer(self) -> Mapping[str, npt.NDArray[Any]]:
+        """The columns that come back."""
+        seconds = self._external.timeout_s
+        answer = json.loads(self._pipe.line(seconds))
+        if "error" in answer:
+            raise self._raised(answer)
+        columns = {}
+        for name, kind, rows in answer["columns"]:
+            dtype = np.dtype(kind)
+            columns[name] = np.frombuffer(self._pipe.take(rows * dtype.itemsize, seconds), dtype)
+        return columns
+
+    def _raised(self, answer: Mapping[str, Any]) -> ExternalModelError:
+        """What went wrong in there, where the function's own text says so."""
+        what = f"the external model {name_of(self._external)} {printable(answer['error'])[:300]}"
+        file = answer.get("file")
+        return ExternalModelError(what, file=file and Path(file), line=answer.get("line"), fix=answer.get("fix", ""))
