@@ -203,6 +203,96 @@ def test_settings_and_modules_are_part_of_the_program(project, monkeypatch):
     assert len(seen) == 3
 
 
+FUNCTION = """\
+import pathlib
+from own import words
+
+def simulate(ideal, seed):
+    (pathlib.Path(__file__).parents[2] / "tool" / "ran.log").open("a").write(words.WORD + "\\n")
+    return {"Layer": ideal["Layer"], "Point": ideal["Point"], "RANGE": ideal["Distance"], "AREA": seed + ideal["Layer"]}
+"""
+MODULE = {
+    "the function": lambda models: edit(models / "own/model.py", FUNCTION + "\n"),
+    "what it imports": lambda models: edit(models / "own/words.py", 'WORD = "as changed"\n'),
+    "what it would import first": lambda models: edit(models / "own/model/__init__.py", "print(1)\n"),
+    "compiled code beside it": lambda models: edit(models / "own/words2.pyc", "x"),
+    "its settings": lambda models: edit(models / "s.ini", "a = 2\n"),
+}
+
+
+@pytest.fixture
+def module(project):
+    """The stranger's project with a Python function as its model; its models' folder."""
+    models = project / "models"
+    edit(models / "own/__init__.py", "")
+    edit(models / "own/model.py", FUNCTION)
+    edit(models / "own/words.py", 'WORD = "as trusted"\n')
+    edit(models / "s.ini", "a = 1\n")
+    edit(models / "model.toml", '[external]\nmodule = "own.model:simulate"\nini = "s.ini"\n')
+    return models
+
+
+def test_a_module_runs_only_where_its_package_is_trusted(module, project, monkeypatch, capsys):
+    assert main(SIMULATE) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert "model.toml: runs a program that you do not trust: own.model:simulate in " in line
+    assert hash_in(line) == hash_of(program(project))
+    assert ran(project) == []
+    configure(f'trust = ["{hash_in(line)}"]\n')
+    assert main(SIMULATE) == 0
+    assert ran(project) == ["as trusted"]
+
+
+@pytest.mark.parametrize("part", MODULE)
+def test_a_module_that_changed_is_trusted_no_longer(module, project, part, monkeypatch):
+    monkeypatch.setenv("LIDARCHECK_TRUST", hash_of(program(project)))
+    require_trust(program(project))
+    MODULE[part](module)
+    with pytest.raises(LidarcheckError, match="runs a program that you do not trust"):
+        require_trust(program(project))
+
+
+def test_nothing_beside_a_trusted_package_is_imported(module, project, monkeypatch):
+    """What lies beside the package is in no hash; it must not come in the place of what the package imports."""
+    monkeypatch.setenv("LIDARCHECK_TRUST", hash_of(program(project)))
+    for name in ("pathlib", "words", "numpy", "sitecustomize"):
+        for folder in (module, module / "own" / "__pycache__", project):
+            edit(folder / f"{name}.py", f"open({str(project / 'tool/ran.log')!r}, 'a').write('stranger\\n')\n")
+    assert main(SIMULATE) == 0
+    assert ran(project) == ["as trusted"]
+
+
+def test_a_package_that_a_link_brings_from_outside_is_refused(module, project, tmp_path, monkeypatch, capsys):
+    (module / "own").rename(tmp_path / "elsewhere")
+    (module / "own").symlink_to(tmp_path / "elsewhere")
+    monkeypatch.setenv("LIDARCHECK_TRUST", "all")
+    assert main(SIMULATE) == 2
+    assert "leads out of the project" in capsys.readouterr().err
+    assert ran(project) == []
+
+
+def test_an_installed_module_is_trusted_by_its_text(module, project, tmp_path, monkeypatch, capsys):
+    (module / "own").rename(tmp_path / "own")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = hash_of(program(project))
+    edit(tmp_path / "own/words.py", "WORD = 'other'\n")
+    assert hash_of(program(project)) != before
+    (tmp_path / "own").rename(tmp_path / "gone")
+    assert main(SIMULATE) == 2
+    assert "own.model:simulate cannot be found: there is no module own; put it beside" in capsys.readouterr().err
+
+
+def test_a_server_is_a_program(project, capsys):
+    model = project / "models/model.toml"
+    before = hash_of(program(project))
+    model.write_text(f'[external]\ncommand = ["{sys.executable}", "-S", "../tool/post.py"]\nserver = true\n')
+    assert main(SIMULATE) == 2
+    line = capsys.readouterr().err
+    assert f"runs a program that you do not trust: {sys.executable} -S ../tool/post.py in " in line
+    assert hash_in(line) != before
+    assert ran(project) == []
+
+
 SCAN = "// X Y Z Layer Point\n1.5 2 -3e2 1 nan\n"
 
 

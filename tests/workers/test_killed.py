@@ -45,8 +45,16 @@ from lidarcheck.scan import IdealScan
 grant(Permissions(trust=True))
 column = np.zeros(1, np.int32)
 ideal = IdealScan(layer=column, point=column, distance_m=np.ones(1), material_id=column, incidence_deg=np.zeros(1))
-command = ("sh", "-c", "sleep 600 & echo $! > pids; echo $$ >> pids; wait", "{scan}")
-run_external(ideal, External(command, Path()), seed=1)
+LAST
+"""
+SAID = "sleep 600 & echo $! > pids; echo $$ >> pids; wait"
+PROGRAM = f'run_external(ideal, External(("sh", "-c", "{SAID}", "{{scan}}"), Path()), seed=1)'
+SERVER = f'run_external(ideal, External(("sh", "-c", "{SAID}"), Path(), server=True), seed=1)'
+MODULE = """
+Path("own.py").write_text("import os, subprocess, time\\ndef simulate(ideal):\\n"
+    "    child = subprocess.Popen(['sleep', '600']).pid\\n"
+    "    open('pids', 'w').write(f'{child} {os.getpid()}')\\n    time.sleep(600)\\n")
+run_external(ideal, External((), Path().absolute(), module="own:simulate"), seed=1)
 """
 
 
@@ -128,10 +136,11 @@ def test_workers_end_with_a_killed_run(
 
 
 @needs_proc
+@pytest.mark.parametrize("last", [PROGRAM, SERVER, MODULE], ids=["program", "server", "module"])
 def test_an_external_program_and_its_children_end_with_a_killed_run(
-    started: Callable[[str], subprocess.Popen[bytes]], tmp_path: Path
+    last: str, started: Callable[[str], subprocess.Popen[bytes]], tmp_path: Path
 ) -> None:
-    run, pids = started(EXTERNAL), tmp_path / "pids"
+    run, pids = started(EXTERNAL.replace("LAST", last)), tmp_path / "pids"
     assert until(lambda: pids.is_file() and len(pids.read_text().split()) == 2, 30)
     told = [int(pid) for pid in pids.read_text().split()]
     assert all(runs(pid) for pid in told)

@@ -158,6 +158,4 @@ def test_what_is_said_of_its_echoes_is_said_once(module, caplog):
     external = module("del columns['AREA']\nreturn columns", "def without_area(ideal):", "without_area")
     run_requests(external, [Request(IDEAL, seed) for seed in range(3)], jobs=1)
     [record] = [record for record in caplog.records if "filled in" in record.message]
-    assert record.getMessage().startswith(
-        "the external model own_model.echoes:simulate: missing columns were filled in: "
-    )
+    assert record.getMessage().startswith("the external model own_model.echoes:without_area: missing columns were ")

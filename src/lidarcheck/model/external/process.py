@@ -30,7 +30,7 @@ Groups = set[int]
 """Process groups that one piece of work has running."""
 
 _TAIL_BYTES = 8192
-_GUARD = 'read -r over || { kill -9 "-$1"; rm -rf -- "$2"; }'
+_GUARD = 'read -r group; read -r over || { test -z "$group" || kill -9 "-$group"; rm -rf -- "$1"; }'
 """The end of input without a word is the end of whoever would have said it."""
 _GENTLE_S = 1.0
 _running: Groups = set()
@@ -51,12 +51,17 @@ class Child:
     ) -> None:
         self.log = directory / "stderr.txt"
         self._lists = (_running, groups)
-        with self.log.open("ab") as errors:
-            pipe = subprocess.PIPE if pipes else subprocess.DEVNULL
-            self._process = _started(command, external, pipe, errors)
+        self._guard = _guard(directory)  # there before what it guards
+        try:
+            with self.log.open("ab") as errors:
+                pipe = subprocess.PIPE if pipes else subprocess.DEVNULL
+                self._process = _started(command, external, pipe, errors)
+        except BaseException:
+            self._dismiss_guard(b"\nover\n")
+            raise
+        self._tell_guard(f"{self.group}\n".encode())
         for listed in self._lists:
             listed.add(self.group)
-        self._guard = _guard(self.group, directory)
 
     @property
     def group(self) -> int:
@@ -102,9 +107,17 @@ class Child:
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
-        if self._guard is not None:
+        self._dismiss_guard(b"over\n")
+
+    def _tell_guard(self, words: bytes) -> None:
+        if self._guard is not None and self._guard.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
-                self._guard.communicate(b"over\n")
+                self._guard.stdin.write(words)
+
+    def _dismiss_guard(self, words: bytes) -> None:
+        self._tell_guard(words)
+        if self._guard is not None:
+            self._guard.communicate()
 
 
 def _started(command: Sequence[str], external: External, pipe: int, errors: IO[bytes]) -> subprocess.Popen[bytes]:
@@ -129,11 +142,12 @@ def _started(command: Sequence[str], external: External, pipe: int, errors: IO[b
         raise failure(f"cannot be started: {reason}", external, "", fix) from None
 
 
-def _guard(group: int, directory: Path) -> subprocess.Popen[bytes] | None:
+def _guard(directory: Path) -> subprocess.Popen[bytes] | None:
     try:
         return subprocess.Popen(
-            ["sh", "-c", _GUARD, "sh", str(group), str(directory)],
+            ["sh", "-c", _GUARD, "sh", str(directory)],
             stdin=subprocess.PIPE,
+            bufsize=0,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
