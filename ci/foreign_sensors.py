@@ -85,10 +85,11 @@ def _row(cells: Iterable[object]) -> str:
     return f"| {' | '.join(str(cell) for cell in cells)} |"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=CASES)
-    parser.add_argument("--seed", type=int, default=SEED)
+def run(place: Path, cases: int, seed: int, words: str, arguments: Sequence[str] | None) -> int:
+    """What a command does whose generator of cases is `place`; `cases` and `seed` unless others are given."""
+    parser = argparse.ArgumentParser(description=words)
+    parser.add_argument("--cases", type=int, default=cases)
+    parser.add_argument("--seed", type=int, default=seed)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="keeps each answer as soon as it is there")
     chosen = parser.parse_args(arguments)
@@ -96,12 +97,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def on_progress(done: int, of: int, words: str) -> None:
         print(f"{done} of {of}: {words}", file=sys.stderr, flush=True)
 
-    place = ROOT / "tests/hidden/foreign"
     found = run_benchmark(
         chosen.cases, seed=chosen.seed, jobs=chosen.jobs, generator=place, out=chosen.out, on_progress=on_progress
     )
     sys.stdout.write(tables(found.answers))
     return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    return run(ROOT / "tests/hidden/foreign", CASES, SEED, __doc__ or "", arguments)
 
 
 if __name__ == "__main__":

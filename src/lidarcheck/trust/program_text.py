@@ -64,15 +64,14 @@ def hash_of(program: Program) -> str:
     """
     place = program.directory
     files = {path for path in named_paths(program) if _kind(path) == stat.S_IFREG}
-    text = (
-        set()
-        if program.module
-        else {path for folder in _folders(program) for path in _program_text(folder, _project(program))}
-    )
+    folders = set() if program.module else _folders(program)
+    text = {path for folder in folders for path in _program_text(folder, _project(program))}
     parts = {os.path.relpath(path, place): _digest(path) for path in files | text}
     parts |= {name: _digest(path) for name, path in module_files(program).items()}
     document = {"table": _table(program), "files": parts}
-    return hashlib.sha256(json.dumps(document, sort_keys=True).encode("utf-8", "surrogateescape")).hexdigest()
+    return hashlib.sha256(
+        json.dumps(document, sort_keys=True, default=dataclasses.asdict).encode("utf-8", "surrogateescape")
+    ).hexdigest()
 
 
 def module_files(program: Program) -> dict[str, Path]:

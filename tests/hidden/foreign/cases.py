@@ -113,12 +113,13 @@ def write_case(order: CaseOrder, directory: Path, frames: int | None = None) -> 
         found = stands_out(s.device, echoes, without, [s.beams(k) for k in range(count)], parts)
         visible = dict.fromkeys(order.effects, found)
     salt = hashlib.sha256(f"{order.seed} {order.number} foreign".encode()).hexdigest()[:32]
-    sealed = Sealed.seal(_truth(s, visible), salt)
+    sealed = Sealed.seal(truth_of(s, visible), salt)
     write(directory, "sealed.txt", sealed.digest + "\n")
     return sealed
 
 
-def _truth(s: Setting, visible: dict[str, tuple[float, str]]) -> Truth:
+def truth_of(s: Setting, visible: dict[str, tuple[float, str]]) -> Truth:
+    """What a case hides; `visible`: how far it stands out, and where."""
     nuisance = asdict(s.nuisance)
     return Truth(
         kind=s.order.kind,

@@ -80,7 +80,8 @@ def nominal(scene: Scene, device: Device, beams: Beams) -> list[Hits]:
     return look(scene, device, beams, Aim(np.eye(3), np.zeros((len(beams), 3))))
 
 
-def _light(frame: Frame, parts: list[Hits]) -> Shine:
+def light_of(frame: Frame, parts: list[Hits]) -> Shine:
+    """The light of what each part of every beam meets."""
     own = frame.device.numbers
     met = [np.flatnonzero(h.rectangle >= 0) for h in parts]
     range_m, incidence, material = (
@@ -113,7 +114,7 @@ def measure(
             effect.aim(aim, frame)
     parts = look(scene.raised(-nuisance.height_m), device, beams, aim)
     frame.hits = parts[len(parts) // 2]
-    shine = frame.light = _light(frame, parts)
+    shine = frame.light = light_of(frame, parts)
     shine.signal = shine.signal * nuisance.gain
     for effect, frame.rng in zip(effects, streams, strict=True):
         if effect.light is not None:
