@@ -1,10 +1,13 @@
 """Fixtures that several rooms of tests share."""
 
 import pytest
-from budget import WHOLE
 from hypothesis import settings
 
-settings.register_profile("steady", derandomize=True, database=None)  # the gate is red for what changed, never by chance
+from budget import WHOLE
+
+settings.register_profile(
+    "steady", derandomize=True, database=None
+)  # the gate is red for what changed, never by chance
 settings.register_profile("search")
 settings.load_profile("search" if WHOLE else "steady")
 

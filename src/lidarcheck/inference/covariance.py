@@ -107,7 +107,7 @@ def nuisances(simulator: Simulates) -> Mapping[str, FloatArray]:
         settings = {"yaw_deg": 0.0, "pitch_deg": 0.0} | {name: _POSE_STEP * POSE_ERROR_DEG}
         steps[name] = (make(with_role("pose").name, settings), 1.0 / _POSE_STEP)
     found = {name: factor * _shift(simulator, effect) for name, (effect, factor) in steps.items()}
-    found["sensor's height"] = _height(simulator)
+    found["sensor's height"] = _moved(simulator, 0, farther_by_height_m(simulator.beams))
     return found
 
 
@@ -125,15 +125,13 @@ def _shift(simulator: Simulates, effect: Effect) -> FloatArray:
     )
 
 
-def _height(simulator: Simulates) -> FloatArray:
-    """A usual error of the sensor's height."""
-    observations = [simulator.observations(simulator.model, k) for k in range(_SEEDS)]
-    beams = simulator.beams
-    moved = farther_by_height_m(beams)
+def _moved(simulator: Simulates, feature_index: int, by: FloatArray) -> FloatArray:
+    """Change of the summaries where a feature of each beam is off by so much, `by` of shape (n_beams,)."""
     shifts = []
-    for one in observations:
+    for k in range(_SEEDS):
+        one = simulator.observations(simulator.model, k)
         feature = one.feature.copy()
-        feature[:, 0] += moved
+        feature[:, feature_index] += by
         other = dataclasses.replace(one, feature=feature)
         shifts.append(simulator.summaries.plain(other) - simulator.summaries.plain(one))
     return np.asarray(np.mean(shifts, axis=0))

@@ -14,9 +14,6 @@ from lidarcheck.inference.observed.observations import Observations
 
 __all__ = ["apart_by_kind", "named_by_kind", "unlike_echoes"]
 
-_SPREAD = (0.2, 0.15, 1.5)
-"""Standard deviations of ln AREA, ln PEAK and WIDTH [ns] of an echo of some thirty avalanches, as most of these are."""
-
 
 def unlike_echoes(
     beams: BeamTable, one: Observations, others: Sequence[Observations], weights: Sequence[FloatArray]
@@ -65,7 +62,7 @@ def _cells(
     samples = (one, *others)
     cell = np.concatenate([cells_of(beams, s) for s in samples])
     beam = np.concatenate([s.extra_beam for s in samples])
-    value = np.concatenate([features_of(s) for s in samples]) / np.array(_SPREAD)
+    value = np.concatenate([features_of(s) for s in samples]) / np.array([slot.of_one for slot in beams.view.slots])
     first = np.arange(len(cell)) < len(one.extra_beam)
     order = np.argsort(value, axis=0, kind="stable")
     found, scratch = [], np.empty((5, CELLS))

@@ -114,11 +114,11 @@ def _where_seen(simulator: Simulator, axes: Sequence[str | int]) -> IndexArray:
     """
     materials = {simulator.model.materials[axis].name or f"material {axis}" for axis in axes if isinstance(axis, int)}
     slopes = {f"range along {way}" for axis, way in (("yaw", "azimuth"), ("pitch", "elevation")) if axis in axes}
-    ranges = ("range", "field of view")
+    ranges, moves = ("range", "field of view"), bool(slopes) or "height" in axes
 
     def counts(feature: str, covariate: str, bin_: str) -> bool:
         if covariate == "material":
             return bin_ in materials
-        return feature in slopes or (bool(slopes) and (feature, covariate) == ranges)
+        return feature in slopes or (moves and (feature, covariate) == ranges)
 
     return np.flatnonzero([counts(one.feature, one.covariate, one.bin) for one in simulator.summaries.names])

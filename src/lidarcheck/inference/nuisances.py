@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import STAGES, Effect, make, with_role
+from lidarcheck.effects.geometry.surfaces import normals_of
 from lidarcheck.effects.search import search_spec
 from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR
 from lidarcheck.effects.search.parts import UsualError
@@ -31,22 +32,27 @@ __all__ = [
 HEIGHT_ERROR_M = 0.01
 """Usual error (standard deviation) of the sensor's height."""
 
+_FARTHEST_MOVED_M, _NEAREST_M = 1.0, 1e-3
+"""A surface seen at a grazing angle is taken to move no farther, and none to come behind the sensor."""
+
 LIMIT = 2.5
 """No nuisance is more than so many of its usual errors; what is larger is an effect and gets a name."""
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """How far gain, reflectances and pose are off, each in units of its usual error; nothing by default."""
+    """How far gain, reflectances and pose are off, each in units of its usual error; nothing by default. The sensor's
+    height is worth no name and no place in a model: it is put right where a model is held against a measurement."""
 
     yaw: float = 0.0
     pitch: float = 0.0
     materials: Mapping[int, float] = field(default_factory=dict)
+    height: float = 0.0
 
     @property
     def penalty(self) -> float:
         """Sum of squares: how unusual that is."""
-        return float(self.yaw**2 + self.pitch**2 + sum(v**2 for v in self.materials.values()))
+        return float(self.yaw**2 + self.pitch**2 + self.height**2 + sum(v**2 for v in self.materials.values()))
 
     @property
     def usual(self) -> bool:
@@ -61,7 +67,7 @@ class Nuisance:
         return self._within_limits(float(np.hypot(GAIN_ERROR, of_mean)))
 
     def _within_limits(self, common_error: float) -> bool:
-        values = [self.yaw, self.pitch, *self.materials.values()]
+        values = [self.yaw, self.pitch, self.height, *self.materials.values()]
         common = float(np.mean([*self.materials.values()])) if self.materials else 0.0
         return max(map(abs, values)) < 0.95 * LIMIT and abs(common) * REFLECTANCE_ERROR < LIMIT * common_error
 
@@ -108,11 +114,13 @@ class Nuisance:
         return model.with_(make(with_role("pose").name, {**old, **turn, **kept}))
 
     def posed(self, model: Model, surfaces: Sequence[Surfaces]) -> tuple[Model, list[Surfaces]]:
-        """A model and ideal scans, with their surfaces, that show the pose's error.
+        """A model and ideal scans, with their surfaces, that show the error of the pose and of the height.
 
         An ideal scan that was aimed knows surfaces only as they are seen from there: before other effects of aim the
         pose's error is one of them.
         """
+        if self.height:
+            surfaces = [_seen_from(one, self.height * HEIGHT_ERROR_M) for one in surfaces]
         if self.still:
             return model, list(surfaces)
         if any(effect.stage == "aim" for effect in model.effects):
@@ -132,10 +140,24 @@ class Nuisance:
         for name, value in (("yaw", self.yaw), ("pitch", self.pitch)):
             if abs(value) > 0.1:
                 found.append(f"{name} {value * POSE_ERROR_DEG:+.4f} deg")
+        if abs(self.height) > 0.1:
+            found.append(f"height {self.height * HEIGHT_ERROR_M * 1e3:+.1f} mm")
         for i, value in self.materials.items():
             if abs(value) > 0.1:
                 found.append(f"reflectance of material {i} {100.0 * np.expm1(REFLECTANCE_ERROR * value):+.1f} %")
         return found
+
+
+def _seen_from(surfaces: Surfaces, higher_m: float) -> Surfaces:
+    """The surfaces as a sensor sees them that is higher by so much: each beam stays on the plane that it meets."""
+    ideal = surfaces.ideal
+    normal = normals_of(ideal, surfaces)
+    towards = (normal * ideal.beams.directions(ideal.layer, ideal.point)).sum(axis=1)
+    farther_m = -higher_m * np.divide(normal[:, 2], towards, out=np.zeros(len(ideal)), where=towards < 0.0)
+    farther_m = np.clip(farther_m, -_FARTHEST_MOVED_M, _FARTHEST_MOVED_M)
+    hit = ideal.distance_m > 0.0
+    distance_m = np.where(hit, np.maximum(ideal.distance_m + farther_m, _NEAREST_M), ideal.distance_m)
+    return Surfaces(replace(ideal, distance_m=distance_m))
 
 
 def beside(model: Model, effect: Effect) -> Model:
@@ -167,14 +189,14 @@ def _off_by(effect: Effect, parameter: str, error: UsualError) -> float:
 
 
 def axes_of(materials: Sequence[int], effects: Sequence[Effect] = ()) -> list[str | int]:
-    """The axes along which a nuisance is fitted beside some effects: yaw, pitch, and the materials by number.
+    """The axes along which a nuisance is fitted beside some effects: yaw, pitch, height, and the materials by number.
 
     What an effect says of itself is no nuisance: the pose beside an effect that is one, or where the view turns at
     random, a material beside its own.
     """
     posed = any(effect.role == "pose" or _acts_anew(effect) for effect in effects)
     named = {e.settings()["material_id"] for e in effects if e.role == "reflectance"}
-    return [*([] if posed else ["yaw", "pitch"]), *(i for i in materials if i not in named)]
+    return [*([] if posed else ["yaw", "pitch"]), "height", *(i for i in materials if i not in named)]
 
 
 def _acts_anew(effect: Effect) -> bool:
@@ -196,5 +218,5 @@ def at(axes: Sequence[str | int], x: FloatArray, *, gain: bool = True) -> Nuisan
         tables = tables - tables.mean() + np.clip(tables.mean(), -most, most)
         x = np.concatenate([x[: len(x) - len(tables)], tables])
     values = dict(zip(axes, x.tolist(), strict=True))
-    yaw, pitch = values.pop("yaw", 0.0), values.pop("pitch", 0.0)
-    return Nuisance(yaw, pitch, {int(k): v for k, v in values.items()})
+    yaw, pitch, height = (values.pop(name, 0.0) for name in ("yaw", "pitch", "height"))
+    return Nuisance(yaw, pitch, {int(k): v for k, v in values.items()}, height)

@@ -45,7 +45,7 @@ class _Simulated(NamedTuple):
     sensor: Sensor
     reflectances: tuple[tuple[int, float], ...]
     seed: int
-    pose: tuple[float, float]
+    pose: tuple[float, float, float]
 
     @classmethod
     def of(cls, model: Model, seed: int, nuisance: Nuisance) -> _Simulated:
@@ -53,7 +53,7 @@ class _Simulated(NamedTuple):
         light = tuple(effect for effect in model.effects if effect.stage in ("aim", "light"))
         detector = tuple(effect for effect in model.effects if effect.stage == "detector")
         table = tuple((i, m.reflectance) for i, m in model.materials.items())
-        return cls(light, detector, model.sensor, table, seed, (nuisance.yaw, nuisance.pitch))
+        return cls(light, detector, model.sensor, table, seed, (nuisance.yaw, nuisance.pitch, nuisance.height))
 
     def differences(self, other: _Simulated) -> int:
         """In how many effects and reflectances another one differs; `_ALL` where every beam does."""
@@ -76,7 +76,7 @@ class Simulations:
         self._unread: dict[_Simulated, list[DetectedFrame]] = {}
         self._plain: dict[int, list[DetectedFrame]] = {}
         self._surfaces = [Surfaces(f.ideal) for f in self.frames]
-        self._posed: dict[tuple[float, float], list[Surfaces]] = {}
+        self._posed: dict[tuple[float, float, float], list[Surfaces]] = {}
 
     def __getstate__(self) -> dict[str, object]:
         """Without what is kept of other models than the case's own."""
@@ -135,7 +135,7 @@ class Simulations:
 
     def _posed_of(self, model: Model, nuisance: Nuisance) -> tuple[Model, list[Surfaces]]:
         """The model and the surfaces with the pose's error; the latter kept for the next model."""
-        pose = (nuisance.yaw, nuisance.pitch)
+        pose = (nuisance.yaw, nuisance.pitch, nuisance.height)
         kept = self._posed.get(pose)
         if kept is not None and all(effect.stage != "aim" for effect in model.effects):
             return model, kept

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from lidarcheck.inference.observed.observations import FEATURES, Observations, o
 from lidarcheck.inference.observed.strata import RANGE_EDGES_M, divisions, fine_divisions, range_bin
 from lidarcheck.inference.observed.summaries import Expected, expectation
 from lidarcheck.inference.simulations import observed
+from lidarcheck.inference.usual_ranges import height_errors_m
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
@@ -125,7 +126,12 @@ class Scale:
         return np.asarray(self.distances(one, others, [np.ones(len(self.beams)) if weight is None else weight])[0])
 
     def distances(self, one: Observations, others: Sequence[Observations], weights: Sequence[FloatArray]) -> FloatArray:
-        """The same for several weights of the beams, shape (n_weights, n_parts)."""
+        """The same for several weights of the beams, shape (n_weights, n_parts).
+
+        The ranges of the one are put right by a usual error of the sensor's height, which no model says.
+        """
+        longer_m = height_errors_m(self.beams, self.expected.spread[:, 0], one, others[0])
+        one = replace(one, feature=one.feature - np.outer(longer_m, np.arange(len(FEATURES)) == 0))
         parts = np.zeros((len(weights), len(PARTS)))
         parts[:, :4] = self._shifts(one, others, weights)
         for stratum in self.strata:

@@ -182,7 +182,8 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
             [
                 ":4: unknown placeholder {ideel}; did you mean {ideal}?",
                 ":4: a single brace in '{'; write {{ or }} for a brace",
-                ":5: unknown placeholder {zzz}; placeholders are {ideal}, {ini}, {scan}, {seed}, {frame}; write {{ for a brace",
+                ":5: unknown placeholder {zzz}; placeholders are {ideal}, {ini}, {scan}, {seed}, {frame}; "
+                "write {{ for a brace",
                 ':6: ini = "no.ini" is not a file; give its path from the model file\'s directory',
             ],
         ),

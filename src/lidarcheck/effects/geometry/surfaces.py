@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.effects.base import Surroundings
 from lidarcheck.effects.geometry.beam_grid import BeamGrid
 from lidarcheck.effects.geometry.beam_tree import BeamTree
 from lidarcheck.effects.geometry.lattice import lattice_of
@@ -18,7 +18,7 @@ from lidarcheck.effects.geometry.moving_surfaces import Mover, hidden_behind, mo
 from lidarcheck.effects.geometry.own_rays import rays_of
 from lidarcheck.effects.geometry.planes import planes_of
 from lidarcheck.effects.geometry.planes_around import planes_around
-from lidarcheck.rays import Hits, Rays, Velocity
+from lidarcheck.rays import Caster, Hits, Rays, Velocity
 from lidarcheck.scan import IdealScan
 
 __all__ = ["LocalSurfaces", "normals_of", "surfaces_of"]
@@ -240,13 +240,21 @@ class LocalSurfaces:
         )
 
 
-def surfaces_of(ideal: IdealScan, around: Surroundings) -> LocalSurfaces:
+class Asked(Protocol):
+    """Whoever knows what rays meet."""
+
+    @property
+    def caster(self) -> Caster:
+        """Who is asked."""
+
+
+def surfaces_of(ideal: IdealScan, around: Asked) -> LocalSurfaces:
     """The surfaces that an ideal scan shows by itself, found already where they are what effects are asked about."""
     known = around.caster
     return known if isinstance(known, LocalSurfaces) and known.ideal is ideal else LocalSurfaces.of(ideal)
 
 
-def normals_of(ideal: IdealScan, around: Surroundings) -> FloatArray:
+def normals_of(ideal: IdealScan, around: Asked) -> FloatArray:
     """The unit normals, towards the sensor, of the rows of an ideal scan; 0 where a row meets nothing; (n, 3)."""
     m = surfaces_of(ideal, around).m
     length = np.sqrt(np.square(m).sum(axis=1))

@@ -168,6 +168,10 @@ class SearchSpec:
     """Parameters that are 0 without the effect."""
     of_background: tuple[str, ...] = ()
     """Parameters in the unit of the sensor's own background: starts are as many times that as of the reference's."""
+    of_signal: tuple[str, ...] = ()
+    """The same of S, as many times what is just seen."""
+    of_threshold: tuple[str, ...] = ()
+    """The same of the detection threshold."""
     rescale: Callable[[Settings, float], Settings] = _nothing_more
     """What else a scaled strength changes."""
     ascending: tuple[tuple[str, str], ...] = ()

@@ -20,6 +20,7 @@ SPEC = SearchSpec(
     ),
     order=19,
     amounts=("share",),
+    of_signal=("signal",),
     at_random="adds echoes",
     form_errors={"share": 0.12},  # how often it strikes
     in_repeats=True,

@@ -7,6 +7,7 @@ SPEC = SearchSpec(
     free=(FreeParameter("shift", 1.0),),
     fixed_starts=({"shift": 2.0}, {"shift": -2.0}, {"shift": 6.0}),
     amounts=("shift",),
+    of_threshold=("shift",),
     groups=frozenset({"background"}),
     whole_steps={"shift": lambda _sensor: 1.0},
     in_repeats=True,

@@ -31,7 +31,6 @@ and by so many of its standard deviations."""
 _MORE_BESIDE, _FEWEST = 0.25, 30
 """They gather where such a larger part of them lies at the range of a bright target beside, or on one material, and so
 many do."""
-_AT_RANGE_M = 2.5
 
 
 def recurs(seen: Scale, model: Model, name: str, pool: WorkerPool) -> bool:
@@ -71,7 +70,7 @@ def _gathered(seen: Scale, observations: Observations) -> FloatArray:
     many on beams that meet each material, or nothing."""
     beams, lone = seen.beams, observations.extra_side < 0
     beam, range_m = observations.extra_beam[lone], observations.extra_m[lone, None]
-    near = ((beams.bright[beam] > 0) & (np.abs(range_m - beams.bright_m[beam]) < _AT_RANGE_M)).any(axis=1)
+    near = ((beams.bright[beam] > 0) & (np.abs(range_m - beams.bright_m[beam]) < beams.view.match_m)).any(axis=1)
     _, material = np.unique(beams.material_id, return_inverse=True)
     on_each = np.bincount(material[beam], minlength=int(material.max()) + 1)
     return np.array([len(beam), np.count_nonzero(near), *on_each], dtype=np.float64)

@@ -8,13 +8,13 @@ from typing import Any
 from lidarcheck.effects.search import Probe, SearchSpec, search_spec, search_specs
 from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.inference.simulator import Simulator
-from lidarcheck.sensor import Linear, PhotonHistogram, Sensor
+from lidarcheck.sensor import Linear, PhotonHistogram, Sensor, SpadArray, shipped
 
 __all__ = ["fixed_probes", "located_probes"]
 
 
-_REFERENCE_BACKGROUND = 0.0003
-"""Background of the reference sensor [avalanches per armed SPAD and ns], for which the starts are written."""
+_REFERENCE = "SMART"
+"""The sensor for which the starts are written."""
 
 
 def fixed_probes(names: Sequence[str], sensor: Sensor | None = None) -> list[Probe]:
@@ -33,15 +33,24 @@ def fixed_probes(names: Sequence[str], sensor: Sensor | None = None) -> list[Pro
 
 
 def _of(sensor: Sensor | None, spec: SearchSpec, start: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A start in the units of the sensor's detector."""
-    if isinstance(sensor, Linear):
-        own = sensor.noise**2  # a linear detector's background is the variance of its amplitude
-    elif isinstance(sensor, PhotonHistogram):
-        own = sensor.background_per_ns
-    else:
+    """A start in the units of the sensor's detector: as many times its own number as of the reference's."""
+    if not isinstance(sensor, Linear | PhotonHistogram):
         return start
-    times = own / _REFERENCE_BACKGROUND or 1.0
-    return {name: value * times if name in spec.of_background else value for name, value in start.items()}
+    mine, reference = _scales(sensor), _scales(shipped(_REFERENCE))
+    named = (spec.of_background, spec.of_signal, spec.of_threshold)
+    times = {name: own / its or 1.0 for names, own, its in zip(named, mine, reference, strict=True) for name in names}
+    return {name: value * times.get(name, 1.0) for name, value in start.items()}
+
+
+def _scales(sensor: Sensor) -> tuple[float, float, float]:
+    """The background, the S that is just seen, and the threshold, each in the unit of an effect's parameters."""
+    seen = sensor.signal_of(sensor.threshold_counts)
+    if isinstance(sensor, Linear):  # its background is the variance of its amplitude
+        return sensor.noise**2, seen, sensor.threshold
+    if isinstance(sensor, PhotonHistogram):
+        return sensor.background_per_ns, seen, sensor.threshold_sigma
+    spads = SpadArray.narrow(sensor)
+    return spads.background_per_ns, seen, float(spads.threshold)
 
 
 def located_probes(simulator: Simulator, names: Iterable[str]) -> list[Probe]:

@@ -32,6 +32,14 @@ _PULSE_STEPS = 0.1
 """The part of a bin in which the length of a counted pulse is looked at."""
 _UNITS = {"area_counts": "counts", "peak_counts": "counts"}
 """What readers call the unit of these laws, whatever the file says."""
+_OTHERS = {"area_counts": (5.1, 1.7), "peak_counts": (3.4, 1.1), "width_bins": (9.0, 5.4)}
+"""Mean and spread, about, of all other echoes of counted avalanches: blooms of a sign (ln AREA 6.5, ln PEAK 4.4, WIDTH
+12.9) and false alarms (3.8, 2.5, 5.1). A spread of one kind alone makes one echo of another worth up to five: single
+beams that flip are then taken for slopes, and chance counts five times."""
+_OF_ONE = {"area_counts": 0.2, "peak_counts": 0.15, "width_bins": 1.5}
+"""Standard deviations of an echo of some thirty avalanches, as most other echoes are."""
+_OF_ONE_LOG, _OF_ONE_STEPS = 0.2, 3.0
+"""The same of any amplitude that stands five times out of the noise, and of what is no logarithm, in its steps."""
 _PILE_UP = {"area_counts": (2000.0, 4000.0)}
 """Extra edges where few but bright beams lie: what light does to detectors shows there first."""
 
@@ -39,7 +47,8 @@ _PILE_UP = {"area_counts": (2000.0, 4000.0)}
 @dataclass(frozen=True, slots=True)
 class Slot:
     """A feature of an echo: the sensor's name (empty: it has none), `log`: as ln max(value, 1); the least spread, extra
-    edges of its bins, unit and step of its values. `bins`, `part`: of a histogram, what is read out of it."""
+    edges of its bins, unit and step of its values. `bins`, `part`: of a histogram, what is read out of it. `others`:
+    mean and spread of all other echoes, None where only the model tells; `of_one`: the spread of a single one."""
 
     name: str = ""
     log: bool = False
@@ -49,6 +58,8 @@ class Slot:
     step: float = 1.0
     bins: HistogramParts | None = None
     part: Part = "counts"
+    others: tuple[float, float] | None = None
+    of_one: float = 1.0
 
     def of(self, scans: Sequence[Scan]) -> FloatArray:
         """The values of all echoes, shape (n,); 0 where the sensor has no such feature."""
@@ -87,6 +98,11 @@ class EchoView:
         return cls((slots[0], slots[1], slots[2]), reach, floor, step or _LEAST_RANGE_M)
 
     @property
+    def match_m(self) -> float:
+        """An echo so near to a bright target's range is taken to come from it."""
+        return 1.25 * self.reach_m
+
+    @property
     def length_scale(self) -> float:
         """What lengths that suit a pulse of 5 ns are multiplied by for a sensor that tells shorter ones apart."""
         return min(1.0, self.reach_m / _REACH_OF_5_NS_M)
@@ -118,15 +134,25 @@ def _of_histogram(sensor: Sensor) -> list[Slot]:
         return []
     bins, step = HistogramParts.of(sensor), _PULSE_STEPS * sensor.bin_ns
     counts, background = (
-        Slot(f"{part} of {named[0]}", True, _LOG_FLOOR, (), "counts", 1.0, bins, part) for part in PARTS[:2]
+        Slot(f"{part} of {named[0]}", True, _LOG_FLOOR, (), "counts", 1.0, bins, part, of_one=_OF_ONE_LOG)
+        for part in PARTS[:2]
     )
-    return [counts, background, Slot(f"pulse of {named[0]}", False, _STEPS_FLOOR * step, (), "ns", step, bins, "pulse")]
+    floor, of_one = _STEPS_FLOOR * step, _OF_ONE_STEPS * step
+    return [counts, background, Slot(f"pulse of {named[0]}", False, floor, (), "ns", step, bins, "pulse", None, of_one)]
 
 
 def _slot(feature: Feature) -> Slot:
     log = feature.law in _LOGARITHMIC
     step = feature.step or 0.01
     unit = _UNITS.get(feature.law, feature.unit or "1")
+    floor, of_one = (_LOG_FLOOR, _OF_ONE_LOG) if log else (_STEPS_FLOOR * step, _OF_ONE_STEPS * step)
     return Slot(
-        feature.name, log, _LOG_FLOOR if log else _STEPS_FLOOR * step, _PILE_UP.get(feature.law, ()), unit, step
+        feature.name,
+        log,
+        floor,
+        _PILE_UP.get(feature.law, ()),
+        unit,
+        step,
+        others=_OTHERS.get(feature.law),
+        of_one=_OF_ONE.get(feature.law, of_one),
     )

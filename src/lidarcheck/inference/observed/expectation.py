@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.observations import Observations
 
-__all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "expectation", "pose_weights"]
+__all__ = ["CLIP", "SCATTERS", "SPREAD_CLIP", "Expected", "across_steps", "expectation", "pose_weights"]
 
 Partners = tuple[tuple[IndexArray, IndexArray], tuple[IndexArray, IndexArray]]
 
@@ -24,6 +24,8 @@ SCATTERS = ((0, 0), (0, 1), (1, 0), (3, 0))
 """The features whose scatter is looked at, and between which neighbours: 0 along the column, 1 along the layer."""
 _GROUPS = 40
 """Groups of beams about as bright, over which probabilities and spreads are smoothed."""
+_RESOLVED = 0.5
+"""A feature that scatters by less of its step shows the same whole number again and again."""
 _MOST_WEIGHT = 5.0
 """No slope weighs more: at a grazing angle a single beam would outweigh all others."""
 
@@ -63,6 +65,7 @@ def expectation(beams: BeamTable, base: Sequence[Observations]) -> Expected:
     free = np.maximum(count - 1, 1)[:, None]
     own = (off**2).sum(axis=0) / free
     spread = _smooth_spread(mean[:, 1], own, known, np.maximum(count - 1, 0), beams.view.least_spread)
+    spread[:, 1] = np.hypot(spread[:, 1], _rounding(beams, mean[:, 1], spread[:, 1]))
     probability = _smooth_probability(mean[:, 1], count, len(base), known, beams.distance_m > 0.0)
     partner = (_partners(beams, 0), _partners(beams, 1))
     square_mean, square_spread = _scatter(off / spread, seen & known[None, :], partner)
@@ -77,6 +80,33 @@ def pose_weights(beams: BeamTable, expected: Expected) -> FloatArray:
     weight = beams.slope_m_per_deg / expected.spread[:, :1]
     scale = np.sqrt((weight**2).mean(axis=0)) + 1e-9
     return np.asarray(np.clip(weight / scale, -_MOST_WEIGHT, _MOST_WEIGHT))
+
+
+def across_steps(beams: BeamTable, expected: Expected, drawn: Iterable[Observations]) -> Iterator[Observations]:
+    """The draws with amplitudes anywhere within the step in which they are reported, where noise does not carry them
+    across it: all beams of a layer that meet one surface cross together, however little its reflectance is off.
+    """
+    off = np.where(expected.known, _rounding(beams, expected.mean[:, 1], expected.spread[:, 1]), 0.0)
+    if not off.any():
+        yield from drawn
+        return
+    _, group = np.unique(np.column_stack([beams.frame, beams.layer, beams.material_id]), axis=0, return_inverse=True)
+    for number, one in enumerate(drawn):
+        rng = np.random.default_rng(np.random.SeedSequence([number, 78]))
+        within = rng.uniform(-np.sqrt(3.0), np.sqrt(3.0), int(group.max()) + 1)
+        feature = one.feature.copy()
+        feature[:, 1] += np.where(one.detected, off * within[group], 0.0)
+        yield replace(one, feature=feature)
+
+
+def _rounding(beams: BeamTable, amplitude: FloatArray, spread: FloatArray) -> FloatArray:
+    """How far each beam's amplitude may be off by its step alone, as a standard deviation, shape (n,); 0 where noise
+    carries it across. However many beams say the same, they know it no better."""
+    slot = beams.view.slots[0]
+    if not slot.name:
+        return np.zeros(len(amplitude))
+    step = slot.step / np.exp(np.clip(amplitude, 0.0, None)) if slot.log else np.full(len(amplitude), slot.step)
+    return np.where(spread < _RESOLVED * step, step / np.sqrt(12.0), 0.0)
 
 
 def _scatter(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
-from lidarcheck.inference.observed.kinds import BLOOM_CELLS, MATCH_M, cells_of, features_of
+from lidarcheck.inference.observed.kinds import BLOOM_CELLS, cells_of, features_of
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.observed.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
 from lidarcheck.inference.observed.summary import Summary
@@ -24,18 +24,16 @@ _STRAY = 0.15
 _GAP_EDGES_M = (-1000.0, -50.0, -20.0, -10.0, -5.0, -2.0, 2.0, 4.0, 7.0, 12.0, 20.0, 50.0)
 _RATIO_EDGES = (1.2, 1.5, 1.8, 1.95, 2.05, 2.15, 2.4, 3.0)
 """Bins of how far an echo lies behind its surface, and of its range over its surface's: a ghost lies at twice that."""
-_USUAL = np.array([[5.1, 3.4, 9.0], [1.7, 1.1, 5.4]])
-"""Mean and spread of ln AREA, ln PEAK and WIDTH [ns], about, of all other echoes: blooms of a sign (6.5, 4.4, 12.9) and
-false alarms (3.8, 2.5, 5.1). A spread of one kind alone makes one echo of another worth up to five: single beams that
-flip are then taken for slopes, and chance counts five times."""
 
 
 class FalseEchoes:
     """Where the other echoes lie: in range, behind their surface, at a neighbour's or a bright target's range; and how
     strong they are. `names`: of what `counts` counts."""
 
-    def __init__(self, beams: BeamTable) -> None:
+    def __init__(self, beams: BeamTable, base: Sequence[Observations]) -> None:
+        """`base`: what the model shows, of which a usual echo's strength is taken where the sensor's laws tell none."""
         self.beams = beams
+        self._strength = _usual_strength(beams, base)
         own, beside = beams.distance_m[:, None], beams.neighbour_m
         differs = (beside > 0.0) & (np.abs(own - beside) > 1.0 + 0.03 * np.maximum(own, beside))
         nearer = beside < own
@@ -60,8 +58,8 @@ class FalseEchoes:
             _histogram(times[strong], _RATIO_EDGES),
             self._beside(observations),
             *(self._at_bright(observations, side) for side in range(len(SIDES))),
-            _strengths(range_m, observations.extra_area[lone]),
-            _bloom_features(beams, observations),
+            _strengths(range_m, observations.extra_area[lone], self._strength),
+            _bloom_features(beams, observations, self._strength),
         ]
         return np.concatenate(parts)
 
@@ -82,7 +80,9 @@ class FalseEchoes:
     def _at_bright(self, observations: Observations, side: int) -> FloatArray:
         """Echoes at the range of the next bright target along the column or the layer, by how far it lies."""
         beams, beam = self.beams, observations.extra_beam
-        match = (beams.bright[beam, side] > 0) & (np.abs(observations.extra_m - beams.bright_m[beam, side]) < MATCH_M)
+        match = (beams.bright[beam, side] > 0) & (
+            np.abs(observations.extra_m - beams.bright_m[beam, side]) < beams.view.match_m
+        )
         match &= (observations.extra_side < 0) | observations.detected[beam]
         return _histogram(beams.bright[beam[match], side], OFFSET_EDGES)
 
@@ -99,23 +99,37 @@ def _histogram(value: npt.NDArray[Any], edges: Sequence[float]) -> FloatArray:
     return np.bincount(place, minlength=len(edges) + 1)[1:].astype(np.float64)
 
 
-def _strengths(range_m: FloatArray, log_area: FloatArray) -> FloatArray:
+def _usual_strength(beams: BeamTable, base: Sequence[Observations]) -> FloatArray:
+    """Mean and spread of the three features after the range of a usual echo, shape (2, 3)."""
+    found = np.empty((2, 3))
+    for j, slot in enumerate(beams.view.slots):
+        if slot.others is not None:
+            found[:, j] = slot.others
+            continue
+        values = np.concatenate(
+            [one.feature[one.detected, 1 + j] for one in base] + [features_of(o)[:, j] for o in base]
+        )
+        found[:, j] = (values.mean(), max(float(values.std()), slot.of_one)) if len(values) else (0.0, slot.of_one)
+    return found
+
+
+def _strengths(range_m: FloatArray, log_area: FloatArray, usual: FloatArray) -> FloatArray:
     """How strong echoes are, over range; a mean that counts as much as the number behind it."""
     place = range_bin(range_m)
     n = len(RANGE_EDGES_M)
-    standard = (log_area - _USUAL[0, 0]) / _USUAL[1, 0]
+    standard = (log_area - usual[0, 0]) / usual[1, 0]
     count = np.bincount(place, minlength=n)
     return np.asarray(np.bincount(place, standard, n) / np.sqrt(np.maximum(count, 1)))
 
 
-def _bloom_features(beams: BeamTable, observations: Observations) -> FloatArray:
+def _bloom_features(beams: BeamTable, observations: Observations, usual: FloatArray) -> FloatArray:
     """How strong, high and wide echoes at a bright target's range are, by its side and offset; means that count as much
     as the numbers behind them."""
     cell = cells_of(beams, observations)
     bloom = (cell >= 0) & (cell < BLOOM_CELLS)
     place = cell[bloom]
     count = np.sqrt(np.maximum(np.bincount(place, minlength=BLOOM_CELLS), 1))
-    standard = (features_of(observations)[bloom] - _USUAL[0]) / _USUAL[1]
+    standard = (features_of(observations)[bloom] - usual[0]) / usual[1]
     return np.concatenate([np.bincount(place, column, BLOOM_CELLS) / count for column in standard.T])
 
 

@@ -13,11 +13,9 @@ from lidarcheck.inference.observed.beam_table import SIDES, BeamTable
 from lidarcheck.inference.observed.observations import Observations
 from lidarcheck.inference.observed.strata import OFFSET_EDGES, RANGE_EDGES_M, range_bin
 
-__all__ = ["BLOOM_CELLS", "CELLS", "KINDS", "MATCH_M", "cells_of", "features_of", "kind_of_cell"]
+__all__ = ["BLOOM_CELLS", "CELLS", "KINDS", "cells_of", "features_of", "kind_of_cell"]
 
 KINDS = ("bloom", "ghost", "air", "behind")
-MATCH_M = 2.5
-"""An echo so near to a bright target's range is taken to come from it."""
 _GHOST = (1.9, 2.15)
 """A ghost lies at about twice its surface's range."""
 BLOOM_CELLS, _RANGES = len(SIDES) * len(OFFSET_EDGES), len(RANGE_EDGES_M)
@@ -35,7 +33,7 @@ def cells_of(beams: BeamTable, observations: Observations) -> IndexArray:
     times = range_m / np.maximum(own, 1e-9)
     cell = np.where((own > 0.0) & (times > _GHOST[0]) & (times < _GHOST[1]), _FIRST[1], cell)
     bright, bright_m = beams.bright[beam], beams.bright_m[beam]
-    near = (bright > 0) & (np.abs(range_m[:, None] - bright_m) < MATCH_M)
+    near = (bright > 0) & (np.abs(range_m[:, None] - bright_m) < beams.view.match_m)
     # Of several targets at that range the one that is fewest beams off.
     side = np.where(near, bright, np.iinfo(np.int64).max).argmin(axis=1)
     offset = np.searchsorted(np.asarray(OFFSET_EDGES), bright[np.arange(len(beam)), side], side="right") - 1

@@ -15,7 +15,15 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.inference.observed.beam_table import BeamTable
-from lidarcheck.inference.observed.expectation import CLIP, SCATTERS, SPREAD_CLIP, Expected, expectation, pose_weights
+from lidarcheck.inference.observed.expectation import (
+    CLIP,
+    SCATTERS,
+    SPREAD_CLIP,
+    Expected,
+    across_steps,
+    expectation,
+    pose_weights,
+)
 from lidarcheck.inference.observed.extra_echoes import FalseEchoes, sides_of_surface
 from lidarcheck.inference.observed.kernels import add_up, write_residuals, write_scatter
 from lidarcheck.inference.observed.observations import FEATURES, Observations
@@ -92,7 +100,7 @@ class Summaries:
         self._lines = _lines(beams, next(d for d in coarse if d.covariate == "point"))
         self._in_column = np.array([covariate == _COLUMN for covariate, _ in self._lines.bins])
         self._pose = pose_weights(beams, self.expected)
-        self._strays = FalseEchoes(beams)
+        self._strays = FalseEchoes(beams, base)
         names = [
             *_named([_STATISTICS[j] for j in _MEANS], self._coarse),
             *_named([_STATISTICS[j] for j in _SCATTERED], self._scattered),
@@ -107,7 +115,7 @@ class Summaries:
             [tells and not left_out[_kind_of(one)] for one, tells in zip(names, told, strict=True)]
         )
         self.names = [names[i] for i in self._kept]
-        values = np.array(mapped(self._sum, fresh))
+        values = np.array(mapped(self._sum, across_steps(beams, self.expected, fresh)))
         self._centre = values.mean(axis=0)
         counted = np.array([name.feature in (*_EXTRAS, "other echoes") for name in self.names])
         # Counts of rare echoes are Poisson; one more than expected is no surprise where none was seen.
