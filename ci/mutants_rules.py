@@ -9,15 +9,17 @@ from typing import TypeGuard
 
 _SILENT_CALLS = {"debug", "info", "warning", "error", "warn", "progress", "parameter", "list_parameter"}
 _SILENT_CALLS |= {"choice_parameter", "file_parameter", "isinstance", "cast", "TypeVar", "getLogger"}
-_SILENT_CALLS |= {"get_close_matches", "errstate"}
+_SILENT_CALLS |= {"get_close_matches", "errstate", "narrow"}
 _SILENT_CALLS |= {"run_external", "simulate_on_cuda", "reference_echoes"}
 _CHECKS = ("check", "_check", "_refuse", "refuse")
 _TEXTS = {"__repr__", "__str__", "__hash__", "__getstate__", "__post_init__", "to_dict", "in_words"}
-_ELSEWHERE = {"draw_avalanches", "count_beams", "trace_beams", "light_after_effects"}
-"""Functions that give no echoes: traces and light for plots and for the search of what a model lacks."""
+_ELSEWHERE = {"draw_avalanches", "count_beams", "trace_beams", "light_after_effects", "_stored", "affordable"}
+"""Functions that give no echoes: traces and light for plots and for the search of what a model lacks; whether a file of
+the library is sound, and whether it pays."""
 _ROUNDS = {"philox", "_round", "_wide_product", "_high_word_of"}
 """The rounds of the random numbers: others are as random; tests hold them to known answers."""
 _NAMES = {"__all__", "tree", "name", "empirical", "_KNOT_LIMIT", "_CHUNK", "CHUNK", "_BLOCK", "_KEPT", "_WORTH_BEAMS"}
+_NAMES |= {"_ROOM"}
 """Names whose value is no result: texts, bounds, and how much is worked on at a time or kept for the next time."""
 _REAL = re.compile(r"(.*_)?(m|mm|ns|deg|rad|signal|uniforms?|draws?|drawn|draw_before|draw_behind|chance|rates?|share)")
 """Words of real numbers: a unit, a share, a rate, a random number."""
@@ -67,8 +69,8 @@ def is_key_of_beams(node: ast.AST) -> TypeGuard[ast.BinOp]:
 
 
 def is_draw(node: ast.Call) -> bool:
-    """Whether it draws random numbers of beams: with layer and point exchanged they are others, as random."""
-    return called(node.func) == "uniforms"
+    """Whether it keys or draws random numbers of beams: with layer and point exchanged they are others, as random."""
+    return called(node.func) in ("uniforms", "beam_keys")
 
 
 def is_tiny(value: float) -> bool:
