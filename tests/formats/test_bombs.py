@@ -1,5 +1,6 @@
 """Small files that stand for large ones: refused in one line, before memory is taken for what they say."""
 
+import bz2
 import json
 import os
 import struct
@@ -115,6 +116,55 @@ def firings(per_second: float) -> dict[str, object]:
     return {"profile": {"scanType": "rotary", "emitterStates": [state, state], **rates}}
 
 
+def mcap(path: Path, held: int, packed: bytes, compression: str = "zstd") -> None:
+    """A chunk that says that it holds so many bytes."""
+    name = compression.encode()
+    head = struct.pack("<QQQII", 0, 0, held, 0, len(name)) + name + struct.pack("<Q", len(packed))
+    chunk = head + packed
+    path.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(chunk)) + chunk)
+
+
+def counted_mcap(path: Path) -> None:
+    """A cloud that says that it has 60 million points."""
+
+    def text(value: bytes) -> bytes:
+        return struct.pack("<I", len(value)) + value
+
+    cloud = b"\0\1\0\0" + bytes(8) + struct.pack("<I", 1) + bytes(4) + struct.pack("<III", 6000, 10_000, 0) + bytes(64)
+    records = [
+        struct.pack("<H", 1) + text(b"sensor_msgs/msg/PointCloud2") + text(b"ros2msg") + text(b""),
+        struct.pack("<HH", 1, 1) + text(b"/points") + text(b"cdr") + text(b""),
+        struct.pack("<HIQQ", 1, 0, 0, 0) + cloud,
+    ]
+    content = b"".join(
+        bytes([kind]) + struct.pack("<Q", len(record)) + record for kind, record in zip((3, 4, 5), records, strict=True)
+    )
+    path.write_bytes(b"\x89MCAP0\r\n" + content)
+
+
+def rosbag(path: Path, held: int) -> None:
+    """A ROS 1 bag with a chunk that says that it holds so many bytes."""
+
+    def record(data: bytes, **values: bytes) -> bytes:
+        fields = [name.encode() + b"=" + value for name, value in values.items()]
+        head = b"".join(struct.pack("<I", len(field)) + field for field in fields)
+        return struct.pack("<I", len(head)) + head + struct.pack("<I", len(data)) + data
+
+    head = record(b" " * 4096, op=b"\3", index_pos=bytes(8), conn_count=bytes(4), chunk_count=bytes(4))
+    packed = bz2.compress(bytes(1 << 26))
+    chunk = record(packed, op=b"\5", compression=b"bz2", size=struct.pack("<I", held))
+    path.write_bytes(b"#ROSBAG V2.0\n" + head + chunk)
+
+
+def zeros_of(size: int) -> bytes:
+    """Zeros as Zstandard packs them."""
+    sink = pa.BufferOutputStream()
+    with pa.CompressedOutputStream(sink, "zstd") as stream:
+        for _ in range(size >> 24):
+            stream.write(bytes(1 << 24))
+    return sink.getvalue().to_pybytes()
+
+
 BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "flat.parquet": (flat_parquet, TABLE, f": it says that it holds {ROWS} rows in "),
     "packed.pcd": (packed_pcd, TABLE, f":9: it says that it holds {ROWS} rows in 8182 kB; {LIMIT}"),
@@ -128,6 +178,29 @@ BOMBS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         TABLE,
         ":9: POINTS says 1 row, but 107374182",
     ),
+    "chunk.mcap": (
+        lambda path: mcap(path, 10 << 30, zeros_of(1 << 24)),
+        TABLE,
+        f": a chunk says that it holds {10 << 30} bytes; the limit is 268435456 bytes:",
+    ),
+    "more.mcap": (
+        lambda path: mcap(path, 1000, zeros_of(1 << 28)),
+        TABLE,
+        ": a chunk says that it holds 1000 bytes and holds more;",
+    ),
+    "rows.mcap": (counted_mcap, TABLE, f": a message says that it holds {ROWS} rows in 227 bytes; {LIMIT}"),
+    "chunk.bag": (
+        lambda path: rosbag(path, 1 << 31),
+        TABLE,
+        f": a chunk says that it holds {1 << 31} bytes; the limit is",
+    ),
+    "more.bag": (lambda path: rosbag(path, 1000), TABLE, ": a chunk says that it holds 1000 bytes and holds more;"),
+    "long.osi": (
+        lambda path: sparse(path, "\x7f\x7f\x7f\x7f", 100 << 30),
+        TABLE,
+        ": a message says that it has 2139062143 bytes; the limit is 268435456 bytes",
+    ),
+    "rows.bin": (lambda path: sparse(path, "", 16 * ROWS), TABLE, f": it holds {ROWS} rows in 960 MB; {LIMIT}"),
     "ascii.pcd": (
         lambda path: sparse(path, PCD.format(3) + "DATA ascii\n1 2 3\n", 10 << 30),
         TABLE,

@@ -13,6 +13,7 @@ from pydantic import Field
 from lidarcheck.arrays import IndexArray
 from lidarcheck.beams import Fired
 from lidarcheck.config.schema import Config, LineIndex, PathText, validate
+from lidarcheck.config.words import shown
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.columns import INT32_MAX, missing, whole_column
 from lidarcheck.formats.config import parse_toml
@@ -24,12 +25,15 @@ from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.files.sensor_file import is_sensor_file, load_sensor
 from lidarcheck.scan import IdealScan, Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Beams, Sensor
+from lidarcheck.sensor.channels import ChannelBeams
 from lidarcheck.trust.places import named_file
 
 __all__ = ["DATASET_FILE", "Dataset", "DatasetFrame", "Declared", "dataset_file", "load_dataset"]
 
 DATASET_FILE = "dataset.toml"
+_OF_A_UNIT = ("elevation_deg", "azimuth_offset_deg", "origin_m", "side_m", "height_m", "range_offset_m")
+"""What differs from unit to unit of one model."""
 
 
 class _FrameTable(PlacementKeys):
@@ -78,14 +82,7 @@ class Declared:
         if model is None:
             fix = "name its sensor: [dataset] sensor"
             raise InputError("says a unit's angles, and no sensor is named", file=self.calibration, fix=fix)
-        from lidarcheck.formats.sensors import import_sensor, sensor_of_import
-
-        unit = sensor_of_import(import_sensor(self.calibration), self.calibration)
-        if (unit.beams.layers, unit.beams.points) != (model.beams.layers, model.beams.points):
-            what = f"describes {unit.beams.layers} x {unit.beams.points} beams, "
-            what += f"the sensor {model.name} has {model.beams.layers} x {model.beams.points}"
-            raise InputError(what, file=self.calibration, fix="name the calibration of a unit of this model")
-        return replace(model, beams=unit.beams)
+        return replace(model, beams=_beams_of_unit(model, self.calibration))
 
     def sensor(self, given: Sensor | None) -> Sensor | None:
         """What measured; `UsageError` where the command says another than the data set."""
@@ -119,6 +116,23 @@ class Declared:
     def ideal(self, ideal: IdealScan) -> IdealScan:
         """The ideal scan without the beams of the mask."""
         return ideal.take(~np.isin(beam_keys(ideal.layer, ideal.point), self.mask)) if len(self.mask) else ideal
+
+
+def _beams_of_unit(model: Sensor, calibration: Path) -> Beams:
+    """The beams of a sensor with the angles and origins that a vendor's file says of one unit."""
+    from lidarcheck.formats.sensors import import_sensor, sensor_of_import
+
+    imported = import_sensor(calibration)
+    unit = sensor_of_import(imported, calibration).beams
+    if not isinstance(model.beams, ChannelBeams) or not isinstance(unit, ChannelBeams):
+        what = f"{calibration.name} is of channels, the beams of {model.name} are none"
+        raise InputError(what, file=calibration, fix="name a sensor file of the unit, TOML")
+    if unit.layers != model.beams.layers:
+        what = f"describes {unit.layers} channels, the sensor {model.name} has {model.beams.layers}"
+        raise InputError(what, file=calibration, fix="name the calibration of a unit of this model")
+    told = [key for key in _OF_A_UNIT if key in imported.document["beams"]]
+    channels = replace(model.beams.channels, **{key: getattr(unit.channels, key) for key in told})
+    return replace(model.beams, channels=channels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,11 +224,11 @@ def _check(table: _DatasetTable, lines: LineIndex) -> None:
             faults += _file_faults(getattr(frame, key), ("frames", i, key), lines)
         measured = os.path.normpath(frame.measured)
         if measured in first:
-            what = f"frame {i} names {measured} as measured, as frame {first[measured]} does"
+            what = f"frame {i} names {shown(measured, 200)} as measured, as frame {first[measured]} does"
             faults.append(lines.fault(("frames", i, "measured"), what, fix="every frame is a measurement of its own"))
         first.setdefault(measured, i)
         if frame.ideal is not None and os.path.normpath(frame.ideal) == measured:
-            what = f"frame {i} names {measured} both as ideal and as measured"
+            what = f"frame {i} names {shown(measured, 200)} both as ideal and as measured"
             faults.append(lines.fault(("frames", i, "ideal"), what, fix="name the ideal scan of that frame"))
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
@@ -230,13 +244,13 @@ def _file_faults(name: Path | None, key: tuple[str | int, ...], lines: LineIndex
     except (InputError, ValueError) as error:
         if isinstance(error, InputError):
             return [error]
-        return [lines.fault(key, f"{key[-1]} = {str(name)!r} is no path", fix="name a file")]
+        return [lines.fault(key, f"{key[-1]} = {shown(str(name), 200)} is no path", fix="name a file")]
     try:
         there = place.exists()
     except (OSError, ValueError):
         there = False
     if not there:
-        what = f"{key[-1]} = {str(name)!r}: there is no such file"
+        what = f"{key[-1]} = {shown(str(name), 200)}: there is no such file"
         return [lines.fault(key, what, fix="paths start from the data set's folder")]
     return []
 

@@ -23,6 +23,8 @@ def paired(frames: Sequence[FrameFile], others: Sequence[FrameFile]) -> list[Fra
     """
     if len(frames) == len(others) == 1:
         return list(others)
+    if _of_one_dataset(frames, others):
+        return list(others)
     mine, theirs = _names(frames), _names(others)
     if mine.keys() & theirs.keys():
         return _matched(mine, theirs, "give the frames the same names on both sides")
@@ -72,6 +74,12 @@ def _matched(mine: Mapping[Hashable, FrameFile], theirs: Mapping[Hashable, Frame
             where = place.parent if len({frame.path for frame in other.values()}) > 1 else place
             raise InputError(f"has no frame beside it in {where}{more}", file=str(alone[0]), fix=fix)
     return [theirs[name] for name in mine]
+
+
+def _of_one_dataset(frames: Sequence[FrameFile], others: Sequence[FrameFile]) -> bool:
+    """Whether a data set says what belongs together: both sides are all of its frames, in its order."""
+    files = {None if frame.declared is None else frame.declared.file for frame in (*frames, *others)}
+    return len(frames) == len(others) and len(files) == 1 and None not in files
 
 
 def _ranked(frames: Sequence[FrameFile]) -> bool:

@@ -12,6 +12,7 @@ __all__ = ["CHUNK_BYTES", "is_zstd", "unpacked", "zstd_message"]
 
 CHUNK_BYTES = 256 << 20
 """Of a chunk, or of a message: eight million points of 32 bytes. Recorders begin a new chunk after a few MB."""
+_PIECE_BYTES = 4 << 20
 _NONE = ("", "none")
 _ARROW = ("lz4", "zstd")
 """What Arrow unpacks: frames of LZ4, and Zstandard."""
@@ -52,13 +53,16 @@ def zstd_message(content: bytes, path: Path) -> bytes:
 
 
 def _unpacked(content: bytes, compression: str, size: int, path: Path) -> bytes:
-    """At most a byte more than `size`."""
+    """At most a byte more than `size`, taken piece by piece: what is asked for at once takes memory at once."""
     try:
         if compression == "bz2":
             return bz2.BZ2Decompressor().decompress(content, size + 1)
         import pyarrow as pa
 
+        found = bytearray()
         with pa.CompressedInputStream(pa.BufferReader(content), compression) as stream:
-            return bytes(stream.read(size + 1))
+            while len(found) <= size and (piece := stream.read(min(size + 1 - len(found), _PIECE_BYTES))):
+                found += piece
+        return bytes(found)
     except (OSError, ValueError, EOFError) as error:  # Arrow's own are kinds of these
         raise InputError(f"a chunk does not unpack as {compression}: {error}", file=path, fix=_DAMAGED) from None
