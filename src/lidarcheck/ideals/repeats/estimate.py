@@ -114,7 +114,7 @@ def ideal_of(
     Rays without a surface, and hidden ones, have a row whose distance is not known.
     """
     rays, groups = seen.rays, estimate.groups
-    fired = np.asarray(seen.fired.any(axis=0) if frame is None else seen.fired[frame])
+    fired: BoolArray = np.asarray(seen.fired.any(axis=0) if frame is None else seen.fired[frame])
     left = np.zeros(len(rays), dtype=np.bool_) if hidden is None else hidden
     some = np.flatnonzero(fired[groups.ray] & ~left[groups.ray])
     bare = np.flatnonzero(fired & ((groups.row < 0) | left))
