@@ -12,6 +12,6 @@ if _TESTS not in sys.path:  # a benchmark loads this folder as a package of its 
     sys.path.append(_TESTS)
 
 from .cases import write_case  # noqa: E402
-from .orders import plan  # noqa: E402
+from .orders import CaseOrder, plan  # noqa: E402
 
-__all__ = ["plan", "write_case"]
+__all__ = ["CaseOrder", "plan", "write_case"]
