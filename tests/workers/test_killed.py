@@ -36,6 +36,7 @@ if __name__ == "__main__":
 """
 EXTERNAL = """
 import sys
+import time
 from pathlib import Path
 import numpy as np
 from lidarcheck.model.external import run_external
@@ -53,9 +54,12 @@ SERVER = f'run_external(ideal, External(("sh", "-c", "{SAID}"), Path(), server=T
 MODULE = """
 Path("own.py").write_text("import os, subprocess, time\\ndef simulate(ideal):\\n"
     "    child = subprocess.Popen(['sleep', '600']).pid\\n"
-    "    open('pids', 'w').write(f'{child} {os.getpid()}')\\n    time.sleep(600)\\n")
+    "    open('pids', 'w').write(f'{child} {os.getpid()}')\\n    LASTLY\\n")
 run_external(ideal, External((), Path().absolute(), module="own:simulate"), seed=1)
+time.sleep(600)
 """
+BUSY = MODULE.replace("LASTLY", "time.sleep(600)")
+IDLE = MODULE.replace("LASTLY", "return {'Layer': [], 'Point': [], 'RANGE': []}")
 
 
 def until(holds: Callable[[], object], seconds: float) -> bool:
@@ -136,7 +140,7 @@ def test_workers_end_with_a_killed_run(
 
 
 @needs_proc
-@pytest.mark.parametrize("last", [PROGRAM, SERVER, MODULE], ids=["program", "server", "module"])
+@pytest.mark.parametrize("last", [PROGRAM, SERVER, BUSY, IDLE], ids=["program", "server", "module", "idle"])
 def test_an_external_program_and_its_children_end_with_a_killed_run(
     last: str, started: Callable[[str], subprocess.Popen[bytes]], tmp_path: Path
 ) -> None:

@@ -29,6 +29,8 @@ _NUMBERS = b"0123456789+-.,;eEnNaAiIfF \t\r\n"
 _SETTLED_NS = 2_000_000_000
 """A file that was changed so lately may be changed again without its times showing it."""
 _digests: dict[tuple[int, ...], str] = {}
+_kinds: dict[tuple[object, ...], bool] = {}
+"""Of files as they were: their digests, and whether they are program text."""
 
 
 class Program(Protocol):
@@ -164,8 +166,20 @@ def _is_program(path: Path) -> bool:
     if path.name in _RESULTS or suffix in _OUTPUTS or (suffix == ".toml" and "goldens" in path.parts):
         return False
     asked = next((name for name, form in FORMATS.items() if suffix in form.suffixes), None)
-    if asked is None or path.stat().st_size == 0:
+    state = path.stat()
+    if asked is None or state.st_size == 0:
         return True
+    key = (str(path), *_identity(state))
+    if key in _kinds:
+        return _kinds[key]
+    found = _is_none_of(path, asked)
+    if _is_settled(state):
+        _kinds[key] = found
+    return found
+
+
+def _is_none_of(path: Path, asked: str) -> bool:
+    """Whether a file is not what its suffix says."""
     try:
         found = recognise(path)
         if asked not in ("text", "csv"):
@@ -190,16 +204,25 @@ def _digest(path: Path) -> str:
     try:
         with path.open("rb") as stream:
             state = os.fstat(stream.fileno())
-            key = (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+            key = _identity(state)
             if key not in _digests:
                 digest = hashlib.file_digest(stream, "sha256").hexdigest()
-                if time.time_ns() - max(state.st_mtime_ns, state.st_ctime_ns) < _SETTLED_NS:
+                if not _is_settled(state):
                     return digest
                 _digests[key] = digest
             return _digests[key]
     except OSError as error:
         what = f"cannot read this file of a program: {error.strerror or error}"
         raise InputError(what, file=path, fix="make it readable: its content decides what runs") from error
+
+
+def _identity(state: os.stat_result) -> tuple[int, ...]:
+    """What changes when a file's content does."""
+    return (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+
+
+def _is_settled(state: os.stat_result) -> bool:
+    return time.time_ns() - max(state.st_mtime_ns, state.st_ctime_ns) >= _SETTLED_NS
 
 
 def _kind(path: Path) -> int | None:

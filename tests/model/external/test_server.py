@@ -1,6 +1,7 @@
 """A model that stays up: what it is asked, what it may answer, and what becomes of it when something goes wrong."""
 
 import dataclasses
+import signal
 import sys
 import threading
 import time
@@ -213,6 +214,25 @@ def test_work_that_is_stopped_ends_its_servers(server, tmp_path):
     stop_external_models()
     thread.join()
     assert "was killed by SIGKILL" in str(caught[0])
+
+
+def test_an_interrupt_ends_the_server_and_what_it_started(server, tmp_path):
+    def interrupt() -> None:
+        while not (tmp_path / "marks").exists():
+            time.sleep(0.01)
+        signal.raise_signal(signal.SIGINT)
+
+    external = server(run="mark(subprocess.Popen(['sleep', '60']).pid); time.sleep(60)")
+    thread = threading.Thread(target=interrupt)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    thread.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_requests(external, [Request(IDEAL)])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    thread.join()
+    assert all(gone(int(pid)) for pid in (*lines(tmp_path / "started"), *lines(tmp_path / "marks")))
 
 
 def test_no_more_wait_than_there_are_cores(server, tmp_path, monkeypatch):
