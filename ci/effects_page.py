@@ -117,6 +117,8 @@ def section(effect: type[Effect]) -> str:
     text.append(
         "".join(f"Not for the detector `{kind}`: {prose(reason)}.\n\n" for kind, reason in effect.unfit.items())
     )
+    if words := effect.around_program():
+        text.append(f"Around [somebody else's program](model-files.md#effects-around-it): {prose(words)}.\n\n")
     rows = [
         f"| `{p.name}` | {cell(p.unit)} | {p.low:g} ... {p.highest} | {p.typical:g} | {p.noticeable:g} | "
         f"{cell(p.meaning)} |"

@@ -33,12 +33,14 @@ from lidarcheck.formats.table import Table
 from lidarcheck.kpi.fired import judged_beams
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.kpi.variant import other_variant
+from lidarcheck.model.external.reads import readied
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.model.light import surface_signal
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor, SpadArray
 from lidarcheck.trust.places import check_place, named_file
+from lidarcheck.trust.program_text import named_paths
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
@@ -110,18 +112,20 @@ def load_case(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES)
 
     A damaged frame is left out with a warning, as long as no more than a third are and `fewest` remain. `InputError` or
     `ConfigError` for all else: other beams than the ideal scan's, swapped or doubled files, the other variant's
-    measurement, materials without an entry, too few frames, an external model, columns that are missing.
+    measurement, materials without an entry, too few frames, columns that are missing. What somebody else's program
+    reads is found out; `ExternalModelError` where it is not trusted or fails.
     """
     file = _case_file(Path(directory))
     data, lines = parse_toml(file)
     table = validate(data, lines, _CaseTable)
     _check_places(table, lines, fewest)
     model_file = file.parent / table.model
-    model = _built_in(model_file)
+    model = load_model(model_file)
     hashes = _hashes(file.parent, table, model)
     _check_doubles(table, lines, hashes)
     frames, faults = _frames(file.parent, table, lines, model)
     _check_enough(file, len(table.frames), frames, faults, fewest)
+    model = readied(model, [frame.ideal for frame in frames])
     _check_together(table, lines, frames, model)
     left_out = {f"frame {number}": _reason(fault) for number, fault in sorted(faults.items())}
     for name, why in left_out.items():
@@ -135,7 +139,7 @@ def case_model(directory: str | os.PathLike[str], *, fewest: int = FEWEST_FRAMES
     data, lines = parse_toml(file)
     table = validate(data, lines, _CaseTable)
     _check_places(table, lines, fewest)
-    _built_in(file.parent / table.model)
+    load_model(file.parent / table.model)
     return file.parent / table.model
 
 
@@ -187,19 +191,13 @@ def _outside(path: Path, key: tuple[str | int, ...], lines: LineIndex) -> InputE
     return lines.fault(key, what, fix="copy the file into the directory and name it relative to it")
 
 
-def _built_in(file: Path) -> Model:
-    model = load_model(file)
-    if model.external is not None:
-        _, lines = parse_toml(file)
-        what = "the model is [external]: effects can be put into the built-in model only, not into a program"
-        raise lines.fault(("external",), what, fix="name a model with `variant`, `materials` and `effects`")
-    return model
-
-
 def _hashes(directory: Path, table: _CaseTable, model: Model) -> dict[str, str]:
     """SHA-256 of each file that can be read, the tables that the model names among them."""
     names = [CASE_FILE, str(table.model)]
     names += [os.path.relpath(curve.file, directory) for effect in model.effects for curve in effect.curves()]
+    if model.external is not None:
+        named = (path for path in named_paths(model.external) if path.is_relative_to(directory))
+        names += [os.path.relpath(path, directory) for path in named]
     for frame in table.frames:
         names += [str(frame.ideal), str(frame.measured)]
     found = {}

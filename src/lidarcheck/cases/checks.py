@@ -15,7 +15,7 @@ from lidarcheck.cases.same_scene import RANGE_STEP_M, SceneFinding, Surfaces, co
 from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys, nearest_on_line
 from lidarcheck.kpi.variant import above_saturation
-from lidarcheck.model.chain import simulate
+from lidarcheck.model.chain import simulate_frames
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
@@ -166,7 +166,8 @@ def swapped(frames: Sequence[Frame], model: Model) -> tuple[int, int] | None:
     whose echoes differ between the two frames. Files that are mixed up are so in a ring: the surfaces of frame i must
     be those of another frame's echoes, too.
     """
-    shown = [simulate(frame.ideal, model, seed=0, frame=frame.number) for frame in frames]
+    numbers = [frame.number for frame in frames]
+    shown = simulate_frames([frame.ideal for frame in frames], model, seed=0, frames=numbers, threads=None)
     surfaces = [_Surfaces.of(frame.ideal, scan) for frame, scan in zip(frames, shown, strict=True)]
     most = int(np.clip(COMPARED_ECHOES // max(len(frames), 1) ** 2, 500, 20_000))
     better: list[tuple[int, int]] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
 from lidarcheck.errors import UsageError
@@ -24,6 +25,7 @@ class Afterpulsing(DetectorEffect):
     """
 
     name = "afterpulsing"
+    inside = MappingProxyType({"probability": "added"})
     unfit = unfit_for(
         linear="its SPADs are not read one by one; what follows a bright echo is `recovery_ns` of the sensor file",
         photon_histogram="afterpulses of a histogram are not simulated",

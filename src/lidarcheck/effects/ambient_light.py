@@ -38,12 +38,14 @@ class AmbientLight(LightEffect):
     `direct` of 0.9; under clouds it is 0.
 
     Of a linear detector the light is noise alone: its amplitude's variance in the dark grows, in the square of the
-    amplitude's unit, by what `rate_per_ns` says for a white surface. Valid without shadows, and with no sun in the
+    amplitude's unit, by what `rate_per_ns` says for a white surface; around somebody else's program the rate counts in
+    the program's own background. Valid without shadows, and with no sun in the
     field of view. Identity at rate 0.
     """
 
     name = "ambient_light"
     tree = (86,)
+    handed = ("Background",)
 
     rate_per_ns: float = parameter(
         "1/ns",

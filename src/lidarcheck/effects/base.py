@@ -43,7 +43,7 @@ from lidarcheck.effects.plugins import plugins
 from lidarcheck.errors import UsageError
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Linear, Material, PhotonHistogram, Sensor, SpadArray
+from lidarcheck.sensor import Linear, Material, PhotonHistogram, Program, Sensor, SpadArray
 
 __all__ = [
     "DETECTORS",
@@ -66,6 +66,7 @@ __all__ = [
     "empirical_terms",
     "file_parameter",
     "find",
+    "in_detector",
     "list_parameter",
     "make",
     "parameter",
@@ -75,7 +76,7 @@ __all__ = [
 
 STAGES = ("aim", "light", "detector", "readout")
 DETECTORS = (SpadArray.detector, Linear.detector, PhotonHistogram.detector)
-"""The kinds of detector that there are."""
+"""The kinds of detector that there are; what an effect takes around somebody else's program says `around_program`."""
 
 
 class Surroundings(Protocol):
@@ -138,6 +139,15 @@ class Effect(abc.ABC):
     """What the hash of a model's parameters calls it; empty: its name, spelled as BeamGrid for beam_grid."""
     unfit: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """The kinds of detector for which it means nothing, and why; see `unfit_for`."""
+    handed: ClassVar[tuple[str, ...]] = ()
+    """The columns of an ideal scan by which somebody else's program learns of it."""
+    inside: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Of an effect that acts inside such a program the parameters that a number of the program may stand for: "added"
+    to that number, or "times" it. Not empty, or a detector effect: nothing else brings it in."""
+    scatters: ClassVar[bool] = False
+    """Whether it adds what the air sends back, of which such a program must know a material."""
+    by_strength: ClassVar[bool] = False
+    """Whether it goes by how strong an echo is."""
 
     def __post_init__(self) -> None:
         for words in self.choices():
@@ -151,7 +161,40 @@ class Effect(abc.ABC):
     @classmethod
     def why_not(cls, sensor: Sensor) -> str:
         """Why the effect means nothing for this sensor; empty where it means something. Derive from `needs`."""
-        return cls.unfit.get(sensor.detector) or cls.needs(sensor)
+        around = cls._why_not_around(sensor) if isinstance(sensor, Program) else ""
+        return around or cls.unfit.get(sensor.detector) or cls.needs(sensor.nominal)
+
+    @classmethod
+    def _why_not_around(cls, program: Program) -> str:
+        """Why it cannot be put around somebody else's program, by what it is handed and what the program reads."""
+        if cls.acts_inside():
+            inside = "it acts inside the program, and no number of [external.parameters] stands for it"
+            return "" if program.stands_for(cls.name) else inside
+        if program.unlit and cls.stage == "light":
+            return program.unlit
+        unread = [column for column in cls.handed if not program.understands(column)]
+        if unread:
+            return f"the program does not read {unread[0]}"
+        if cls.scatters and program.scatter_material is None:
+            return "[external] names no scatter_material for what the air sends back"
+        weak = cls.by_strength and not program.strength_told
+        return "the program reports no feature that says how strong an echo is" if weak else ""
+
+    @classmethod
+    def around_program(cls) -> str:
+        """What it takes around somebody else's program, in words; empty where it takes nothing."""
+        if cls.acts_inside():
+            named = f", for {' or '.join(cls.inside)}" if cls.inside else ""
+            return f"it acts inside: a number of [external.parameters] must stand for it{named}"
+        needs = [f"the program must read {' and '.join(cls.handed)}"] if cls.handed else []
+        needs += ["[external] must name a scatter_material"] if cls.scatters else []
+        needs += ["the program must report how strong an echo is"] if cls.by_strength else []
+        return "; ".join(needs)
+
+    @classmethod
+    def acts_inside(cls) -> bool:
+        """Whether it changes what a detector does, and not what goes in or comes out."""
+        return bool(cls.inside) or issubclass(cls, DetectorEffect)
 
     @classmethod
     def detectors(cls) -> tuple[str, ...]:
@@ -240,6 +283,7 @@ class LightEffect(Effect):
     """An effect on the pulses and the background that reach the beams."""
 
     stage = "light"
+    handed = ("Share",)
 
     @abc.abstractmethod
     def light(self, light: Light, around: Surroundings) -> Light:
@@ -253,13 +297,16 @@ class DetectorEffect(Effect):
 
     @abc.abstractmethod
     def detector(self, sensor: Sensor) -> Sensor:
-        """The sensor with the effect; `UsageError` where that is no sensor. It knows the sensor alone."""
+        """The sensor with the effect; `UsageError` where that is no sensor. It knows the sensor alone. A program is
+        none that it is asked about: `in_detector` turns the program's numbers."""
 
 
 class ReadoutEffect(Effect):
     """An effect on the echoes."""
 
     stage = "readout"
+    moves_echoes: ClassVar[bool] = True
+    """Whether it moves echoes by what each of them is, or adds some: a program's ranges are then rounded anew."""
 
     @abc.abstractmethod
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
@@ -268,6 +315,14 @@ class ReadoutEffect(Effect):
     def before(self, light: Light, sensor: Sensor) -> tuple[Light, Sensor]:
         """Light and sensor with what it does before echoes are found, of a detector that shows more than echoes."""
         return light, sensor
+
+
+def in_detector(effect: Effect, sensor: Sensor) -> Sensor:
+    """The sensor with what an effect does to its detector; the same one for effects that do nothing there."""
+    if isinstance(sensor, Program):
+        inside = effect.acts_inside()
+        return sensor.turned(effect.name, effect.settings(), effect.inside) if inside else sensor
+    return effect.detector(sensor) if isinstance(effect, DetectorEffect) else sensor
 
 
 @functools.cache

@@ -47,6 +47,7 @@ class BeamDivergence(AimEffect):
     """
 
     name = "beam_divergence"
+    handed = ("Parts",)
     tree = (105, 109, 118)
 
     vertical_deg: float = parameter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
 from lidarcheck.errors import UsageError
@@ -25,6 +26,7 @@ class Crosstalk(DetectorEffect):
     """
 
     name = "crosstalk"
+    inside = MappingProxyType({"sides": "added", "corners": "added"})
     tree = (84,)
     unfit = unfit_for(
         linear="it adds avalanches into one amplitude; its scatter is in `excess` of the sensor file",

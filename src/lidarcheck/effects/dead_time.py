@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from lidarcheck import elementary
 from lidarcheck.effects.base import DetectorEffect, parameter, unfit_for
@@ -29,6 +30,7 @@ class DeadTime(DetectorEffect):
     """
 
     name = "dead_time"
+    inside = MappingProxyType({"shift_ns": "added", "spread_ns": "added", "recovery_ns": "added"})
     unfit = unfit_for(linear="its SPADs are not read one by one; what follows a bright echo is `recovery_ns`")
 
     shift_ns: float = parameter(

@@ -20,6 +20,7 @@ class Dropout(ReadoutEffect):
     """
 
     name = "dropout"
+    moves_echoes = False
     unfit = unfit_for(photon_histogram="a zone always has a histogram")
 
     share: float = parameter(

@@ -54,6 +54,7 @@ class Fog(LightEffect):
 
     name = "fog"
     tree = (87, 89)
+    scatters = True
 
     mor_m: float = parameter(
         "m", low=5.0, high=CLEAR_M, typical=100.0, noticeable=10.0, meaning="meteorological optical range"

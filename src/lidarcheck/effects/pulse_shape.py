@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
 from lidarcheck.scan import Light, PulseShape
@@ -28,6 +29,7 @@ class BroadPulse(LightEffect):
     """
 
     name = "pulse_shape"
+    inside = MappingProxyType({"stretch": "times", "tail_share": "added"})
     role = "pulse"
     hash_word = "BroadPulse"
     tree = (109,)

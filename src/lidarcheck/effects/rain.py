@@ -53,6 +53,7 @@ class Rain(LightEffect):
     name = "rain"
     unfit = unfit_for(photon_histogram="a zone is wide and near: drops are no echoes of their own in it")
     tree = (87, 89)
+    scatters = True
 
     rate_mm_h: float = parameter("mm/h", low=0.0, high=300.0, typical=25.0, noticeable=5.0, meaning="rate of rain")
     extinction_coefficient: float = parameter(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from lidarcheck.effects.base import ReadoutEffect, Surroundings, parameter
 from lidarcheck.effects.shared.ranges import StageByWhat, at_range, moved_light, what_moves
 from lidarcheck.scan import Light, Scan
-from lidarcheck.sensor import PhotonHistogram, Sensor
+from lidarcheck.sensor import PhotonHistogram, Program, Sensor
 
 __all__ = ["RangeOffset"]
 
@@ -23,6 +23,7 @@ class RangeOffset(ReadoutEffect):
     """
 
     name = "range_offset"
+    moves_echoes = False
     stage = StageByWhat()
 
     offset_m: float = parameter(
@@ -39,10 +40,10 @@ class RangeOffset(ReadoutEffect):
         return light if self.offset_m == 0.0 else moved_light(light, 1.0, self.offset_m)
 
     def before(self, light: Light, sensor: Sensor) -> tuple[Light, Sensor]:
-        """Move the surfaces' light of a histogram, whose bins show it; the cover glass stays."""
-        return (self.light_of(light), sensor) if isinstance(sensor, PhotonHistogram) else (light, sensor)
+        """Move the light that a program is handed, and the surfaces' of a histogram; the cover glass stays."""
+        return (self.light_of(light), sensor) if isinstance(sensor, PhotonHistogram | Program) else (light, sensor)
 
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Move every echo along its beam."""
-        still = self.offset_m == 0.0 or isinstance(around.sensor, PhotonHistogram)
+        still = self.offset_m == 0.0 or isinstance(around.sensor, PhotonHistogram | Program)
         return scan if still else at_range(scan, scan.range_m + self.offset_m)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from lidarcheck import elementary
 from lidarcheck.effects.base import DetectorEffect, parameter
@@ -27,6 +28,7 @@ class Threshold(DetectorEffect):
     """
 
     name = "threshold"
+    inside = MappingProxyType({"shift": "added"})
 
     shift: float = parameter(
         "detectors ON", low=-100.0, high=1000.0, typical=3.0, noticeable=0.5, meaning="added to the sensor's threshold"

@@ -26,18 +26,20 @@ class WalkError(ReadoutEffect):
 
     R' = R + per_decade y + bend y^2, y = log10(AREA / reference_area), AREA being the amplitude that the detector
     counts: of a SPAD array AREA, of a linear detector a before calibration and rounding, of a histogram chip the
-    photons of the echo; with a `power` q other than 0 instead y = ((AREA / reference_area)^q - 1) / (q ln 10), of which
-    the logarithm is the limit, so that a walk of a / AREA^p is power -p. What such curves have not, a table says:
-    `shifts_m` are added at AREA 1, 10^(1/4), 10^(1/2) and so on in quarters of a decade, and linearly in log AREA
-    between. By AREA, since PEAK saturates: a comparator's threshold is crossed earlier by a larger pulse, or an
-    amplitude correction was calibrated on other data. The pile-up's own walk comes from the SPADs and stays. Silicon
-    photomultipliers: 36.6 cm over 1.3 ... 46.5 photons, 1.95 cm after correction (Photonics 9, 24, 2022).
+    photons of the echo, of a program its `strength` feature; with a `power` q other than 0 instead y = ((AREA /
+    reference_area)^q - 1) / (q ln 10), of which the logarithm is the limit, so that a walk of a / AREA^p is power -p.
+    What such curves have not, a table says: `shifts_m` are added at AREA 1, 10^(1/4), 10^(1/2) and so on in quarters of
+    a decade, and linearly in log AREA between. By AREA, since PEAK saturates: a comparator's threshold is crossed
+    earlier by a larger pulse, or an amplitude correction was calibrated on other data. The pile-up's own walk comes
+    from the SPADs and stays. Silicon photomultipliers: 36.6 cm over 1.3 ... 46.5 photons, 1.95 cm after correction
+    (Photonics 9, 24, 2022).
 
     The echoes of a beam that change places are numbered anew; no range falls below 0. Valid where the shift stays below
     a few metres; an AREA below 1 counts as 1. Identity at per_decade 0 and bend 0 without shifts.
     """
 
     name = "walk_error"
+    by_strength = True
 
     per_decade_m: float = parameter(
         "m", low=-2.0, high=2.0, typical=0.05, noticeable=0.01, meaning="shift per decade of AREA"

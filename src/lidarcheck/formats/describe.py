@@ -309,8 +309,8 @@ def _describe_settings(path: str | os.PathLike[str]) -> FileDescription:
 def _describe_model(path: str | os.PathLike[str], model: Any) -> FileDescription:
     facts: dict[str, Any] = {}
     if model.external is not None:
-        facts["external"] = list(model.external.command)
-    else:
+        facts["external"] = list(model.external.command) or [model.external.module]
+    if model.external is None or model.materials or model.effects:
         facts["variant"] = model.sensor.variant
         facts["sensor"] = model.sensor.overrides()
         facts["materials"] = {str(number): material.name for number, material in model.materials.items()}

@@ -89,7 +89,8 @@ class FrameBatch:
         target_format(self.out / f"frame{self.suffix}")
         check_fidelity(self.fidelity, self.model)
         check_device(self.device, self.fidelity, self.model, here=here)
-        if self.model.external is not None and (self.count or 1) > 1:
+        external = self.model.external
+        if external is not None and not external.draws_anew and (self.count or 1) > 1:
             fix = "leave out --frames, or give an ideal scan for each frame"
             raise UsageError("an external model does not know frames: all would be the same", fix=fix)
         seen: dict[str, Named] = {}

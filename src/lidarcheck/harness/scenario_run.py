@@ -17,7 +17,7 @@ from lidarcheck.harness.kpis.spec import KpiSpec, SeedMeasurement
 from lidarcheck.harness.layout import Layout, layout_of
 from lidarcheck.harness.scenario.scenario import Scenario, load_scenario
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Program, Sensor
 from lidarcheck.trust.programs import require_trust
 
 __all__ = ["Load", "Measure", "ScenarioRun", "kpis_in_goldens", "open_run", "provenance_now", "suite_size"]
@@ -217,7 +217,12 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
 
         model = load_model(Path(model))
     own, given = scenario.model, model.sensor
-    if model.external is None and own.sensor.variant != given.variant:
+    materials = {**model.materials, **own.materials}
+    if isinstance(given, Program):
+        around = dataclasses.replace(given, known=materials)
+        effects = model.effects or own.effects
+        return dataclasses.replace(model, sensor=around, materials=materials, effects=effects), ""
+    if own.sensor.variant != given.variant:
         return own, f"not run: the scenario is for {own.sensor.variant}, the model is a {given.variant}"
     usual = Sensor.of(given.variant)
     conditions = {
@@ -226,7 +231,6 @@ def _model_for(scenario: Scenario, model: Model | Path | str | None) -> tuple[Mo
         if getattr(own.sensor, name) != getattr(usual, name) and getattr(given, name) == getattr(usual, name)
     }
     asked = model.with_sensor(**conditions)
-    materials = {**model.materials, **own.materials}
     return dataclasses.replace(asked, materials=materials, effects=model.effects or own.effects), ""
 
 

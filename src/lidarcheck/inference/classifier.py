@@ -21,7 +21,7 @@ from lidarcheck.inference.observed.coarse import amplitude_tells
 from lidarcheck.kpi.classifier import classifier_gap, folds_of
 from lidarcheck.kpi.lattice import piece_of
 from lidarcheck.kpi.pairing import nearest_on_line
-from lidarcheck.model.chain import simulate
+from lidarcheck.model.chain import simulate_frames
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.scan import Scan
@@ -129,8 +129,8 @@ class Classifier:
         nuisance = nuisance or Nuisance()
         run, posed = nuisance.posed(nuisance.model(model), self.surfaces)
         seed += self.seed << 16
-        pairs = zip(self.frames, posed, strict=True)
-        return [simulate(s.ideal, run, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
+        numbers = [f.number for f in self.frames]
+        return simulate_frames([s.ideal for s in posed], run, seed=seed, frames=numbers, surfaces=posed)
 
     def _between(
         self,

@@ -106,7 +106,9 @@ def nuisances(simulator: Simulates) -> Mapping[str, FloatArray]:
     for name in ("yaw_deg", "pitch_deg"):
         settings = {"yaw_deg": 0.0, "pitch_deg": 0.0} | {name: _POSE_STEP * POSE_ERROR_DEG}
         steps[name] = (make(with_role("pose").name, settings), 1.0 / _POSE_STEP)
-    found = {name: factor * _shift(simulator, effect) for name, (effect, factor) in steps.items()}
+    sensor = simulator.model.sensor
+    able = {name: step for name, step in steps.items() if not step[0].why_not(sensor)}
+    found = {name: factor * _shift(simulator, effect) for name, (effect, factor) in able.items()}
     found["sensor's height"] = _moved(simulator, 0, farther_by_height_m(simulator.beams))
     return found
 

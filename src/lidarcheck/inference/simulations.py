@@ -10,12 +10,12 @@ from lidarcheck.effects.base import Effect
 from lidarcheck.inference.nuisances import Nuisance
 from lidarcheck.inference.observed.beam_table import BeamTable
 from lidarcheck.inference.observed.observations import Observations, observations_of
-from lidarcheck.model.chain import simulate
-from lidarcheck.model.incremental import DetectedFrame, simulate_detected
+from lidarcheck.model.chain import simulate_frames
+from lidarcheck.model.incremental import DetectedFrame, program_frames, simulate_detected
 from lidarcheck.model.spec import Model
-from lidarcheck.model.stages import Surfaces
+from lidarcheck.model.stages import Surfaces, run_and_light
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Program, Sensor
 
 __all__ = ["Simulations", "observed"]
 
@@ -31,8 +31,8 @@ def observed(
     frames: Sequence[Frame], surfaces: Sequence[Surfaces], beams: BeamTable, model: Model, seed: int
 ) -> Observations:
     """What a model shows of each beam of a table; `surfaces`: those of the frames' ideal scans."""
-    pairs = zip(frames, surfaces, strict=True)
-    scans = [simulate(s.ideal, model, seed=seed, frame=f.number, threads=1, surfaces=s) for f, s in pairs]
+    numbers = [f.number for f in frames]
+    scans = simulate_frames([s.ideal for s in surfaces], model, seed=seed, frames=numbers, surfaces=surfaces)
     return observations_of(beams, scans)
 
 
@@ -120,6 +120,10 @@ class Simulations:
         self, model: Model, seed: int, nuisance: Nuisance, like: Sequence[DetectedFrame] | None = None
     ) -> list[DetectedFrame]:
         model, surfaces = self._posed_of(model, nuisance)
+        if isinstance(model.sensor, Program):
+            frames = zip(self.frames, surfaces, strict=True)
+            lit = [run_and_light(s.ideal, model, (self.seed << 16) + seed, f.number, None, s, 1) for f, s in frames]
+            return program_frames([(light, run) for run, light in lit], like or ())
         return [
             simulate_detected(
                 one.ideal,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from lidarcheck.effects.base import ReadoutEffect
 from lidarcheck.effects.shared.reflectance import reflectance_of
-from lidarcheck.errors import ExternalModelError, UsageError
+from lidarcheck.errors import UsageError
 from lidarcheck.model.estimates import drawn, is_estimate
 from lidarcheck.model.fidelity import Device, Fidelity, check_device, check_fidelity
 from lidarcheck.model.reported import as_reported
@@ -16,9 +17,9 @@ from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, run_and_light, run_of
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light, Scan
-from lidarcheck.sensor import Linear, PhotonHistogram, Sensor, SpadArray
+from lidarcheck.sensor import Linear, PhotonHistogram, Program, Sensor, SpadArray
 
-__all__ = ["echoes_of", "simulate"]
+__all__ = ["echoes_of", "read_out", "simulate", "simulate_frames"]
 
 
 def simulate(
@@ -50,22 +51,51 @@ def simulate(
     check_fidelity(fidelity, model)
     check_device(device, fidelity, model)
     if model.external is not None:
-        from lidarcheck.model.external import run_external
+        from lidarcheck.model.external.around import alone, run_alone
 
-        try:
-            return run_external(drawn(ideal, seed), model.external, seed=seed)
-        except ExternalModelError as error:
-            error.file = error.file or (None if model.file is None else str(model.file))
-            raise
+        if alone(model, ideal):
+            return run_alone(drawn(ideal, seed), model, seed, frame)
     readout = of_stage("readout", model.effects)
     how: dict[str, Any] = {"seed": seed, "frame": frame, "threads": threads, "progress": progress}
     run, scan = _plain_frame(ideal, model, scene, not readout, how) if fidelity == "fast" else (None, None)
     if run is None or scan is None:
         run, light = run_and_light(ideal, model, seed, frame, scene, surfaces, threads)
-        scan = echoes_of(light, run.sensor, rounded=not readout, fidelity=fidelity, device=device, **how)
-    for effect in readout:
+        scan = echoes_of(light, run.sensor, run=run, rounded=not readout, fidelity=fidelity, device=device, **how)
+    return read_out(scan, run, readout) if readout else scan
+
+
+def simulate_frames(
+    ideals: Sequence[IdealScan],
+    model: Model,
+    *,
+    seed: int,
+    frames: Sequence[int],
+    surfaces: Sequence[Surfaces] | None = None,
+    threads: int | None = 1,
+) -> list[Scan]:
+    """`simulate` on several ideal scans; somebody else's program gets them all at once. `surfaces`: those of these."""
+    how: dict[str, Any] = {"seed": seed, "threads": threads}
+    pairs = [*zip([Surfaces(ideal) for ideal in ideals] if surfaces is None else surfaces, frames, strict=True)]
+    if not isinstance(model.sensor, Program) or model.sensor.reads is None:
+        return [simulate(one.ideal, model, frame=frame, surfaces=one, **how) for one, frame in pairs]
+    from lidarcheck.model.external.around import program_echoes
+
+    check_seed(seed)
+    found = [run_and_light(one.ideal, model, seed, frame, None, one, threads) for one, frame in pairs]
+    scans = program_echoes([(light, run) for run, light in found])
+    readout = of_stage("readout", model.effects)
+    return [read_out(scan, run, readout) for scan, (run, _) in zip(scans, found, strict=True)]
+
+
+def read_out(scan: Scan, run: Run, effects: Sequence[ReadoutEffect]) -> Scan:
+    """The echoes behind the readout effects, as the sensor reports them."""
+    if isinstance(run.sensor, Program):
+        from lidarcheck.model.external.readout import read_out_program
+
+        return read_out_program(scan, run, effects)
+    for effect in effects:
         scan = effect.readout(scan, run.of(effect))
-    return as_reported(scan, run.sensor) if readout else scan
+    return as_reported(scan, run.sensor)
 
 
 def _plain_frame(
@@ -94,8 +124,14 @@ def echoes_of(
     rounded: bool = True,
     fidelity: Fidelity = "exact",
     device: Device = "cpu",
+    run: Run | None = None,
 ) -> Scan:
-    """The SPADs' echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are reported."""
+    """The detector's echoes of the light that reaches each beam; see `simulate`. `rounded`: ranges as they are
+    reported. `run`: what the light comes from, which somebody else's program is told where it comes from surfaces."""
+    if isinstance(sensor, Program):
+        from lidarcheck.model.external.around import bare_run, program_echoes
+
+        return program_echoes([(light, run or bare_run(sensor, light, seed, frame))])[0]
     check_fidelity(fidelity)
     check_device(device, fidelity)
     check_complete(sensor)

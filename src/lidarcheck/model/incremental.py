@@ -5,18 +5,19 @@ Random numbers are keyed by the beam, so that beams whose light is the same give
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.model.chain import echoes_of
-from lidarcheck.model.reported import as_reported
+from lidarcheck.model.chain import echoes_of, read_out
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Run, Surfaces, check_seed, of_stage, run_and_light
 from lidarcheck.scan import IdealScan, Light, Scan, joined, light_of_beams
+from lidarcheck.sensor import Program
 
-__all__ = ["DetectedFrame", "simulate_detected"]
+__all__ = ["DetectedFrame", "program_frames", "simulate_detected"]
 
 _FEW = 0.7
 """Where more than this share of the beams differ, simulating all is as fast."""
@@ -32,10 +33,7 @@ class DetectedFrame:
 
     def read_out(self, model: Model) -> Scan:
         """What `simulate` gives with a model that differs from the one simulated by its readout effects alone."""
-        scan, run = self.scan, replace(self.run, model=model)
-        for effect in of_stage("readout", model.effects):
-            scan = effect.readout(scan, run.of(effect))
-        return as_reported(scan, run.sensor)
+        return read_out(self.scan, replace(self.run, model=model), of_stage("readout", model.effects))
 
 
 def simulate_detected(
@@ -52,6 +50,8 @@ def simulate_detected(
     are taken for the beams that get the same light. `surfaces`: those of this ideal scan, if known already."""
     check_seed(seed, frame)
     run, light = run_and_light(ideal, model, seed, frame, None, surfaces, threads)
+    if isinstance(run.sensor, Program):
+        return program_frames([(light, run)], [like])[0]
 
     def echoes(part: Light) -> Scan:
         return echoes_of(part, run.sensor, seed=seed, frame=frame, threads=threads, rounded=False)
@@ -62,6 +62,31 @@ def simulate_detected(
     if not differs.any():
         return DetectedFrame(like.scan, light, run)
     return DetectedFrame(_merged(like.scan, echoes(light_of_beams(light, differs)), light, differs), light, run)
+
+
+def program_frames(
+    frames: Sequence[tuple[Light, Run]], like: Sequence[DetectedFrame | None] = ()
+) -> list[DetectedFrame]:
+    """`simulate_detected` of a program on several frames at once. What its random numbers belong to nobody knows: only
+    where no beam differs from `like` are those echoes taken."""
+    from lidarcheck.model.external.around import program_echoes
+
+    kept = [*like, *[None] * (len(frames) - len(like))]
+    same = [_is_same(one, *frame) for one, frame in zip(kept, frames, strict=True)]
+    new = iter(program_echoes([frame for frame, is_same in zip(frames, same, strict=True) if not is_same]))
+    return [
+        DetectedFrame(one.scan if one is not None and is_same else next(new), light, run)
+        for one, (light, run), is_same in zip(kept, frames, same, strict=True)
+    ]
+
+
+def _is_same(like: DetectedFrame | None, light: Light, run: Run) -> bool:
+    """Whether the program was handed just this before."""
+    if like is None or like.run.sensor != run.sensor or (like.run.seed, like.run.frame) != (run.seed, run.frame):
+        return False
+    differs = _differing_beams(like.light, light)
+    same_rows = like.run.ideal is run.ideal or np.array_equal(like.run.ideal.material_id, run.ideal.material_id)
+    return same_rows and differs is not None and not bool(differs.any())
 
 
 def _differing_beams(old: Light, new: Light) -> npt.NDArray[np.bool_] | None:

@@ -8,9 +8,30 @@ from pathlib import Path
 
 from lidarcheck.effects import Effect
 from lidarcheck.effects.base import STAGES
-from lidarcheck.sensor import Material, Sensor
+from lidarcheck.sensor import Material, Program, Sensor
 
-__all__ = ["External", "Model"]
+__all__ = ["READS", "External", "Model", "ProgramNumber"]
+
+READS = ("Share", "Parts", "Reflectance", "Background", "Time", "Frame", "Seed")
+"""What somebody else's model may understand of what it is handed."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramNumber:
+    """A number of somebody else's model that may be turned between `low` and `high`, in its own unit.
+
+    `name`: what stands in braces in the command, else a key of the `ini`, else a parameter of a request. `effect`: the
+    effect that it stands for, or one of that effect's parameters behind a dot; with the effect the number is `value`
+    plus `scale` times the parameter.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+    effect: str = ""
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +41,8 @@ class External:
     `command` may hold the placeholders of `lidarcheck.model.external`; it runs in `directory`, for at most `timeout_s`
     an ideal scan. `ini` is the file that `{ini}` stands for. `server`: the command stays up and answers requests.
     `module`: a Python function, `package.module:function`, found in `directory` or installed; then there is no command.
+    `reads`: what it understands of `READS`, None where that is to be found out. `scatter_material`: the number of a
+    material that it takes for the air. `parameters`: its own numbers that may be turned.
     """
 
     command: tuple[str, ...]
@@ -28,6 +51,21 @@ class External:
     timeout_s: float = 600.0
     server: bool = False
     module: str = ""
+    reads: tuple[str, ...] | None = None
+    scatter_material: int | None = None
+    parameters: tuple[ProgramNumber, ...] = ()
+
+    @property
+    def draws_anew(self) -> bool:
+        """Whether it is told of a seed or a frame at all: else all its frames are the same."""
+        named = " ".join(self.command)
+        told = "{seed}" in named or "{frame}" in named or ("{ini}" in named and self.ini is None)
+        return told or self.server or bool(self.module)
+
+    def with_settings(self, settings: Mapping[str, float]) -> External:
+        """The same with its numbers at other values, by their names."""
+        turned = tuple(replace(one, value=settings.get(one.name, one.value)) for one in self.parameters)
+        return self if turned == self.parameters else replace(self, parameters=turned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +84,12 @@ class Model:
     def with_sensor(self, **overrides: float) -> Model:
         """The same model with numbers of its sensor replaced."""
         return replace(self, sensor=replace(self.sensor, **overrides))  # type: ignore[arg-type]
+
+    @property
+    def as_written(self) -> External | None:
+        """Somebody else's model as a file has it: with its numbers as they stand now."""
+        settings = self.sensor.settings if isinstance(self.sensor, Program) else {}
+        return None if self.external is None else self.external.with_settings(settings)
 
     def with_(self, effect: Effect) -> Model:
         """The same model with an effect in its place on the light's way, behind those of its stage."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.effects.base import AimEffect, Effect
+from lidarcheck.effects.base import AimEffect, Effect, in_detector
 from lidarcheck.errors import UsageError
 from lidarcheck.model.estimates import drawn, with_row_keys
 from lidarcheck.model.light import light_of, surface_signal
@@ -141,6 +141,10 @@ def run_of(
     ideal: IdealScan, model: Model, seed: int, frame: int, scene: Caster | None, surfaces: Surfaces | None
 ) -> Run:
     """A frame before any effect; `UsageError` for an effect that means nothing for the model's sensor."""
+    if model.external is not None:
+        from lidarcheck.model.external.reads import readied
+
+        model = readied(model, [ideal])
     for effect in model.effects:
         effect.check(model.sensor)
     surfaces = surfaces or Surfaces(ideal)
@@ -210,11 +214,12 @@ class Run:
     def after_stage(self, stage: str, effects: tuple[Effect, ...]) -> Run:
         """Behind the effects of the stage "aim" or "detector"."""
         run = self
-        for effect in of_stage(stage, effects):
-            if stage == "aim":
+        if stage == "aim":
+            for effect in of_stage(stage, effects):
                 run = replace(run, ideal=run.surfaces.aimed(effect, run))
-            else:
-                run = replace(run, sensor=effect.detector(run.sensor))
+            return run
+        for effect in effects:
+            run = replace(run, sensor=in_detector(effect, run.sensor))
         return run
 
     def uniforms(self, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1) -> npt.NDArray[np.float64]:

@@ -7,6 +7,7 @@ from lidarcheck.sensor.feature import Feature
 from lidarcheck.sensor.linear import Linear
 from lidarcheck.sensor.material import RETRO_GAIN_MAX, Material
 from lidarcheck.sensor.photon_histogram import PhotonHistogram
+from lidarcheck.sensor.program import Program, StandIn
 from lidarcheck.sensor.reference import VARIANTS, reference_beams
 from lidarcheck.sensor.sensor import Sensor
 from lidarcheck.sensor.spad_array import NonIdeal, SpadArray
@@ -23,8 +24,10 @@ __all__ = [
     "Material",
     "NonIdeal",
     "PhotonHistogram",
+    "Program",
     "Sensor",
     "SpadArray",
+    "StandIn",
     "reference_beams",
     "sensor_of",
     "shipped",

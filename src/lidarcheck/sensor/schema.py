@@ -13,7 +13,7 @@ from lidarcheck.sensor.photon_histogram import PhotonHistogram
 from lidarcheck.sensor.sensor import RANGE_KEYS, Keep, Sensor
 from lidarcheck.sensor.spad_array import SpadArray
 
-__all__ = ["DETECTORS", "BeamsTable", "FeatureTable", "SensorTable", "overrides_table"]
+__all__ = ["DETECTORS", "BeamsTable", "FeatureTable", "SensorTable", "overrides_table", "program_overrides"]
 
 DETECTORS: dict[str, type[Sensor]] = {kind.detector: kind for kind in (SpadArray, Linear, PhotonHistogram)}
 
@@ -201,3 +201,15 @@ _OVERRIDES = {name: _overrides_table(kind) for name, kind in DETECTORS.items()}
 def overrides_table(kind: type[Sensor]) -> Any:
     """The keys of a model's `[sensor]`, for one kind of detector: flat numbers, the sensor's words, and its tables."""
     return _OVERRIDES[kind.detector]
+
+
+_OF_PROGRAM = create_model(
+    "_ProgramOverrides",
+    __base__=_FlatOverrides,
+    **{name: _field(Sensor.numbers()[name]) for name in (*RANGE_KEYS.values(), "max_echoes")},
+)
+
+
+def program_overrides() -> Any:
+    """The keys of a model's `[sensor]` beside somebody else's program: none of the detector's."""
+    return _OF_PROGRAM

@@ -121,6 +121,11 @@ class Sensor(abc.ABC):
         raise UsageError(what, fix=f"use a sensor with the detector {cls.detector}")
 
     @property
+    def nominal(self) -> Sensor:
+        """The sensor whose numbers these are: itself, unless a program stands in the place of its detector."""
+        return self
+
+    @property
     def sigma_ns(self) -> float:
         """Standard deviation of the Gaussian pulse."""
         return self.pulse_fwhm_ns / FWHM_PER_SIGMA

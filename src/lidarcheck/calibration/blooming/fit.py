@@ -22,7 +22,7 @@ from lidarcheck.calibration.blooming.problem import TableProblem
 from lidarcheck.calibration.blooming.pulses import FreeLight
 from lidarcheck.calibration.blooming.residuals import huber_cost, huber_weight
 from lidarcheck.scan import PulseShape
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor
 
 __all__ = ["SMOOTHNESS", "FittedNumber", "FreeLight", "SmoothnessScore", "TableFit", "fit_table"]
 
@@ -96,7 +96,7 @@ class TableFit:
 def fit_table(
     cells: Sequence[Cells],
     nodes: Nodes,
-    sensor: SpadArray,
+    sensor: Sensor,
     *,
     shape: PulseShape | None = None,
     free: FreeLight = FreeLight(),  # noqa: B008 - frozen

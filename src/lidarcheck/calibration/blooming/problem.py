@@ -20,7 +20,7 @@ from lidarcheck.calibration.blooming.residuals import (
 )
 from lidarcheck.calibration.blooming.response import Responses
 from lidarcheck.scan import PulseShape
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor
 
 __all__ = ["TableProblem"]
 
@@ -41,7 +41,7 @@ class TableProblem:
     """
 
     def __init__(
-        self, cells: Sequence[Cells], nodes: Nodes, sensor: SpadArray, *, shape: PulseShape, free: FreeLight
+        self, cells: Sequence[Cells], nodes: Nodes, sensor: Sensor, *, shape: PulseShape, free: FreeLight
     ) -> None:  # fmt: skip
         self.cells, self.nodes = tuple(cells), nodes
         own = {part.within: FreePulse(sensor, shape, free, part.within) for part in cells}

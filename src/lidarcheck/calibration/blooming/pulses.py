@@ -9,7 +9,7 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.blooming.response import Response, response_of
 from lidarcheck.scan import PulseShape
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor
 
 __all__ = ["FreeLight", "FreeNumber", "FreePulse"]
 
@@ -52,7 +52,7 @@ class FreePulse:
     since a fit looks at few.
     """
 
-    def __init__(self, sensor: SpadArray, shape: PulseShape, free: FreeLight, within: tuple[float, ...] = ()) -> None:
+    def __init__(self, sensor: Sensor, shape: PulseShape, free: FreeLight, within: tuple[float, ...] = ()) -> None:
         self.sensor, self.shape, self.within = sensor, shape, within
         length = float(np.log10(shape.fwhm_ns))
         extras: tuple[FreeNumber, ...] = (

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import Light, PulseShape, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor, SpadArray
 
 __all__ = ["FEATURES", "GATE_M", "Response", "Responses", "bin_length_m", "response_of", "strongest_echoes"]
 
@@ -144,7 +144,7 @@ def _logit(p: FloatArray) -> FloatArray:
 
 
 def response_of(
-    sensor: SpadArray, shape: PulseShape | None = None, *, within: tuple[float, ...] = (), seed: int = 0
+    sensor: Sensor, shape: PulseShape | None = None, *, within: tuple[float, ...] = (), seed: int = 0
 ) -> Response:
     """The response of a sensor to a pulse of that shape, its own where None; the same seed gives the same numbers.
 
@@ -156,7 +156,7 @@ def response_of(
     levels: FloatArray = np.linspace(_FROM, _TO, round((_TO - _FROM) / _STEP) + 1)
     light = _ladder(levels, sensor, shape, within)
     scan = echoes_of(light, sensor, seed=seed, rounded=False)
-    echoes = strongest_echoes(scan.take(np.abs(scan.range_m - _range_m(sensor)) <= GATE_M))
+    echoes = strongest_echoes(scan.take(np.abs(scan.range_m - _range_m(SpadArray.narrow(sensor.nominal))) <= GATE_M))
     values = np.column_stack([echoes.peak, echoes.area, echoes.width_ns])
     mean, variance = np.full((len(levels), 3), np.nan), np.zeros((len(levels), 3))
     count = np.bincount(echoes.layer, minlength=len(levels))
@@ -172,13 +172,14 @@ def response_of(
     return Response(levels, mean, variance, detected)
 
 
-def _ladder(levels: FloatArray, sensor: SpadArray, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
+def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
     """A beam for each level (its layer) and position within a bin (its point)."""
     n = len(levels) * _BEAMS
-    bin_m = bin_length_m(sensor)
+    counts = SpadArray.narrow(sensor.nominal)
+    bin_m = bin_length_m(counts)
     beam = np.arange(_BEAMS)
     place = np.asarray(within)[beam % len(within)] if within else (beam + 0.5) / _BEAMS
-    first_m = bin_m * np.floor(_range_m(sensor) / bin_m)
+    first_m = bin_m * np.floor(_range_m(counts) / bin_m)
     return Light(
         layer=np.repeat(np.arange(len(levels)), _BEAMS),
         point=np.tile(np.arange(_BEAMS), len(levels)),

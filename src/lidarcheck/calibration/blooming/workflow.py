@@ -24,7 +24,7 @@ from lidarcheck.formats.settings import Settings, default_settings
 from lidarcheck.kpi.variant import check_variant
 from lidarcheck.model import Model
 from lidarcheck.scan import IdealScan, Light, PulseShape
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = [
     "BloomingCalibration",
@@ -69,13 +69,18 @@ class ModelSide:
     """
 
     model: Model
-    sensor: SpadArray
+    sensor: Sensor
     shape: PulseShape | None
     axis: Axis
     bright_signal: float
     signal_at_1m: float | None
     material: int | None
     settings: Settings
+
+    @property
+    def counts(self) -> SpadArray:
+        """The SPADs that count PEAK, AREA and WIDTH; of a program those of the sensor that its model names."""
+        return SpadArray.narrow(self.sensor.nominal)
 
 
 @dataclass(frozen=True)
@@ -113,9 +118,7 @@ def model_side_of(
     signal_at_1m: float | None = None,
 ) -> ModelSide:  # fmt: skip
     """The bench of a model. Of several retro-reflectors `material` says which is the target."""
-    if model.external is not None:
-        raise InputError("the model runs another program", file=model.file, fix="a fit needs the built-in sensor model")
-    if not isinstance(model.sensor, SpadArray):
+    if not isinstance(model.sensor.nominal, SpadArray):
         what = (
             f"{model.sensor.name} has the detector {model.sensor.detector}; blooming is fitted to the PEAK, AREA and "
         )
@@ -146,11 +149,10 @@ def _blooming(axis: Axis) -> type[Effect]:
     return with_role(f"{axis} blooming")
 
 
-def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, SpadArray]:
+def _light_of(ideal: IdealScan, model: Model) -> tuple[Light, Sensor]:
     from lidarcheck.model.stages import light_after_effects
 
-    light, sensor = light_after_effects(ideal, model)
-    return light, SpadArray.narrow(sensor)
+    return light_after_effects(ideal, model)
 
 
 def _target_signal(model: Model, wanted: int | None) -> tuple[int | None, float | None]:
@@ -181,7 +183,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
         if profile_axis(measured.path) != axis:
             raise InputError(f"is a {profile_axis(measured.path)} profile", file=name, fix=f"{axis} ones are asked for")
         signal = _needed_signal(bench, name)
-        return read_profile(measured.path, bench.sensor, signal_at_1m=signal, distance_m=measured.distance_m)
+        return read_profile(measured.path, bench.counts, signal_at_1m=signal, distance_m=measured.distance_m)
     scan = scan_of(measured.path, measured.placement, bench.sensor)
     check_variant(scan, bench.sensor, name)
     missing = [column for column in ("PEAK", "AREA", "WIDTH") if column in scan.defaulted]
@@ -191,7 +193,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
         )
     if measured.ideal is None:
         target = target_in_scan(
-            scan, bench.sensor, axis, signal_at_1m=_needed_signal(bench, name), settings=bench.settings,
+            scan, bench.counts, axis, signal_at_1m=_needed_signal(bench, name), settings=bench.settings,
             distance_m=measured.distance_m, name=name,
         )  # fmt: skip
         if target.signal.max() < bench.bright_signal:
@@ -199,7 +201,7 @@ def _cells(measured: BloomingMeasurement, bench: ModelSide) -> Cells:
             raise InputError(what, file=name, fix=f"it must be at least bright_signal, {bench.bright_signal:g}")
         return cells_of_scan(scan, target, axis, name=name)
     light, _ = _light_of(ideal_of(measured.ideal, bench.sensor), bench.model)
-    target = bright_beams(light, bench.sensor, axis, bench.bright_signal, measured.distance_m, name)
+    target = bright_beams(light, bench.counts, axis, bench.bright_signal, measured.distance_m, name)
     own = own_light(light, target, axis, bench.bright_signal)
     return cells_of_scan(scan, target, axis, own=own, name=name)
 
@@ -223,6 +225,9 @@ def calibrate(
     progress: ProgressCallback = lambda _what: None,
 ) -> BloomingCalibration:
     """Fit the table of `lut` to all measurements and give the file with it; its X stay as they are."""
+    shaped = with_role("pulse").why_not(bench.sensor) if free.pulse or free.tail else ""
+    if shaped:
+        raise UsageError(f"the pulse cannot be free: {shaped}", fix="leave the pulse and its tail as they are")
     table = lut.tables.get(bench.axis)
     if table is None:
         raise InputError(f"the file has no {bench.axis} table", file=lut.file, fix=f"it has {', '.join(lut.tables)}")

@@ -15,12 +15,12 @@ from lidarcheck.calibration.ghosts.returns import Returns, grid_steps
 from lidarcheck.calibration.ghosts.targets import clusters_of
 from lidarcheck.calibration.ghosts.workflow import GHOST, SIGN, GhostScan
 from lidarcheck.effects import with_role
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import InputError
 from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import aimed, light_after_effects
 from lidarcheck.scan import IdealScan, PulseShape
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["WINDOW_M", "SignBeams", "check_expected", "check_fit", "sign_beams", "with_ghost"]
 
@@ -47,7 +47,7 @@ class SignBeams:
     area: FloatArray
     peak: FloatArray
     beyond_m: FloatArray
-    sensor: SpadArray
+    sensor: Sensor
     shape: PulseShape | None
     background_per_ns: float
     sign_early_m: float
@@ -63,7 +63,7 @@ class _Lit:
     key: IndexArray
     range_m: FloatArray
     unit_signal: FloatArray
-    sensor: SpadArray
+    sensor: Sensor
     shape: PulseShape | None
     background_per_ns: float
 
@@ -109,7 +109,7 @@ def check_expected(found: GhostScan, ideal: IdealScan, model: Model) -> None:
 
 def check_fit(model: Model) -> None:
     """Refuse a model whose ghosts cannot be fitted: their S is told by the AREA of a SPAD array."""
-    if not isinstance(model.sensor, SpadArray):
+    if not isinstance(model.sensor.nominal, SpadArray):
         what = (
             f"{model.sensor.name} has the detector {model.sensor.detector}; the S of a ghost is told by the AREA of a "
         )
@@ -144,8 +144,6 @@ def sign_beams(found: Sequence[GhostScan], ideals: Sequence[IdealScan], model: M
 
 def _lit(ideal: IdealScan, model: Model) -> _Lit:
     """Where a ghost of unit strength would be, by the model's own way of light."""
-    if model.external is not None:
-        raise UsageError("an external model has no effects to fit", fix="name a model of the built-in sensor")
     unit = with_ghost(model, strength=_UNIT, exponent=0.0, extra_m=0.0)
     light, sensor = light_after_effects(ideal, unit)
     met = aimed(ideal, unit)
@@ -157,7 +155,7 @@ def _lit(ideal: IdealScan, model: Model) -> _Lit:
     range_m = np.bincount(of, light.pulse_signal[ghosts] * distance[ghosts], len(beams)) / signal
     background = float(np.median(light.background_per_ns[beams])) if len(beams) else sensor.background_per_ns
     keys = beam_keys(light.layer, light.point)[beams]
-    return _Lit(keys, range_m, signal / _UNIT, SpadArray.narrow(sensor), light.shape, background)
+    return _Lit(keys, range_m, signal / _UNIT, sensor, light.shape, background)
 
 
 def _beyond(found: GhostScan, lit: _Lit) -> FloatArray:

@@ -1,4 +1,5 @@
-"""The parameters of a model by name, as `signal_at_1m`, `materials.2.reflectance` or `effects.fog.mor_m`."""
+"""The parameters of a model by name: `signal_at_1m`, `materials.2.reflectance`, `effects.NAME.PARAMETER`, and
+`external.NAME` for a number of somebody else's program."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ import numpy as np
 
 from lidarcheck.effects.base import Effect, find, make
 from lidarcheck.errors import UsageError
-from lidarcheck.model.spec import Model
-from lidarcheck.sensor import RETRO_GAIN_MAX, Material, Sensor, SpadArray
+from lidarcheck.model.spec import Model, ProgramNumber
+from lidarcheck.sensor import RETRO_GAIN_MAX, Material, Program, Sensor, SpadArray
 
 __all__ = [
     "FitParameter",
@@ -45,6 +46,7 @@ _SETTINGS = (
     "walk_reference",
 )
 """Numbers of other sensors that are set, or that only name a unit."""
+_PROGRAM = "external"
 _MATERIAL_BOUNDS = {"reflectance": (0.0, 1.0), "retro_gain": (0.0, RETRO_GAIN_MAX)}
 _FACTORS = ("signal_at_1m", "reflectance", "retro_gain", "gain", "factor")
 """What multiplies the light is fitted by its logarithm, and so is what cannot be 0; a rate or a share is not."""
@@ -106,7 +108,9 @@ class Fitted:
 
 
 def sensor_names(sensor: Sensor) -> tuple[str, ...]:
-    """The sensor's numbers that measured frames tell something about, those that it has."""
+    """The sensor's numbers that measured frames tell something about, those that it has; a program's are its own."""
+    if isinstance(sensor, Program):
+        return ()
     if isinstance(sensor, SpadArray):
         return _OF_SPADS
     return tuple(n for n in sensor.numbers() if n not in _SETTINGS and getattr(sensor, n) is not None)
@@ -121,7 +125,7 @@ def calibrating(model: Model) -> dict[str, str]:
 
 def known_names(model: Model) -> list[str]:
     """Every parameter of the model that can be named, its effects' and no others'."""
-    names = [*sensor_names(model.sensor)]
+    names = [*sensor_names(model.sensor), *(f"{_PROGRAM}.{name}" for name in _numbers(model))]
     for number, material in sorted(model.materials.items()):
         names.append(f"materials.{number}.reflectance")
         names += [f"materials.{number}.retro_gain"] if material.kind == "retro" else []
@@ -174,6 +178,8 @@ def value_of(model: Model, name: str) -> float:
     kind, *where = _parts(model, name)
     if kind == "sensor":
         return float(getattr(model.sensor, where[0]))
+    if kind == _PROGRAM:
+        return float(_settings(model)[where[0]])
     if kind == "materials":
         return float(getattr(model.materials[int(where[0])], where[1]))
     return float(getattr(_own(model, where[0]), where[1]))
@@ -183,10 +189,13 @@ def with_values(model: Model, values: Mapping[str, float]) -> Model:
     """The model with other numbers; `UsageError` where no sensor has such numbers."""
     sensor, materials, effects = dict[str, float](), dict(model.materials), list(model.effects)
     changed: dict[str, dict[str, Any]] = {}
+    settings = dict(_settings(model))
     for name, value in values.items():
         kind, *where = _parts(model, name)
         if kind == "sensor":
             sensor[where[0]] = int(value) if model.sensor.numbers()[where[0]].whole else value
+        elif kind == _PROGRAM:
+            settings[where[0]] = float(value)
         elif kind == "materials":
             entry = {where[1]: value}
             materials[int(where[0])] = dataclasses.replace(materials[int(where[0])], **entry)  # type: ignore[arg-type]
@@ -198,6 +207,8 @@ def with_values(model: Model, values: Mapping[str, float]) -> Model:
             numbers = {k: int(v) if k in whole else v for k, v in changed[effect.name].items()}
             effects[i] = dataclasses.replace(effect, **numbers)
     moved = dataclasses.replace(model, materials=materials, effects=tuple(effects))
+    if isinstance(moved.sensor, Program):
+        moved = dataclasses.replace(moved, sensor=dataclasses.replace(moved.sensor, settings=settings))
     return moved.with_sensor(**sensor) if sensor else moved
 
 
@@ -257,8 +268,11 @@ def canonical(model: Model, name: str) -> str:
 
 
 def _parts(model: Model, name: str) -> tuple[str, ...]:
-    """("sensor", key), ("materials", number, key) or ("effects", name, key); `UsageError` for anything else."""
+    """("sensor", key), ("external", name), ("materials", number, key) or ("effects", name, key); `UsageError` for
+    anything else."""
     parts = name.split(".")
+    if parts[0] == _PROGRAM and ".".join(parts[1:]) in _settings(model):
+        return _PROGRAM, ".".join(parts[1:])
     if parts[0] == "sensor" and len(parts) == 2:
         parts = parts[1:]
     if len(parts) == 1 and parts[0] in sensor_names(model.sensor):
@@ -278,7 +292,8 @@ def _parts(model: Model, name: str) -> tuple[str, ...]:
 def _unknown(model: Model, name: str) -> UsageError:
     near = difflib.get_close_matches(name, known_names(model), n=1, cutoff=0.6)
     own = ", ".join(sensor_names(model.sensor))
-    shapes = f"a number of the sensor ({own}), materials.ID.reflectance or effects.NAME.PARAMETER"
+    own = f"a number of the sensor ({own})" if own else f"{_PROGRAM}.NAME of [external.parameters]"
+    shapes = f"{own}, materials.ID.reflectance or effects.NAME.PARAMETER"
     return UsageError(f"there is no parameter {name!r}", fix=f"did you mean {near[0]}?" if near else f"name {shapes}")
 
 
@@ -317,6 +332,9 @@ def _facts(model: Model, name: str) -> tuple[float, float, bool, str, float]:
         typical = 0.0 if value_of(model, name) else abs(bounds.noticeable)
         low = _FAINTEST * value_of(model, name) if name in calibrating(model) else bounds.low
         return float(low), float(bounds.high), bounds.whole, bounds.unit, typical
+    if kind == _PROGRAM:
+        one = _numbers(model)[where[0]]
+        return one.low, one.high, False, one.unit, 0.05 * (one.high - one.low)
     if kind == "materials":
         entry: Material = model.materials[int(where[0])]
         return (*_MATERIAL_BOUNDS[where[1]], False, "", float(getattr(entry, where[1])))
@@ -324,6 +342,16 @@ def _facts(model: Model, name: str) -> tuple[float, float, bool, str, float]:
         if parameter.name == where[1]:
             return parameter.low, parameter.high, parameter.whole, parameter.unit, parameter.typical
     raise KeyError(name)
+
+
+def _numbers(model: Model) -> dict[str, ProgramNumber]:
+    """The numbers of somebody else's program that may be turned."""
+    return {} if model.external is None else {one.name: one for one in model.external.parameters}
+
+
+def _settings(model: Model) -> Mapping[str, float]:
+    """What these stand at."""
+    return model.sensor.settings if isinstance(model.sensor, Program) else {}
 
 
 def _own(model: Model, effect: str) -> Effect:

@@ -22,8 +22,6 @@ def chosen_effects(
     an unknown name, with the nearest; one to be left out that the model does not have.
     """
     own = [effect.name for effect in model.effects]
-    if (only is not None or without) and model.external is not None:
-        raise UsageError("an external model has no effects to choose from", fix="change its own settings")
     for name in without:
         if name not in own:
             find(name)
@@ -36,7 +34,9 @@ def chosen_effects(
         return model, ()
     added = tuple(dict.fromkeys(name for name in only if name not in own))
     for name in only:
-        find(name)
+        reason = find(name).why_not(model.sensor)
+        if reason and name in added:
+            raise UsageError(f"{name} means nothing for {model.sensor.name}: {reason}", fix=f"leave {name} out")
     chosen = replace(model, effects=tuple(effect for effect in model.effects if effect.name in only))
     for name in added:
         chosen = chosen.with_(_typical(name))

@@ -117,7 +117,7 @@ def show(
     if others and len(others) != len(measured):
         raise UsageError(f"{len(measured)} scans and {len(others)} simulated ones", fix="give one --simulated for each")
     provenance = provenance_of(model, [m.path for m in measured])
-    if not isinstance(loaded.sensor, SpadArray):
+    if not isinstance(loaded.sensor.nominal, SpadArray):
         given = {"--lut": lut, "--settings": settings, "--target": target, "--signal": signal, "--reach": reach}
         check_beside(given, loaded.sensor)
         with stage("reading"):

@@ -57,6 +57,7 @@ def facts(effect: type[Effect]) -> dict[str, Any]:
         "tree": list(effect.tree),
         "detectors": list(effect.detectors()),
         "unfit": dict(effect.unfit),
+        "around_program": effect.around_program(),
         "parameters": {p.name: p.to_dict() | {"whole": p.whole} for p in effect.parameters()},
         "files": {f.name: f.to_dict() for f in effect.files()},
     } | (more if effect.empirical else {})
@@ -79,6 +80,8 @@ def explanation(effect: type[Effect], picture: str = "") -> str:
     parts = [f"{effect.name} ({kind})\n", f"{paragraphs(inspect.getdoc(effect) or '')}\n"]
     parts.append(f"{paragraphs(f'Effect tree (PerCollECT/LidarLimbs): {node_names(effect)}')}\n")
     parts += [f"{paragraphs(f'Not for the detector {kind}: {reason}.')}\n" for kind, reason in effect.unfit.items()]
+    if words := effect.around_program():
+        parts.append(f"{paragraphs(f'Around a program ([external]): {words}.')}\n")
     rows = [
         (p.name, p.unit, f"{p.low:g}", p.highest, f"{p.typical:g}", f"{p.noticeable:g}", p.meaning)
         for p in effect.parameters()

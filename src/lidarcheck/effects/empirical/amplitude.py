@@ -15,10 +15,11 @@ from lidarcheck.effects.empirical.terms import (
     Additive,
     covariate_parameter,
     knots_parameter,
+    uncounted,
     values_parameter,
 )
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["EmpiricalAmplitude"]
 
@@ -54,11 +55,16 @@ class EmpiricalAmplitude(Additive, ReadoutEffect):
     knots_width: tuple[float, ...] = knots_parameter("where h has its values")
     values_width: tuple[float, ...] = values_parameter("ns", 100.0, "h there")
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """What is counted, also around a program."""
+        return uncounted(sensor)
+
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Change each echo's features."""
         if self.is_zero() or len(scan) == 0:
             return scan
-        column, sensor = EchoColumns(scan, around), SpadArray.narrow(around.sensor)
+        column, sensor = EchoColumns(scan, around), SpadArray.narrow(around.sensor.nominal)
         uniform = draws_of(scan, around, 3)
         both = self.total(column, len(scan))
         peak_ln, area_ln = (both + self.total(column, len(scan), (suffix,)) for suffix in ("_peak", "_area"))

@@ -15,12 +15,13 @@ from lidarcheck.effects.empirical.terms import (
     Additive,
     covariate_parameter,
     knots_parameter,
+    uncounted,
     values_parameter,
 )
 from lidarcheck.effects.shared.ranges import renumbered
 from lidarcheck.errors import UsageError
 from lidarcheck.scan import Scan
-from lidarcheck.sensor import SpadArray
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["EmpiricalExtra"]
 
@@ -86,6 +87,11 @@ class EmpiricalExtra(Additive, ReadoutEffect):
             fix = "give one number fewer than range_knots has" if steps != density else "give a number above 0"
             raise UsageError(f"{self.name}: {what}", fix=fix)
 
+    @classmethod
+    def needs(cls, sensor: Sensor) -> str:
+        """What is counted, also around a program."""
+        return uncounted(sensor)
+
     def readout(self, scan: Scan, around: Surroundings) -> Scan:
         """Add the echoes, and leave out those that the sensor would not report."""
         if self.is_zero():
@@ -120,7 +126,7 @@ class EmpiricalExtra(Additive, ReadoutEffect):
 
     def _features(self, uniform: FloatArray, around: Surroundings) -> dict[str, Any]:
         """PEAK, AREA and WIDTH of new echoes as the sensor reports them, shape (n,) each."""
-        sensor = SpadArray.narrow(around.sensor)
+        sensor = SpadArray.narrow(around.sensor.nominal)
         peak = np.clip(np.rint(_at_level(self.peak_quantiles, uniform)), 1.0, sensor.peak_saturation)
         area = np.maximum(np.rint(_at_level(self.area_quantiles, uniform)), peak)
         bins = np.maximum(np.rint(_at_level(self.width_quantiles, uniform) / sensor.bin_ns), 1.0)

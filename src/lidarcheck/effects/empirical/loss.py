@@ -24,6 +24,7 @@ class EmpiricalLoss(Additive, ReadoutEffect):
     """
 
     name = "empirical_loss"
+    moves_echoes = False
 
     covariate: str | None = covariate_parameter("what f depends on", example="range_m")
     knots: tuple[float, ...] = knots_parameter("where f has its values", example=(20.0, 60.0))

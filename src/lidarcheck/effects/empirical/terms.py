@@ -16,6 +16,7 @@ from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect, choice_parameter, list_parameter
 from lidarcheck.effects.empirical.covariates import COVARIATES, ECHO_COVARIATES
 from lidarcheck.errors import UsageError
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = [
     "NOT_COUNTED",
@@ -25,6 +26,7 @@ __all__ = [
     "beyond_parameter",
     "covariate_parameter",
     "knots_parameter",
+    "uncounted",
     "values_parameter",
 ]
 
@@ -82,6 +84,11 @@ class Term:
         if self.repeats:
             covariate = knots[0] + np.mod(covariate - knots[0], knots[-1] - knots[0])
         return np.where(np.isnan(covariate), 0.0, np.interp(covariate, knots, values))
+
+
+def uncounted(sensor: Sensor) -> str:
+    """Why terms of what a SPAD array counts mean nothing for a sensor; empty where it counts."""
+    return "" if isinstance(sensor, SpadArray) else NOT_COUNTED
 
 
 class Additive(Effect):

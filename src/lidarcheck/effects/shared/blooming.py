@@ -53,8 +53,9 @@ class Direction:
     def of(cls, sensor: Sensor, beams: Beams, *, vertical: bool) -> Direction:
         """Along the layers of an image column, or along the points of a layer."""
         step = 1.0
-        if isinstance(sensor, SpadArray):
-            step = float(sensor.rows) if vertical else float(beams.spacing_deg(0, 0)[1]) / _COLUMN_DEG
+        counted = sensor.nominal
+        if isinstance(counted, SpadArray):
+            step = float(counted.rows) if vertical else float(beams.spacing_deg(0, 0)[1]) / _COLUMN_DEG
         up = np.empty(beams.layers, dtype=np.int64)
         up[np.argsort(beams.angles_deg(np.arange(beams.layers), 0)[0], kind="stable")] = np.arange(beams.layers)
         azimuth = np.atleast_1d(beams.angles_deg(0, np.arange(min(beams.points, 2)))[1])

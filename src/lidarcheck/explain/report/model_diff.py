@@ -6,6 +6,7 @@ import difflib
 from pathlib import Path
 
 from lidarcheck.model.files.edit_text import effect_lines, shown_value, steps
+from lidarcheck.model.files.settled import settled
 from lidarcheck.model.files.write import WrittenModel, placeless, rewritten_text, write_model
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Material
@@ -19,6 +20,7 @@ def model_diff(before: Model, after: Model) -> list[str]:
     Section by section: sensor, materials, then the effects in the order of the light's way; what is the same is left
     out. An effect that is new has all its lines, one that has changed its name and what changed.
     """
+    before, after = settled(before), settled(after)
     directory = Path.cwd() if before.file is None else before.file.absolute().parent
     lines = _difference(_sensor_lines(before), _sensor_lines(after))
     for number in sorted({*before.materials, *after.materials}):
@@ -27,9 +29,19 @@ def model_diff(before: Model, after: Model) -> list[str]:
         if step.old is None or step.new is None or placeless(step.old) != placeless(step.new):
             old, new = ([] if effect is None else effect_lines(effect, directory) for effect in (step.old, step.new))
             lines += _difference(old, new)
-    if before.external != after.external:
-        lines += _difference(*([] if model.external is None else ["[external]"] for model in (before, after)))
-    return lines
+    return lines + _difference(_program_lines(before), _program_lines(after))
+
+
+def _program_lines(model: Model) -> list[str]:
+    """Somebody else's program, and its numbers as they stand."""
+    external = model.as_written
+    if external is None:
+        return []
+    lines = ["[external]", *external.command, external.module, str(external.ini), str(external.reads)]
+    numbers = (
+        (f"[external.parameters.{one.name}]", f"value = {shown_value(one.value)}") for one in external.parameters
+    )
+    return lines + [line for pair in numbers for line in pair]
 
 
 def _sensor_lines(model: Model) -> list[str]:

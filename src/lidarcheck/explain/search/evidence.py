@@ -78,16 +78,24 @@ class SimulatorEvidence:
         return dimming_of(self._simulator, self.expected.mean[:, AREA], self.expected.known)
 
 
+def _slope(simulator: Simulator) -> FloatArray:
+    """Slope of ln AREA over ln S of each beam, as more light shows it; 1 around a program that cannot be given more."""
+    expected, gain = simulator.summaries.expected, with_role("gain")
+    if gain.why_not(simulator.model.sensor):
+        return np.ones(len(expected.known))
+    brighter = simulator.observations(beside(simulator.model, make(gain.name, {"gain": _BRIGHTER})), 0)
+    seen = expected.known & brighter.detected
+    change = np.where(seen, brighter.feature[:, AREA] - expected.mean[:, AREA], 0.0) / np.log(_BRIGHTER)
+    return _by_amplitude(simulator, change, seen)
+
+
 def dimming_of(simulator: Simulator, log_area: FloatArray, known: BoolArray) -> Dimming:
     """The gain that each beam asks for, against a model's mean ln AREA where that is known, shapes (n,).
 
     From ln AREA, by its slope over ln S at that amplitude, as the case's model itself shows with more light.
     """
     expected = simulator.summaries.expected
-    brighter = simulator.observations(beside(simulator.model, make(with_role("gain").name, {"gain": _BRIGHTER})), 0)
-    seen = expected.known & brighter.detected
-    change = np.where(seen, brighter.feature[:, AREA] - expected.mean[:, AREA], 0.0) / np.log(_BRIGHTER)
-    slope = _by_amplitude(simulator, change, seen)
+    slope = _slope(simulator)
     measured = simulator.measured_observations
     valid = measured.detected & known & expected.known & (slope > _LEAST_SLOPE)
     spread = np.maximum(expected.spread[:, AREA], 1e-3)

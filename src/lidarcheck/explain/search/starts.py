@@ -8,7 +8,7 @@ from typing import Any
 from lidarcheck.effects.search import Probe, SearchSpec, search_spec, search_specs
 from lidarcheck.explain.search.evidence import SimulatorEvidence
 from lidarcheck.inference.simulator import Simulator
-from lidarcheck.sensor import Linear, PhotonHistogram, Sensor, SpadArray, shipped
+from lidarcheck.sensor import Linear, PhotonHistogram, Program, Sensor, SpadArray, shipped
 
 __all__ = ["fixed_probes", "located_probes"]
 
@@ -34,7 +34,7 @@ def fixed_probes(names: Sequence[str], sensor: Sensor | None = None) -> list[Pro
 
 def _of(sensor: Sensor | None, spec: SearchSpec, start: Mapping[str, Any]) -> Mapping[str, Any]:
     """A start in the units of the sensor's detector: as many times its own number as of the reference's."""
-    if not isinstance(sensor, Linear | PhotonHistogram):
+    if not isinstance(sensor, Linear | PhotonHistogram | Program):
         return start
     mine, reference = _scales(sensor), _scales(shipped(_REFERENCE))
     named = (spec.of_background, spec.of_signal, spec.of_threshold)
@@ -49,6 +49,8 @@ def _scales(sensor: Sensor) -> tuple[float, float, float]:
         return sensor.noise**2, seen, sensor.threshold
     if isinstance(sensor, PhotonHistogram):
         return sensor.background_per_ns, seen, sensor.threshold_sigma
+    if isinstance(sensor, Program):  # its background is its own, its threshold that of the sensor it stands for
+        return sensor.background_per_ns, seen, _scales(sensor.nominal)[2]
     spads = SpadArray.narrow(sensor)
     return spads.background_per_ns, seen, float(spads.threshold)
 

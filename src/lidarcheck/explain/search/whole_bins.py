@@ -14,6 +14,7 @@ import numpy as np
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.inference.effect_fit import Fit, fit
 from lidarcheck.inference.simulator import Simulator
+from lidarcheck.sensor import Program
 
 __all__ = ["at_whole_steps"]
 
@@ -25,7 +26,8 @@ def at_whole_steps(simulator: Simulator, now: Fit) -> Fit:
     """The fit with each such number where it comes nearest, or as it is where it has none or nothing is nearer."""
     for k, probe in enumerate(now.probes):
         for j, free in enumerate(probe.free):
-            width = search_spec(probe.name).whole_steps.get(free.name)
+            steps = {} if isinstance(simulator.model.sensor, Program) else search_spec(probe.name).whole_steps
+            width = steps.get(free.name)
             if width is not None:
                 now = _followed(simulator, now, k, j, width(simulator.model.sensor))
     return now

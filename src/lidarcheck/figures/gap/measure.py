@@ -28,7 +28,7 @@ from lidarcheck.inference.observed.echo_view import EchoView
 from lidarcheck.inference.observed.observations import FEATURES, Observations, observations_of
 from lidarcheck.inference.observed.strata import Division, divisions
 from lidarcheck.kpi.detection import wilson
-from lidarcheck.model.chain import simulate
+from lidarcheck.model.chain import simulate_frames
 from lidarcheck.model.spec import Model
 
 __all__ = ["COVARIATES", "Detected", "FieldMap", "Histogram", "Pictures", "ResidualCurve", "pictures_of"]
@@ -141,7 +141,8 @@ def _seed(seed: int, number: int) -> int:
 
 
 def _simulated(beams: BeamTable, frames: Sequence[Frame], model: Model, seed: int) -> Observations:
-    scans = [simulate(frame.ideal, model, seed=seed, frame=frame.number, threads=1) for frame in frames]
+    numbers = [frame.number for frame in frames]
+    scans = simulate_frames([frame.ideal for frame in frames], model, seed=seed, frames=numbers)
     return observations_of(beams, scans)
 
 

@@ -13,7 +13,18 @@ from typing import Any
 
 from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.model.spec import Model
-from lidarcheck.sensor import VARIANTS, Beams, Feature, Linear, Material, NonIdeal, PhotonHistogram, Sensor, SpadArray
+from lidarcheck.sensor import (
+    VARIANTS,
+    Beams,
+    Feature,
+    Linear,
+    Material,
+    NonIdeal,
+    PhotonHistogram,
+    Program,
+    Sensor,
+    SpadArray,
+)
 from lidarcheck.sensor.beam_table import TableBeams
 from lidarcheck.sensor.channels import ChannelBeams, Channels
 from lidarcheck.sensor.document import own
@@ -38,7 +49,7 @@ def _model(model: Model) -> dict[str, Any]:
         "sensor": model.sensor,
         "materials": model.materials,
         "effects": model.effects,
-        "external": model.external,
+        "external": model.as_written,
     }
 
 
@@ -64,6 +75,11 @@ def _sensor(sensor: Sensor) -> dict[str, Any]:
         "variant": sensor.variant,
         **{name: getattr(sensor, name) for name in (*_BUILT_IN, *changed)},
     }
+
+
+def _program(sensor: Program) -> dict[str, Any]:
+    """The sensor that the model names: what the program's table says stands in that."""
+    return _sensor(sensor.described)
 
 
 def _sweep(sweep: Sweep) -> dict[str, Any]:
@@ -123,6 +139,7 @@ _PARTS: Mapping[type, Callable[[Any], dict[str, Any]]] = {
     SpadArray: _sensor,
     Linear: _sensor,
     PhotonHistogram: _sensor,
+    Program: _program,
     GridBeams: _beams,
     ChannelBeams: _beams,
     TableBeams: _beams,

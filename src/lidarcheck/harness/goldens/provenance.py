@@ -158,7 +158,20 @@ def _plain_external(external: External) -> dict[str, Any]:
     files = [path for path in external_files(external) if path != external.ini]
     hashes = {_within(external.directory, path): _file_hash(path) for path in files}
     ini = None if external.ini is None else _file_hash(external.ini)
-    return {"command": list(external.command), "ini": ini, "files": hashes}
+    return {"command": list(external.command), "ini": ini, "files": hashes, **_newer(external)}
+
+
+def _newer(external: External) -> dict[str, Any]:
+    """What older goldens do not know, where the model has it."""
+    numbers = {one.name: [one.value, one.effect, one.scale] for one in external.parameters}
+    given = {
+        "reads": external.reads,
+        "scatter_material": external.scatter_material,
+        "parameters": numbers or None,
+        "module": external.module or None,
+        "server": external.server or None,
+    }
+    return {word: _plain(value) for word, value in given.items() if value is not None}
 
 
 def _within(directory: Path, path: Path) -> str:

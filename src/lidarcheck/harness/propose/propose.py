@@ -123,8 +123,6 @@ def _target(scenario: Path | str, tree: Path | str | None) -> Path:
 def _refuse(file: Path, layout: Layout, model: Model, effects: Sequence[str]) -> None:
     if not _NAME.fullmatch(file.stem):
         raise UsageError(f"{file.stem!r} is no name for a scenario", fix="use letters, digits, _, . and -")
-    if model.external is not None:
-        raise UsageError("an external model has no effects that could be lost", fix="give a model with effects")
     known = {effect.name for effect in model.effects}
     for name in effects:
         if name not in known:

@@ -122,7 +122,7 @@ def _model(data: Mapping[str, Any], table: ScenarioTable, lines: LineIndex) -> M
     else:
         inside = {key[1:]: line for key, line in lines.lines.items() if key[0] == "model"}
         model = model_of(data["model"], LineIndex(lines.file, inside))
-    if model.external is not None and table.frames > 1:
+    if model.external is not None and not model.external.draws_anew and table.frames > 1:
         what = f"frames = {table.frames}, but an external model does not know frames"
         raise ConfigError([lines.fault(("frames",), what, fix="use frames = 1 and more beams")])
     return model

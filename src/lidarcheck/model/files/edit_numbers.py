@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 from lidarcheck.config.toml_lines import KeyPath, locate
 from lidarcheck.model.files.edit_text import shown_value
+from lidarcheck.model.files.external_file import directory_key
 from lidarcheck.model.spec import Model
+from lidarcheck.sensor import Program
 
 __all__ = ["changed_numbers", "with_numbers"]
 
 _PAIR = re.compile(
-    r"""(?P<head>\s*(?:[\w-]+|"[^"]*"|'[^']*')\s*=\s*)(?P<value>[^\s,{}\[\]#"']+)(?P<rest>\s*(?:#.*)?)"""
+    r"""(?P<head>\s*(?:[\w-]+|"[^"]*"|'[^']*')\s*=\s*)(?P<value>"[^"\\]*"|'[^']*'|[^\s,{}\[\]#"']+)(?P<rest>\s*(?:#.*)?)"""
 )
 _NUMBER_OF_MATERIAL = ("reflectance", "retro_gain")
 
 
-def changed_numbers(before: Model, after: Model) -> dict[KeyPath, float]:
+def changed_numbers(before: Model, after: Model) -> dict[KeyPath, float | str]:
     """The numbers of sensor and materials that differ, by the way to each in the file; `ValueError` for all else."""
-    found: dict[KeyPath, float] = {}
+    found: dict[KeyPath, float | str] = {}
     if before.sensor.variant != after.sensor.variant or before.materials.keys() != after.materials.keys():
         raise ValueError("the variant or the list of materials differs")
     own, other = before.sensor.overrides(), after.sensor.overrides()
     for name in {**own, **other}:
         if getattr(before.sensor, name) != getattr(after.sensor, name):
             found["sensor", name] = getattr(after.sensor, name)
+    for one in before.external.parameters if before.external is not None else ():
+        value = after.sensor.settings[one.name] if isinstance(after.sensor, Program) else one.value
+        if value != one.value:
+            found["external", "parameters", one.name, "value"] = value
     for number, entry in before.materials.items():
         for key in _NUMBER_OF_MATERIAL:
             if getattr(entry, key) != getattr(after.materials[number], key):
@@ -33,7 +41,19 @@ def changed_numbers(before: Model, after: Model) -> dict[KeyPath, float]:
     return found
 
 
-def with_numbers(text: str, numbers: Mapping[KeyPath, float]) -> str:
+def moved_program(model: Model, out: Path) -> dict[KeyPath, float | str]:
+    """What names a program's folder and settings in another file than its own, where that lies elsewhere."""
+    external = model.external
+    if external is None or model.file is None or model.file.absolute().parent == out.absolute().parent:
+        return {}
+    place = out.absolute().parent
+    found: dict[KeyPath, float | str] = {("external", "directory"): directory_key(external, place) or "."}
+    if external.ini is not None:
+        found["external", "ini"] = Path(os.path.relpath(external.ini, place)).as_posix()
+    return found
+
+
+def with_numbers(text: str, numbers: Mapping[KeyPath, float | str]) -> str:
     """The text with these numbers; `ValueError` where one does not stand in a line of its own."""
     if not numbers:
         return text
@@ -62,7 +82,7 @@ def with_numbers(text: str, numbers: Mapping[KeyPath, float]) -> str:
     return mark + "".join(lines)
 
 
-def _replaced(line: str, value: float) -> str:
+def _replaced(line: str, value: float | str) -> str:
     body = line.rstrip("\r\n")
     pair = _PAIR.fullmatch(body)
     if pair is None:

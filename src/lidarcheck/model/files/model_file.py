@@ -13,26 +13,29 @@ from typing import Any
 import tomli_w
 from pydantic import ConfigDict, Field, create_model
 
-from lidarcheck.config.schema import Config, LineIndex, PathText, validate
-from lidarcheck.config.words import shown
-from lidarcheck.effects.base import Curve, DetectorEffect, Effect, FileParameter
+from lidarcheck.config.schema import Config, LineIndex, validate
+from lidarcheck.effects.base import Curve, Effect, FileParameter, in_detector
 from lidarcheck.errors import ConfigError, InputError, UsageError
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.config import parse_toml
 from lidarcheck.formats.lut import load_lut
 from lidarcheck.formats.materials import MaterialId, MaterialTable, materials_of
-from lidarcheck.model.external import check_command
+from lidarcheck.model.files.external_file import (
+    ExternalTable,
+    document_of,
+    external_of,
+    faults_of,
+    foreign_numbers,
+    sensor_around,
+)
 from lidarcheck.model.files.sensor_file import is_sensor_file, sensor_of_model
-from lidarcheck.model.spec import External, Model
+from lidarcheck.model.files.settled import settled
+from lidarcheck.model.spec import Model
 from lidarcheck.sensor import VARIANTS, Material, Sensor
-from lidarcheck.sensor.schema import overrides_table
+from lidarcheck.sensor.schema import overrides_table, program_overrides
 from lidarcheck.trust.places import named_file
 
 __all__ = ["dump_model", "load_model", "model_of", "save_model"]
-
-
-_MODULE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
-_BUILT_IN = ("variant", "sensor", "materials", "effects")
 
 
 class _EffectTable(Config):
@@ -49,16 +52,10 @@ class _ModelTable(Config):
     effects: tuple[_EffectTable, ...] = ()
 
 
-class _ExternalTable(Config):
-    command: tuple[str, ...] = ()
-    server: bool = False
-    module: str = ""
-    ini: PathText | None = None
-    timeout_s: float = Field(600.0, gt=0.0, le=86_400.0, json_schema_extra={"unit": "s"})
-
-
-class _ExternalFile(Config):
-    external: _ExternalTable
+class _ExternalModel(_ModelTable):
+    variant: str = VARIANTS[0]
+    sensor: program_overrides() = program_overrides()()  # type: ignore[valid-type]
+    external: ExternalTable
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:
@@ -84,16 +81,16 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
 def dump_model(model: Model, path: str | os.PathLike[str]) -> str:
     """The text of a model's file, were it written there.
 
-    Only numbers that differ from the variant's own are written. `UsageError` when an external model, whose command runs
-    in its file's directory, would move to another one; `ConfigError` when the model holds values that no file may have.
+    Only numbers that differ from the variant's own are written. `ConfigError` when the model holds values that no file
+    may have.
     """
     directory = Path(path).absolute().parent
-    document = _external_document(model.external, directory) if model.external else _document(model, directory)
-    text = tomli_w.dumps(document)
+    model = settled(model)
+    text = tomli_w.dumps(_document(model, directory))
     parsed = tomllib.loads(text)
     lines = LineIndex(Path(path))
-    validate(parsed, lines, _ExternalFile if model.external else _table_class(model.sensor))
-    faults = [] if model.external else _detector_faults(model.effects, model.sensor, lines)
+    validate(parsed, lines, _ExternalModel if model.external else _table_class(model.sensor))
+    faults = _detector_faults(model.effects, model.sensor, lines)
     if faults:
         raise ConfigError(faults)
     return text
@@ -182,7 +179,7 @@ def _detector_faults(effects: Sequence[Effect], sensor: Sensor, lines: LineIndex
     for index, effect in enumerate(effects):
         try:
             effect.check(sensor)
-            sensor = effect.detector(sensor) if isinstance(effect, DetectorEffect) else sensor
+            sensor = in_detector(effect, sensor)
         except UsageError as error:
             return [_effect_fault(error, index, effect.settings(), lines)]
     return []
@@ -196,60 +193,38 @@ def _effect_fault(error: UsageError, index: int, parameters: Mapping[str, Any], 
 
 
 def _external_model(data: dict[str, Any], lines: LineIndex) -> Model:
-    both = [key for key in _BUILT_IN if key in data]
-    faults = [
-        lines.fault(
-            (key,), f"{key} stands beside [external]", fix=f"[external] replaces it; remove {key} or [external]"
-        )
-        for key in both
-    ]
+    faults: list[InputError] = []
+    effects = _effects(data.get("effects"), lines, faults)
+    described = _variant({"variant": VARIANTS[0], **data}, lines, faults)
+    foreign = foreign_numbers(data, described, lines)
+    own = {key: value for key, value in data.items() if key != "sensor" or not foreign}
     try:
-        table = validate({key: data[key] for key in data if key not in both}, lines, _ExternalFile).external
-        faults += _command_faults(table, lines)
+        table = validate(own, lines, _ExternalModel)
+        materials = materials_of(table.materials, lines)
+        faults += foreign + faults_of(table.external, materials, lines)
+        if not faults and (overrides := table.sensor.model_dump(exclude_none=True, exclude_defaults=True)):
+            described = sensor_of_model(table.variant, overrides, lines)
     except ConfigError as error:
-        faults += error.faults
+        faults += [*foreign, *error.faults]
+    if not faults:
+        external = external_of(table.external, lines)
+        sensor = sensor_around(external, described, materials)
+        faults = _detector_faults(effects, sensor, lines)
     if faults:
         raise ConfigError(sorted(faults, key=lambda fault: fault.line or 0))
-    directory = lines.file.absolute().parent
-    ini = table.ini and directory / table.ini
-    external = External(table.command, directory, ini, table.timeout_s, table.server, table.module)
-    return Model(Sensor.of(VARIANTS[0]), external=external, file=lines.file)
-
-
-def _command_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
-    faults = []
-    for index, error in check_command(table.command, server=table.server) if table.command else ():
-        place = ("external", "command") if index is None else ("external", "command", index)
-        faults.append(lines.fault(place, error.what, fix=error.fix))
-    faults += _kind_faults(table, lines)
-    if table.ini is not None and not named_file(lines.file, table.ini, lines.line(("external", "ini"))).is_file():
-        what = f"ini = {shown(str(table.ini))} is not a file"
-        faults.append(lines.fault(("external", "ini"), what, fix="give its path from the model file's directory"))
-    return faults
-
-
-def _kind_faults(table: _ExternalTable, lines: LineIndex) -> list[InputError]:
-    """What is wrong with the choice of a command, a server or a module."""
-    if table.module and (table.command or table.server):
-        other = "command" if table.command else "server"
-        fix = f"remove {other} or module"
-        return [lines.fault(("external", other), f"external.{other} stands beside module", fix=fix)]
-    if table.module and not _MODULE.fullmatch(table.module):
-        what = f"module = {shown(table.module)} names no function"
-        return [lines.fault(("external", "module"), what, fix='write it as "package.module:function"')]
-    if not table.module and not table.command:
-        fix = "add it: a list of at least 1, each entry text; or module"
-        return [lines.fault(("external",), "external.command is missing", fix=fix)]
-    return []
+    return Model(sensor, materials, effects, external, lines.file)
 
 
 def _document(model: Model, directory: Path) -> dict[str, Any]:
-    sensor = model.sensor
-    document: dict[str, Any] = {"variant": sensor.variant}
+    sensor, external = model.sensor, model.external
+    alone = external is not None and not (model.materials or model.effects or sensor.overrides())
+    document: dict[str, Any] = {} if alone and sensor.variant == VARIANTS[0] else {"variant": sensor.variant}
     if sensor.file and is_sensor_file(sensor.variant):
         document["variant"] = Path(os.path.relpath(sensor.file, directory)).as_posix()
     if overrides := sensor.overrides():
         document["sensor"] = {name: _plain(value) for name, value in overrides.items()}
+    if external is not None:
+        document["external"] = document_of(external, directory)
     if model.materials:
         document["materials"] = {str(number): _material_table(entry) for number, entry in model.materials.items()}
     if model.effects:
@@ -278,19 +253,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(entry) for entry in value]
     return value.item() if hasattr(value, "item") else value
-
-
-def _external_document(external: External, directory: Path) -> dict[str, Any]:
-    if directory.resolve() != external.directory.resolve():
-        raise UsageError(
-            f"the external model's command runs in {external.directory}, not in {directory}",
-            fix="save it in its own directory",
-        )
-    table: dict[str, Any] = {"module": external.module} if external.module else {"command": list(external.command)}
-    if external.server:
-        table["server"] = True
-    if external.ini is not None:
-        table["ini"] = os.path.relpath(external.ini, external.directory)
-    if external.timeout_s != External.__dataclass_fields__["timeout_s"].default:
-        table["timeout_s"] = float(external.timeout_s)
-    return {"external": table}

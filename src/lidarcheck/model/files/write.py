@@ -15,10 +15,11 @@ from lidarcheck.config.toml_lines import locate
 from lidarcheck.effects import Effect
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.model.files.edit_numbers import changed_numbers, with_numbers
+from lidarcheck.model.files.edit_numbers import changed_numbers, moved_program, with_numbers
 from lidarcheck.model.files.edit_text import edited
 from lidarcheck.model.files.model_file import dump_model, load_model, model_of
-from lidarcheck.model.spec import Model
+from lidarcheck.model.files.settled import settled
+from lidarcheck.model.spec import External, Model
 
 __all__ = ["WrittenModel", "placeless", "rewritten_text", "write_model"]
 
@@ -60,10 +61,12 @@ def rewritten_text(source: Path, model: Model, out: Path) -> tuple[str, str]:
 
 def _text(source: Path, before: Model, model: Model, out: Path) -> str:
     """The edited text; `ValueError`, with the reason in words, where it would not be the model's."""
-    if model.external is not None or before.external is not None:
-        raise ValueError("an external model has no effects")
+    model = settled(model)
+    if (model.external is None) != (before.external is None):
+        raise ValueError("one of the two models is a program")
     directories = source.absolute().parent, out.absolute().parent
-    text = with_numbers(source.read_bytes().decode("utf-8"), changed_numbers(before, model))
+    changed = changed_numbers(before, model) | moved_program(before, out)
+    text = with_numbers(source.read_bytes().decode("utf-8"), changed)
     text = edited(text, before.effects, model.effects, *directories)
     plain = text.removeprefix("\ufeff")
     try:
@@ -77,7 +80,16 @@ def _text(source: Path, before: Model, model: Model, out: Path) -> str:
 
 def _placeless_model(model: Model) -> Model:
     """The model without its file's name, and with one spelling for the files that its effects name."""
-    return dataclasses.replace(model, file=None, effects=tuple(placeless(effect) for effect in model.effects))
+    external = model.external
+    if external is not None:
+        real = {name: path and Path(os.path.realpath(path)) for name, path in _places(external).items()}
+        external = dataclasses.replace(external, **real)  # type: ignore[arg-type]
+    effects = tuple(placeless(effect) for effect in model.effects)
+    return dataclasses.replace(model, file=None, effects=effects, external=external)
+
+
+def _places(external: External) -> dict[str, Path | None]:
+    return {"directory": external.directory, "ini": external.ini}
 
 
 def placeless(effect: Effect) -> Effect:

@@ -172,7 +172,7 @@ class Profiles:
 
         model = self._model(choice)
         retros = sorted(number for number, m in model.materials.items() if m.kind == "retro")
-        if model.external is None and not retros:
+        if not retros:
             what = "the model has no retro-reflector, so nothing that blooms"
             raise InputError(what, file=choice.model, fix="choose another model")
         material = choice.material if choice.material in retros else None

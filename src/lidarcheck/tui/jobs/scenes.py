@@ -66,11 +66,14 @@ class Offer(NamedTuple):
 
 def offers_of(model: Model, effects: Effects) -> list[Offer]:
     """The model's own effects, then the others of the catalogue."""
-    from lidarcheck.effects import catalogue, make
+    from lidarcheck.effects import catalogue, find, make
 
     own = [effect.name for effect in model.effects]
     offers = [Offer(name, name not in effects.without, "in the model") for name in own]
     for name in sorted(set(catalogue()) - set(own)):
+        if reason := find(name).why_not(model.sensor):
+            offers.append(Offer(name, False, reason, able=False))
+            continue
         try:
             make(name, {})
             offers.append(Offer(name, name in effects.added, "with typical parameters"))

@@ -113,9 +113,6 @@ class Scenes(PageView):
         except LidarcheckError as error:
             self.say(error)
             return
-        if model.external is not None:
-            self.say(f"{entry.name} is an external model: it has no effects to choose from")
-            return
         offers = offers_of(model, self._effects(entry))
         own = [effect.name for effect in model.effects]
 
