@@ -103,7 +103,7 @@ azimuth_deg = {first = 180.0, step = -0.3515625}
 [features]
 SIGNAL = {law = "affine", bits = 16}
 """
-"""As far as laws of ranges and counts ask: neighbours by their numbers; the unit's own angles are not among the data."""
+"""As far as laws of ranges and counts ask: neighbours by their numbers; the unit's own angles are not in the data."""
 
 
 def test_a_real_ouster_scatters_as_photons_do():
@@ -118,7 +118,9 @@ def test_a_real_ouster_scatters_as_photons_do():
         scan = load_scan(path)
         features = {"SIGNAL": np.asarray(scan.extra["SIGNAL"], dtype=float)}
         ranges = np.asarray(scan.extra["RANGE"], dtype=float)
-        scans.append(replace(type(scan).from_beams(scan.layer, scan.point, ranges, features=features, beams=sensor.beams)))
+        scans.append(
+            replace(type(scan).from_beams(scan.layer, scan.point, ranges, features=features, beams=sensor.beams))
+        )
     laws = laws_of(scans, sensor, frozenset({"excess"}))
     found = {name: one.value for name, one in laws.fitted.items()}
     signal = np.array([one.amplitude for one in laws.bins])
@@ -141,7 +143,9 @@ def test_a_real_hesai_scatters_by_its_reflectivity(tmp_path):
     wanted = ["sensor", "from", str(calibration), "--rate", "10", "--azimuth-step", "0.18", "--out", str(file)]
     assert main(wanted) == 0
     text = file.read_text().replace("# returns = 2", "returns = 2").replace('# keep = "', 'keep = "')
-    file.write_text(text.replace("# step_m", "step_m").replace("# min_m = 0.5", "min_m = 0.05").replace("# max_m", "max_m"))
+    file.write_text(
+        text.replace("# step_m", "step_m").replace("# min_m = 0.5", "min_m = 0.05").replace("# max_m", "max_m")
+    )
     sensor = load_sensor(file)
     scans = [load_scan(shared_path(f"data/hesai_xt32/rotation_{k}.parquet"), sensor) for k in range(4)]
     laws = laws_of(scans, sensor, stated_numbers(sensor))

@@ -196,8 +196,8 @@ def _hashes(directory: Path, table: _CaseTable, model: Model) -> dict[str, str]:
     names = [CASE_FILE, str(table.model)]
     names += [os.path.relpath(curve.file, directory) for effect in model.effects for curve in effect.curves()]
     if model.external is not None:
-        named = (path for path in named_paths(model.external) if path.is_relative_to(directory))
-        names += [os.path.relpath(path, directory) for path in named]
+        beside = (path for path in named_paths(model.external) if path.is_relative_to(directory))
+        names += [os.path.relpath(path, directory) for path in beside]
     for frame in table.frames:
         names += [str(frame.ideal), str(frame.measured)]
     found = {}

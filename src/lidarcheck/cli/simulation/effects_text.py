@@ -80,8 +80,8 @@ def explanation(effect: type[Effect], picture: str = "") -> str:
     parts = [f"{effect.name} ({kind})\n", f"{paragraphs(inspect.getdoc(effect) or '')}\n"]
     parts.append(f"{paragraphs(f'Effect tree (PerCollECT/LidarLimbs): {node_names(effect)}')}\n")
     parts += [f"{paragraphs(f'Not for the detector {kind}: {reason}.')}\n" for kind, reason in effect.unfit.items()]
-    if words := effect.around_program():
-        parts.append(f"{paragraphs(f'Around a program ([external]): {words}.')}\n")
+    if outside := effect.around_program():
+        parts.append(f"{paragraphs(f'Around a program ([external]): {outside}.')}\n")
     rows = [
         (p.name, p.unit, f"{p.low:g}", p.highest, f"{p.typical:g}", f"{p.noticeable:g}", p.meaning)
         for p in effect.parameters()
