@@ -135,7 +135,7 @@ COMMANDS = (
         "that takes a scan takes it, with the pose, unit and calibration that it declares of each frame.",
         (
             "lidarcheck dataset scan measured --sensor HDL-32E",
-            "lidarcheck compare measured/dataset.toml simulated --ideal measured/dataset.toml",
+            "lidarcheck compare dataset.toml simulated --ideal dataset.toml",
         ),
     ),
     Command(

@@ -141,7 +141,7 @@ class Placed:
     topic: Annotated[
         str | None, Parameter(help="The topic of a bag with several; as FILE#TOPIC of one bag among others.")
     ] = None
-    frame: Annotated[
+    sensor_frame: Annotated[
         str | None,
         Parameter(help="The sensor's frame in a bag's static transforms, where its clouds are in another."),
     ] = None
@@ -150,7 +150,7 @@ class Placed:
         """What is chosen in recordings; the parser sees to it."""
         from lidarcheck.formats.field.choice import Choice
 
-        return Choice(self.topic or "", self.frame or "")
+        return Choice(self.topic or "", self.sensor_frame or "")
 
 
 @Parameter(name="*")

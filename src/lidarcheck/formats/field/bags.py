@@ -177,7 +177,7 @@ def _turn(tree: transforms.Tree, frame: str, path: Path) -> tuple[tuple[FloatArr
         raise InputError(what, file=path, fix=f"name one of its frames ({known}), or give --pose")
     if len(candidates) != 1 or candidates[0] == own:
         if own in transforms.VEHICLE_FRAMES and not wanted:
-            told = f"; name the sensor's with --frame: {', '.join(candidates)}" if candidates else "; give --pose"
+            told = f"; name the sensor's with --sensor-frame: {', '.join(candidates)}" if candidates else "; give --pose"
             return None, f"the clouds are in {own}, a frame of the vehicle{told}"
         return None, ""
     turn = tree.between(own, candidates[0])
