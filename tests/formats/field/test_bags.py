@@ -205,7 +205,9 @@ def test_clouds_in_their_sensors_frame_are_not_transformed(tmp_path):
 def test_what_no_transform_tells_is_said(tmp_path):
     two = transforms_message([("base_link", f"lidar_{n}", (1, int(n), 0), (0, 0, 0, 1)) for n in "12"])
     bag = opened(transformed(tmp_path, "base_link", two))
-    words = "the clouds are in base_link, a frame of the vehicle; name the sensor's with --sensor-frame: lidar_1, lidar_2"
+    words = (
+        "the clouds are in base_link, a frame of the vehicle; name the sensor's with --sensor-frame: lidar_1, lidar_2"
+    )
     assert bag.notes == (words,)
     choose(Choice(frame="roof"))
     with pytest.raises(InputError, match="no static transform leads from 'base_link', the clouds' frame, to 'roof'"):
