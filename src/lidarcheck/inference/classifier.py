@@ -164,7 +164,7 @@ class Classifier:
         rng = np.random.default_rng([0, *dither])
         off = range_m - met_m + step_m * (rng.random(len(beam)) - 0.5)
         amplitude, *others = beams.view.columns(scans)
-        amplitude = amplitude if self.amplitude else np.full(len(amplitude), np.nan)
+        amplitude = amplitude if self.amplitude else np.zeros(len(amplitude))
         echoes = np.column_stack([off, amplitude, *others, number])
         shown = self.drawn[beam]
         lost = np.flatnonzero(self.drawn & (np.bincount(beam, minlength=len(beams)) == 0))
