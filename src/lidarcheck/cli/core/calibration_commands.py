@@ -15,6 +15,7 @@ GROUPS: dict[str, str] = {
     "sensor": "Sensor files: any lidar as data.",
     "dataset": "Data sets: what was measured, at what, in one file.",
     "ideal": "Ideal scans from measurements.",
+    "case": "Cases for explain: make one, and see what it can show.",
 }
 """What each group of commands is for, as `lidarcheck --help` shows it."""
 

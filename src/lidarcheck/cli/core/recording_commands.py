@@ -31,7 +31,7 @@ RECORDING_COMMANDS: tuple[Command, ...] = (
         "target have distance, incidence and material, beams beside its edge are marked, of others nothing is known.",
         (
             "lidarcheck ideal from-snippet a.pcd --beams 2,6,30,42 --sensor S --out i.pcd",
-            "lidarcheck ideal from-snippet a.pcd --region 4,5,0,1,0,2 --sensor S --out i.pcd",
+            "lidarcheck ideal from-snippet a.pcd --region 4,5,0,1,0,2 --model m --out i",
         ),
     ),
     Command(
@@ -46,5 +46,28 @@ RECORDING_COMMANDS: tuple[Command, ...] = (
             "lidarcheck ideal from-map hall.ply --poses p.csv --sensor XT32 --out ideals",
             "lidarcheck ideal from-map a.laz --poses p.txt --swept --model m.toml --out out",
         ),
+    ),
+    Command(
+        "case make",
+        "cases.make",
+        "--measured SCANS --ideal IDEALS --model MODEL --out DIR [OPTIONS]",
+        "Make a case from measured frames and a model.",
+        "Frames are paired by name, number, time or order. Files are copied into DIR, which then has all that explain "
+        "reads: the scans, their ideal scans, the model with the files that it names, and case.toml. Written whole or "
+        "not at all; a case that is there is replaced with --force alone.",
+        (
+            "lidarcheck case make --measured real --ideal ideals --model m.toml --out c",
+            "lidarcheck case make --measured a.mcap --ideal i.pcd --model m.toml --out c",
+        ),
+    ),
+    Command(
+        "case check",
+        "cases.check",
+        "CASE [OPTIONS]",
+        "Say what a case's data can show.",
+        "Reads the case with all its checks, and says first how many of the effects these data can show; then which "
+        "cannot be shown and why, which frames fit, select and verify, whether the geometry was checked, and how far "
+        "measurement and model lie apart. Exit code 0: something can be shown; 1: nothing can; 2: could not run.",
+        ("lidarcheck case check case", "lidarcheck case check case --json - --quiet"),
     ),
 )

@@ -1,0 +1,1 @@
+"""The commands of cases: make one from files, and say what its data can show."""
