@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from any_detector_kit import sensor
 from effect_kit import MATERIALS, Around, empty, lit, plain, rows, wall
 from lidarcheck import effects
 from lidarcheck.errors import UsageError
@@ -316,3 +317,12 @@ def test_a_scan_in_typical_rain_shows_single_echoes_of_drops() -> None:
     assert not np.any(simulate(ideal, model, seed=2).range_m < 50.0)
     assert 0.02 < false.sum() / 9600 < 0.12
     assert np.quantile(wet.range_m[false], 0.9) > 10.0
+
+
+def test_a_sensor_without_a_threshold_sees_as_many_drops_as_are_followed() -> None:
+    """Every drop would reach a threshold of 0: the search for the faintest one that counts must end."""
+    keen = sensor(threshold=0.0, noise=2.0, excess=0.0)
+    rain = effects.make("rain", {"rate_mm_h": 20.0})
+    floor = rain._floor(keen)
+    assert 0.0 < floor < keen.signal_at_1m
+    assert rain._expected(keen, floor)[1][-1] <= 4.0

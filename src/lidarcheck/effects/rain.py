@@ -181,7 +181,7 @@ class Rain(LightEffect):
         if self._expected(sensor, floor)[1][-1] <= _MOST:
             return floor
         low, high = (
-            elementary.log(floor),
+            elementary.log(max(floor, 1e-300)),  # a sensor without noise may see whatever there is
             elementary.log(max(self.drop_echo * sensor.signal_at_1m / self.nearest_m**2, floor)),
         )
         while high - low > 1e-3:
