@@ -22,7 +22,7 @@ from lidarcheck.model.files.model_file import load_model
 from lidarcheck.reading import reading
 from lidarcheck.sensor import Sensor
 
-__all__ = ["PARTS", "CaseFrame", "CaseKeys", "case_files", "frame_times", "parts_of"]
+__all__ = ["PARTS", "CaseFrame", "CaseKeys", "case_files", "frame_file", "frame_times", "parts_of"]
 
 PARTS = ("fit", "select", "verify")
 """What frames are for, in the order of time."""
@@ -99,15 +99,21 @@ _Files = dict[str, tuple[str, Writer]]
 """By name in the case: what is written there, told from others by a word, and who writes it."""
 
 
+def frame_file(frame: FrameFile, *, link: bool = False) -> tuple[str, Writer]:
+    """The name of a frame as a file of its own, and who writes that: as it is, or one of several as Parquet."""
+    if len(frame.frames) == 1 and frame.recording is None:
+        return frame.name, partial(_brought, frame.path, link)
+    return f"{frame.stem}.parquet", partial(_written, frame)
+
+
 def _placed(files: _Files, role: str, frame: FrameFile, link: bool) -> str:
     """The name of a frame's file in the case, which is added to the files unless it is there."""
-    whole = len(frame.frames) == 1 and getattr(frame, "recording", None) is None
-    name = f"{role}/{frame.name if whole else f'{frame.stem}.parquet'}"
-    source = str(frame) if not whole else os.path.realpath(frame.path)
-    write: Writer = partial(_brought, frame.path, link) if whole else partial(_written, frame)
+    own, write = frame_file(frame, link=link)
+    name, source = f"{role}/{own}", f"{os.path.realpath(frame.path)}#{frame.index}"
     there = files.setdefault(name, (source, write))
     if there[0] != source:
-        raise InputError(f"is named as {there[0]}", file=str(frame), fix="give the frames different names")
+        what = f"is named as {there[0].partition('#')[0]}"
+        raise InputError(what, file=str(frame), fix="give the frames different names")
     return name
 
 

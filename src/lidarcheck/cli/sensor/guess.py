@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import JsonFlag, Quiet
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet
 from lidarcheck.cli.core.outputs import check_twice, files_given, json_text, write_result
 from lidarcheck.cli.core.terminal import Column, emit, hush, note, stage, table
 from lidarcheck.cli.sensor.options import check_out, positive
@@ -36,6 +36,11 @@ def guess(
     rate: Annotated[
         float | None, Parameter(converter=positive, help="Frames a second [Hz], where the scans have no times.")
     ] = None,
+    features: Annotated[
+        bool,
+        Flag,
+        Parameter(help="Suppose, by their values, what INTENSITY, SIGNAL, REFLECTIVITY report, and count the echoes."),
+    ] = False,
     out: Annotated[Path | None, Parameter(help="The sensor file to write, TOML.")] = None,
     json: JsonFlag = False,
     quiet: Quiet = False,
@@ -44,6 +49,7 @@ def guess(
     hush(quiet)
     from lidarcheck.cases.source import each_frame
     from lidarcheck.formats.guess import HEAD, clouds_of, document_of, guess_beams
+    from lidarcheck.formats.guess.features import guess_features, guess_returns
     from lidarcheck.formats.sensors import document_text, sensor_of_import
 
     files = files_given(*scans)
@@ -53,13 +59,15 @@ def guess(
     with stage(f"reading {len(files)} scans"):
         frames = [frame for group in each_frame(scans) for frame in group]
         some = frames[:: -(-len(frames) // _MOST_FRAMES)]
-        clouds = [cloud for frame in some for cloud in clouds_of(frame.read(), ring=ring)]
+        tables = [frame.read() for frame in some]
+        clouds = [cloud for own in tables for cloud in clouds_of(own, ring=ring)]
     try:
         found = guess_beams(clouds)
     except UsageError as error:
         raise InputError(error.what, file=files[0], fix=error.fix) from None
     name = files[0].name if len(files) == 1 else f"{files[0].name} and {len(files) - 1} more"
-    imported = document_of(found, name, rate)
+    supposed, remarks = guess_features(tables) if features else ({}, ())
+    imported = document_of(found, name, rate, supposed, remarks, guess_returns(tables) if features else 1)
     sensor_of_import(imported, files[0])
     emit(json_text(_document(found)) if json else _text(found))
     if out is not None:

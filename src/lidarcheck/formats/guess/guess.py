@@ -18,6 +18,7 @@ from lidarcheck.formats.guess.origin import fitted_origin
 from lidarcheck.formats.guess.ranges import range_step_m
 from lidarcheck.formats.guess.rows import Labelled, labelled
 from lidarcheck.formats.guess.turning import Turning, turning_of
+from lidarcheck.formats.table import counted
 
 __all__ = ["Guess", "guess_beams"]
 
@@ -85,7 +86,11 @@ def guess_beams(clouds: Sequence[Cloud]) -> Guess:
     repeats = _repeats(step, beside, rows)
     notes = _notes(every.take(~good), rows, step, sense, beside)
     if rows.told == "Layer" and not np.array_equal(rings.number, np.arange(len(rings.number))):
-        notes = (*notes, "layers are missing: what is Layer here is the sensor file's `ring`; check with --ring Layer")
+        lost = np.setdiff1d(np.arange(int(rings.number[-1]) + 1), rings.number)
+        notes = (
+            *notes,
+            f"{counted(len(lost), 'layer')} without rows supposed to lie in line with those that have some",
+        )
     offset, range_step = _ranges(rows, forward, up)
     return Guess(
         rings, every.take(~good), rows.told, len(rows), rows.frames, step, beside, sense, repeats, forward, up, offset,
