@@ -40,7 +40,7 @@ from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor, SpadArray
 from lidarcheck.trust.places import check_place, named_file
-from lidarcheck.trust.program_text import named_paths
+from lidarcheck.trust.program_text import module_files, named_paths
 
 __all__ = ["CASE_FILE", "FEWEST_FRAMES", "Case", "case_model", "load_case"]
 
@@ -196,8 +196,8 @@ def _hashes(directory: Path, table: _CaseTable, model: Model) -> dict[str, str]:
     names = [CASE_FILE, str(table.model)]
     names += [os.path.relpath(curve.file, directory) for effect in model.effects for curve in effect.curves()]
     if model.external is not None:
-        beside = (path for path in named_paths(model.external) if path.is_relative_to(directory))
-        names += [os.path.relpath(path, directory) for path in beside]
+        program = (*named_paths(model.external), *module_files(model.external).values())
+        names += [os.path.relpath(path, directory) for path in program if path.is_relative_to(directory)]
     for frame in table.frames:
         names += [str(frame.ideal), str(frame.measured)]
     found = {}

@@ -280,6 +280,19 @@ def test_parameters_hash_sees_the_program(tmp_path: Path) -> None:
         parameters_hash(gone)
 
 
+def test_the_text_of_a_module_counts(tmp_path):
+    (tmp_path / "own").mkdir()
+    for name in ("__init__.py", "law.py"):
+        (tmp_path / "own" / name).write_text("x = 1\n")
+    (tmp_path / "beside.py").write_text("x = 1\n")
+    model = Model(Sensor.of("SMART"), external=External((), tmp_path, module="own.law:simulate"))
+    seen = [parameters_hash(model)]
+    for changed in ("beside.py", "own/law.py"):
+        (tmp_path / changed).write_text("x = 2\n")
+        seen.append(parameters_hash(model))
+    assert seen[0] == seen[1] != seen[2]
+
+
 @pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "scenarios").glob("*.toml")))
 def test_the_hashes_of_a_shipped_scenario_are_its_goldens(name: str) -> None:
     """The words that hashes are made of stay, however the code is renamed: users' goldens hold such hashes."""

@@ -19,6 +19,7 @@ from lidarcheck.errors import InputError
 from lidarcheck.harness.goldens.hash_words import hashed_parts
 from lidarcheck.harness.scenario.scenario import Scenario
 from lidarcheck.model.spec import External, Model
+from lidarcheck.trust.program_text import module_files
 from lidarcheck.workers.identity import versions
 
 __all__ = [
@@ -130,10 +131,12 @@ def parameters_hash(model: Model) -> str:
 def external_files(external: External) -> list[Path]:
     """The files of an external model: its `ini`, and what its command names and its directory holds, by path.
 
-    An argument counts as it stands, and what follows its first `=`, as in `--config=FILE`.
+    An argument counts as it stands, and what follows its first `=`, as in `--config=FILE`; of a module it is the text
+    of its package.
     """
     words = [word for argument in external.command for word in (argument, argument.partition("=")[2]) if word]
     named = {external.directory / word.replace("{{", "{").replace("}}", "}") for word in words}
+    named |= set(module_files(external).values())
     files = {path for path in named if _is_file(path) and not _within(external.directory, path).startswith("..")}
     return sorted(files | ({external.ini} if external.ini else set()))
 

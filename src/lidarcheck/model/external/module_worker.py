@@ -23,6 +23,8 @@ import numpy.typing as npt
 
 Columns = Mapping[str, npt.NDArray[Any]]
 _NUMBERS = "biuf"
+_LONGEST = 1000
+"""Characters of what is said of a fault: an exception may hold a whole array."""
 
 
 def packed(words: Mapping[str, Any], columns: Columns) -> bytes:
@@ -37,7 +39,7 @@ class _Fault(Exception):
 
     def __init__(self, what: str, fix: str = "", file: str | None = None, line: int | None = None) -> None:
         super().__init__(what)
-        self.words = {"error": what, "fix": fix, "file": file, "line": line}
+        self.words = {"error": what[:_LONGEST], "fix": fix, "file": file, "line": line}
 
 
 class _OnlyPackage:

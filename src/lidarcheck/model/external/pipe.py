@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import time
@@ -63,8 +64,9 @@ class Pipe:
     @property
     def waiting(self) -> bytes:
         """What has been read and not yet been taken, or can be read at once."""
-        while select.select([self._out], [], [], 0.0)[0] and (more := os.read(self._out, _CHUNK)):
-            self._read += more
+        with contextlib.suppress(BlockingIOError):
+            while more := os.read(self._out, _CHUNK):
+                self._read += more
         return bytes(self._read)
 
     def _taken(self, size: int) -> bytes:
