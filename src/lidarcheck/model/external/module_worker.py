@@ -16,6 +16,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from types import CodeType
 from typing import IO, Any
 
 import numpy as np
@@ -42,6 +43,15 @@ class _Fault(Exception):
         self.words = {"error": what[:_LONGEST], "fix": fix, "file": file, "line": line}
 
 
+class _FromText(importlib.machinery.SourceFileLoader):
+    """Compiles a module's text each time: what was compiled before may be of other text of the same second."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        """As Python's import asks for it."""
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
 class _OnlyPackage:
     """Finds one package or module in a folder, and nothing else there."""
 
@@ -50,11 +60,15 @@ class _OnlyPackage:
 
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         """As Python's import asks for it."""
-        if fullname != self._name:
+        if fullname != self._name and not (path and fullname.startswith(f"{self._name}.")):
             return None
-        found = importlib.machinery.PathFinder.find_spec(fullname, [self._folder])
-        if found is not None and found.submodule_search_locations is not None:
+        found = importlib.machinery.PathFinder.find_spec(fullname, path or [self._folder])
+        if found is None:
+            return None
+        if found.submodule_search_locations is not None:
             found.submodule_search_locations = list(found.submodule_search_locations)
+        if type(found.loader) is importlib.machinery.SourceFileLoader and str(found.origin).startswith(self._folder):
+            found.loader = _FromText(fullname, found.loader.path)
         return found
 
 
