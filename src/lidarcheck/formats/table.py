@@ -46,7 +46,8 @@ class Table:
     case. `path`: the file they come from, for messages. `layout`: only of text files. `edited`: names of columns whose
     values are no longer those of `path`. `origin` (n,): of some of a file's rows, where each stands in it, from 0;
     `first_line`: the line of that file's first row. `height`: rows of an organised cloud, which divide the table's
-    evenly; 1 of any other. `UsageError` when the columns do not fit together.
+    evenly; 1 of any other. `stamp_s`: the frame's own time since 1970, where its message has one. `UsageError` when the
+    columns do not fit together.
     """
 
     columns: Mapping[str, Column]
@@ -56,6 +57,7 @@ class Table:
     origin: npt.NDArray[np.intp] | None = None
     first_line: int | None = None
     height: int = 1
+    stamp_s: float | None = None
 
     def __post_init__(self) -> None:
         repeated = _repeated(self.columns)
@@ -98,7 +100,7 @@ class Table:
         columns = {name: column[rows] for name, column in self.columns.items()}
         origin = rows if self.origin is None else self.origin[rows]
         first = self.first_line if self.layout is None else self.layout.first_line
-        return Table(columns, self.path, origin=origin, first_line=first)
+        return Table(columns, self.path, origin=origin, first_line=first, stamp_s=self.stamp_s)
 
     def row_in_file(self, row: int) -> int:
         """Where a row (from 0) stands among the rows of the file, from 0."""

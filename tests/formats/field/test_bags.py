@@ -22,6 +22,7 @@ from bag_kit import (
 from lidarcheck.cases.source import frames_in
 from lidarcheck.errors import InputError
 from lidarcheck.formats import load_scan
+from lidarcheck.formats.assign.cloud import clouds_of
 from lidarcheck.formats.describe import describe
 from lidarcheck.formats.field.choice import Choice, choose
 from lidarcheck.formats.field.clouds import cloud_of
@@ -168,6 +169,42 @@ def test_several_topics_must_be_chosen_from(tmp_path):
     assert len(opened(bag, "/points")) == 3  # what a file's own name says goes before
     with pytest.raises(InputError, match="has no topic '/front' of point clouds; there are /points"):
         opened(bag, "/front")
+
+
+def test_connections_of_one_topic_are_one_topic(tmp_path):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(tmp_path / "a.bag") as writer:
+        for caller in ("/first", "/second"):  # the driver was started again
+            connection = writer.add_connection("/points", CLOUD, typestore=store, callerid=caller)
+            for one in clouds(2, make=ros1_cloud):
+                writer.write(connection, one.time_ns + 2 * PERIOD_NS * (caller == "/second"), one.content)
+    found = opened(tmp_path / "a.bag")
+    assert len(found) == 4
+    assert found.topics == (("/points", 4),)
+    assert [len(table) for table in found.tables()] == [40, 41, 40, 41]
+
+
+def test_a_cloud_for_each_return_is_merged(tmp_path):
+    one = {**columns(32), "t": np.arange(32, dtype=np.uint32)}
+    del one["timestamp"]
+    two = {**one, "x": one["x"] + np.float32(5)}
+    messages = [Message("/ouster/points", CLOUD, START_NS, cdr_cloud(one)),
+                Message("/ouster/points2", CLOUD, START_NS + 5, cdr_cloud(two))]  # fmt: skip
+    bag = write_ros2(tmp_path / "a", messages)
+    with pytest.raises(InputError, match=r"both returns as one: --topic /ouster/points\+/ouster/points2"):
+        opened(bag)
+    table = opened(bag, "/ouster/points+/ouster/points2").read(0)
+    assert np.array_equal(table.columns["EchoNumber"], np.repeat([1, 2], 32))
+    assert np.array_equal(table.columns["x"], np.concatenate([one["x"], two["x"]]))
+
+
+def test_the_messages_time_is_the_start_of_its_frame(tmp_path):
+    bag = opened(write_ros2(tmp_path / "a", clouds(1)))
+    assert bag.read(0).stamp_s == pytest.approx(START_NS * 1e-9)
+    assert clouds_of(bag.read(0))[0].stamp_s == bag.read(0).stamp_s
 
 
 QUARTER = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))

@@ -76,7 +76,7 @@ def frame_time(
     if start == "epoch":
         time_s = (values - low).astype(np.float64) * unit_s
         first_s = float(low) * unit_s
-        if stamp_s is not None and abs(first_s - stamp_s) <= frame_s:
+        if stamp_s is not None and 0.0 <= first_s - stamp_s <= frame_s:  # a later one is of the frame's end
             time_s = time_s + (first_s - stamp_s)
     else:
         time_s = values.astype(np.float64) * unit_s

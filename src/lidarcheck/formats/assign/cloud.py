@@ -32,7 +32,8 @@ class Cloud:
 
     `position` (n, 3), as in the file; `layer`, `point`; `ring` by whatever name; `column`; `time` as it is written;
     `range` as it is written; `kind`: return kind or echo number. `cell` (n,), `height`, `width`: the place in an
-    organised cloud. `error`: how far rounding may have moved a point, in the position's unit.
+    organised cloud. `error`: how far rounding may have moved a point, in the position's unit. `stamp_s`: the frame's
+    own time since 1970.
     """
 
     position: FloatArray
@@ -47,6 +48,7 @@ class Cloud:
     height: int = 1
     width: int = 0
     error: float = 0.0
+    stamp_s: float | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -97,6 +99,7 @@ def _cloud(table: Table, rows: npt.NDArray[np.intp], ring: str | None) -> Cloud:
         height=part.height,
         width=len(part) // part.height,
         error=direction_error_m(coordinate_steps(list(position.T))),
+        stamp_s=table.stamp_s,
     )
 
 

@@ -49,7 +49,8 @@ def _time(cloud: Cloud, sensor: Sensor) -> FloatArray | None:
     rate_s = 1.0 / sensor.frame_rate_hz
     unit, zero = sensor.time_unit, sensor.time_zero
     try:
-        return frame_time(cloud.time, rate_s, unit=unit, zero=zero, duration_s=sensor.sweep.duration_s).time_s
+        duration_s, stamp_s = sensor.sweep.duration_s, cloud.stamp_s
+        return frame_time(cloud.time, rate_s, unit=unit, zero=zero, duration_s=duration_s, stamp_s=stamp_s).time_s
     except UsageError:
         # Part of a frame spans too little to show its unit; then the azimuth tells the column.
         if sensor.time_unit == "auto":

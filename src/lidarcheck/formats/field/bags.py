@@ -6,11 +6,13 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.errors import InputError
+from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats.assign.returns import merged_returns
 from lidarcheck.formats.field import packets, transforms
 from lidarcheck.formats.field.choice import chosen
 from lidarcheck.formats.field.clouds import Cloud, cloud_of, custom_of
@@ -43,27 +45,43 @@ _log = logging.getLogger(__name__)
 def open_container(path: Path, kind: str) -> Container:
     """The topics of a bag and the places of their messages in order of time."""
     bag = _READERS[kind](path)
+    _join_connections(bag)
     for places in bag.places.values():
         places.sort()
     return bag
 
 
+def _join_connections(bag: Container) -> None:
+    """Make one topic of those with one name and type: each publisher, and each start of one, has its own number."""
+    first: dict[tuple[str, str, str], int] = {}
+    for number, topic in list(bag.topics.items()):
+        own = first.setdefault((topic.name, topic.kind, topic.encoding), number)
+        if own != number:
+            bag.counts[own] = bag.counts.get(own, 0) + bag.counts.pop(number, 0)
+            bag.places.setdefault(own, []).extend(bag.places.pop(number, []))
+            del bag.topics[number]
+
+
 @dataclass
 class _Bag(Recording):
-    """`frame`: of the clouds; `turn`: what takes their positions into the sensor's frame, None where nothing does."""
+    """`frame`: of the clouds; `turn`: what takes their positions into the sensor's frame, None where nothing does.
+
+    `others`: the places of clouds of further returns.
+    """
 
     bag: Container = field(default_factory=lambda: Container(Path(), ""))
     of: Topic = field(default_factory=lambda: Topic(0, "", "", ""))
     places: Sequence[Place] = ()
     frame: str = ""
     turn: tuple[FloatArray, FloatArray] | None = None
+    others: tuple[Sequence[Place], ...] = ()
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def cloud(self, number: int) -> Cloud:
-        """The message of a frame."""
-        content = self.bag.message(self.places[number])
+    def cloud(self, number: int, place: Place | None = None) -> Cloud:
+        """The message of a frame; `place`: that of another return."""
+        content = self.bag.message(place or self.places[number])
         if is_zstd(content):
             content = zstd_message(content, self.path)
         read = cloud_of if self.of.kind == CLOUD else custom_of
@@ -75,7 +93,23 @@ class _Bag(Recording):
         if cloud.frame != self.frame:
             raise self.two_sensors(number, cloud.frame)
         columns, _ = known_fields(cloud.columns)
-        return _turned(Table(columns, self.path, height=cloud.height), self.turn)
+        if self.others:
+            columns = self._with_returns(number, columns)
+        height = 1 if self.others else cloud.height
+        return _turned(Table(columns, self.path, height=height, stamp_s=cloud.stamp_ns * 1e-9), self.turn)
+
+    def _with_returns(self, number: int, columns: dict[str, Any]) -> dict[str, Any]:
+        """The rows of all returns, numbered by their clouds."""
+        time_ns = self.places[number].time_ns
+        clouds = [columns]
+        for places in self.others:
+            place = min(places, key=lambda place: abs(place.time_ns - time_ns))
+            clouds.append(known_fields(self.cloud(number, place).columns)[0])
+        try:
+            merged = merged_returns(clouds)
+        except UsageError as error:
+            raise InputError(error.what, file=self.path, fix=error.fix) from None
+        return {"EchoNumber" if name == "return" else name: column for name, column in merged.items()}
 
     def two_sensors(self, number: int, other: str) -> InputError:
         """The error for clouds of two frames on one topic."""
@@ -99,7 +133,10 @@ def _turned(table: Table, turn: tuple[FloatArray, FloatArray] | None) -> Table:
 
 
 def open_bag(path: Path, kind: str, topic: str = "") -> Recording:
-    """The clouds of a bag's topic. `InputError` where it has none, or several of which none is chosen."""
+    """The clouds of a bag's topic, or of several that hold a return each, with a plus between.
+
+    `InputError` where the bag has none, or several of which none is chosen.
+    """
     bag = open_container(path, kind)
     if bag.of_kind(SENSOR_DATA):
         from lidarcheck.formats.field.osi import open_osi_channel
@@ -109,19 +146,24 @@ def open_bag(path: Path, kind: str, topic: str = "") -> Recording:
     found = bag.of_kind(CLOUD, CUSTOM)
     if not found:
         raise packets.no_cloud(path, bag.title, bag.topics.values(), bag.counts)
-    own = choose_topic(bag, found, topic)
+    name, *returns = (topic or chosen().topic).split("+")
+    own = choose_topic(bag, found, name)
+    others = [choose_topic(bag, found, one) for one in returns]
     places = bag.places.get(own.number, [])
+    if not all(bag.places.get(one.number) for one in (own, *others)):
+        raise bag.damaged(f"nothing says what the messages of {own.name} are")
     start_ns = places[0].time_ns
     opened = _Bag(
         path=path,
         title=bag.title,
-        topic=own.name,
+        topic="+".join(one.name for one in (own, *others)),
         times_s=tuple((place.time_ns - start_ns) * 1e-9 for place in places),
         topics=tuple((one.name, bag.counts[one.number]) for one in found),
         start_ns=start_ns,
         bag=bag,
         of=own,
         places=places,
+        others=tuple(bag.places[one.number] for one in others),
     )
     _look_into(opened)
     for note in opened.notes:
@@ -139,6 +181,9 @@ def choose_topic(bag: Container, found: Sequence[Topic], topic: str = "") -> Top
     more = f" and {len(listed) - _MOST_LISTED} more" if len(listed) > _MOST_LISTED else ""
     said = ", ".join(listed[:_MOST_LISTED]) + more
     fix = f"choose one: --topic {found[0].name}, or '{bag.path}#{found[0].name}'"
+    second = next((one.name for one in found if one.name == f"{found[0].name}2"), "")
+    if second:  # as Ouster's driver calls the cloud of second returns
+        fix += f"; both returns as one: --topic {found[0].name}+{second}"
     if wanted:
         what = f"has no topic {quoted(wanted)} of point clouds" if not of_name else f"{quoted(wanted)} names several"
         raise InputError(f"{what}; there are {said}", file=bag.path, fix=fix)
@@ -177,7 +222,9 @@ def _turn(tree: transforms.Tree, frame: str, path: Path) -> tuple[tuple[FloatArr
         raise InputError(what, file=path, fix=f"name one of its frames ({known}), or give --pose")
     if len(candidates) != 1 or candidates[0] == own:
         if own in transforms.VEHICLE_FRAMES and not wanted:
-            told = f"; name the sensor's with --sensor-frame: {', '.join(candidates)}" if candidates else "; give --pose"
+            told = (
+                f"; name the sensor's with --sensor-frame: {', '.join(candidates)}" if candidates else "; give --pose"
+            )
             return None, f"the clouds are in {own}, a frame of the vehicle{told}"
         return None, ""
     turn = tree.between(own, candidates[0])
