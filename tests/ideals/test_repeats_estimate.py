@@ -1,4 +1,4 @@
-"""The estimate from repeats against the truth that they were simulated from, and its errors against its misses."""
+"""The estimate from repeats against the truth that the repeats were simulated from, its errors against its misses."""
 
 import numpy as np
 import pytest
