@@ -28,6 +28,8 @@ _TELLS_NEAR = 4.0
 _BRIGHT = 0.8
 """Reflectance of the brightest twentieth of the surfaces where nothing says how much light the laser sends."""
 _MOST_LOST = 0.01
+_FINE = 0.25
+"""Amplitudes of coarser steps than this part of them blur what `near_m` is fitted to."""
 
 
 @dataclass(frozen=True)
@@ -124,9 +126,10 @@ def _near(work: Work) -> float:
 
 def _likelihood(sample: Sample, step_m: float) -> float:
     """How likely the ranges' variances are where each bin of amplitudes has one of its own."""
-    total, number = 0.0, bins_of(sample.amplitude, octave=8)
+    fine = np.flatnonzero(sample.step < _FINE * sample.amplitude)
+    total, number = 0.0, bins_of(sample.amplitude[fine], octave=8)
     for k in np.unique(number):
-        rows = np.flatnonzero(number == k)
+        rows = fine[number == k]
         freedom = sample.hits[rows] - 1
         variance, kept = pooled_variance(sample.range_var[rows], freedom, least=0.04 * step_m**2)
         mean = max(variance, 0.04 * step_m**2, 1e-12)

@@ -24,7 +24,7 @@ def fit_loss(work: Work, coarse: bool) -> None:
     if "threshold" not in work.free or work.feature is None:
         return
     if not work.seen.fired_known:
-        work.note("the beams that were fired are not known: the threshold is the least amplitude seen")
+        _as_seen(work, "the beams that were fired are not known")
         return
     sensor, seen = work.sensor, work.seen
     response, amplitudes = LinearResponse(sensor), seen.amplitudes(work.feature, sensor)
@@ -40,7 +40,7 @@ def fit_loss(work: Work, coarse: bool) -> None:
     chosen &= of_surfaces(seen.rays, place)[groups.ray]
     found = fitted_threshold(_lost(groups, amplitudes, chosen, work), response, sensor.threshold, width=width)
     if found is None:
-        work.note("too few shots were lost to tell the threshold: it is the least amplitude seen")
+        _as_seen(work, "too few shots were lost")
         return
     threshold, low, high, wide = found
     least = None if coarse else _least_seen(groups, amplitudes, chosen)
@@ -50,6 +50,12 @@ def fit_loss(work: Work, coarse: bool) -> None:
     work.put("threshold", threshold, ends=(low, high))
     if coarse and "signal_at_1m" in work.free and work.feature.law == "calibrated_reflectivity":
         _in_noise(work, wide)
+
+
+def _as_seen(work: Work, why: str) -> None:
+    """The threshold with which the fit began, about the least amplitude seen: it may be any below."""
+    work.put("threshold", work.sensor.threshold, ends=(0.0, work.sensor.threshold))
+    work.note(f"{why}: the threshold is the least amplitude seen, and may lie lower")
 
 
 def _least_seen(groups: Groups, amplitudes: Amplitudes, chosen: BoolArray) -> tuple[float, float, float] | None:

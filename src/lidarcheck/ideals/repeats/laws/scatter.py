@@ -72,11 +72,8 @@ def fit_range(work: Work, bins: Sequence[AmplitudeBin], coarse: bool) -> None:
     if sensor.range_law != "physical":
         return
     response = LinearResponse(sensor)
-    signal = np.array([b.amplitude for b in bins])
     pulse_m = 0.5 * LIGHT_SPEED_M_PER_NS * sensor.pulse_fwhm_ns / FWHM_PER_SIGMA
-    # A bin holds signals about its mean amplitude: the mean of a law that bends lies beside the law of the mean.
-    aside = np.sqrt(np.array([b.width**2 + b.amplitude_sd**2 / b.hits for b in bins]))
-    around = np.maximum(np.stack([signal - aside, signal + aside]), 0.3 * signal)
+    around = _around(bins)
     edge = np.mean((pulse_m * response.amplitude_sd(around) / np.maximum(around, 1e-12)) ** 2, axis=0)
     y = np.array([b.range_sd_m**2 for b in bins])
     terms = {"range_floor_m": np.ones_like(edge), "edge_factor": edge}
@@ -90,6 +87,16 @@ def fit_range(work: Work, bins: Sequence[AmplitudeBin], coarse: bool) -> None:
         work.put(name, float(np.sqrt(value)), ends=(low, high))
 
 
+def _around(bins: Sequence[AmplitudeBin]) -> FloatArray:
+    """Two signals for each bin that have the mean and the scatter of those in it, shape (2, bins).
+
+    The mean of a law that bends lies beside the law of the mean.
+    """
+    signal = np.array([max(b.amplitude, 1e-12) for b in bins])
+    aside = np.sqrt(np.array([b.width**2 + b.amplitude_sd**2 / b.hits + b.step**2 / 12.0 for b in bins]))
+    return np.maximum(np.stack([signal - aside, signal + aside]), 0.3 * signal)
+
+
 def _power(work: Work, bins: Sequence[AmplitudeBin]) -> None:
     sensor = work.sensor
     signal = np.array([max(b.amplitude, 1e-12) for b in bins])
@@ -101,19 +108,20 @@ def _power(work: Work, bins: Sequence[AmplitudeBin]) -> None:
     if threshold <= 0.0:
         work.note("no power of the threshold describes the scatter of ranges: it is 0")
         return
-    best = None
+    around = _around(bins)
+    fits = []
     for power in _POWERS:
-        columns = [np.ones_like(signal), (threshold / signal) ** (2.0 * power)]
+        columns = [np.ones_like(signal), np.mean((threshold / around) ** (2.0 * power), axis=0)]
         found, error = _fit_squares(columns, y, freedom)
         model = np.maximum(found[0] * columns[0] + found[1] * columns[1], 1e-18)
         score = float((0.5 * freedom * (np.log(model) + y / model)).sum())
-        if best is None or score < best[0]:
-            best = (score, power, found, error)
-    assert best is not None
-    _, power, found, error = best
+        fits.append((score, float(power), found, error))
+    score, power, found, error = min(fits, key=lambda fit: fit[0])
+    likely = [fit[1] for fit in fits if fit[0] < score + 0.5 * BY_90**2]
+    half = 0.5 * float(_POWERS[1] - _POWERS[0])
     work.words["range_law"] = "power"
     work.sensor = replace(work.sensor, range_at_threshold_m=0.0, range_law="power")
-    work.put("range_power", float(power))
+    work.put("range_power", power, ends=(min(likely) - half, max(likely) + half))
     for name, value, scatter in zip(("range_floor_m", "range_at_threshold_m"), found, error, strict=True):
         low, high = (float(np.sqrt(max(value + sign * BY_90 * scatter, 0.0))) for sign in (-1.0, 1.0))
         work.put(name, float(np.sqrt(value)), ends=(low, high))
