@@ -53,6 +53,7 @@ class Showing:
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
         return {
+            "words": self.words,
             "shown": list(self.shown),
             "not_testable": dict(self.not_testable),
             "effects": len(self.shown) + len(self.not_testable),

@@ -70,4 +70,25 @@ RECORDING_COMMANDS: tuple[Command, ...] = (
         "measurement and model lie apart. Exit code 0: something can be shown; 1: nothing can; 2: could not run.",
         ("lidarcheck case check case", "lidarcheck case check case --json - --quiet"),
     ),
+    Command(
+        "still",
+        "scans.still",
+        "FRAMES ... --out DIR [OPTIONS]",
+        "Take the frames in which the scene stands still.",
+        "Frames agree where their rays do, but for noise: noise makes neighbouring rays differ each for itself, motion "
+        "moves whole surfaces. The longest run of frames in a row that agree goes to DIR, a file each. Nothing need be "
+        "known of the sensor.",
+        ("lidarcheck still drive.mcap --out rest", "lidarcheck still scans --out rest --most 12"),
+    ),
+    Command(
+        "quickstart",
+        "quickstart.command",
+        "BAG|FOLDER|FILES --out DIR [OPTIONS]",
+        "Go from a recording to a verdict.",
+        "Takes the frames that stand still, finds the sensor that measured or guesses its beams, makes ideal scans and "
+        "the sensor's laws from the repeats, a case of these, says what the case can show, explains it, and writes one "
+        "page, report.html. Each step is a command that it prints and that you can run; given again, it goes on where "
+        "it stopped. With fewer than three frames it ends after the laws.",
+        ("lidarcheck quickstart rest.mcap --out first", "lidarcheck quickstart scans --sensor OS1-128 --out first"),
+    ),
 )

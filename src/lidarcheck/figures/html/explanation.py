@@ -84,12 +84,20 @@ class _Maps:
     scale: str
 
 
-def write_html(explanation: Explanation, case: Measured, path: Path, pictures: Pictures | None = None) -> None:
+def write_html(
+    explanation: Explanation,
+    case: Measured,
+    path: Path,
+    pictures: Pictures | None = None,
+    *,
+    first: Sequence[str] = (),
+) -> None:
     """Write the page of an explanation, whole or not at all; `InputError` when it cannot be written.
 
-    `pictures`: where they have been made already, with `verify_pictures`. The same arguments give the same bytes.
+    `pictures`: where they have been made already, with `verify_pictures`. `first`: lines above all else. The same
+    arguments give the same bytes.
     """
-    write_text(path, explanation_html(explanation, case, pictures))
+    write_text(path, explanation_html(explanation, case, pictures, first=first))
 
 
 def verify_pictures(explanation: Explanation, case: Measured) -> Pictures:
@@ -101,7 +109,9 @@ def verify_pictures(explanation: Explanation, case: Measured) -> Pictures:
     return pictures_of(frames, case.model, explanation.model, seed=seed)
 
 
-def explanation_html(explanation: Explanation, case: Measured, pictures: Pictures | None = None) -> str:
+def explanation_html(
+    explanation: Explanation, case: Measured, pictures: Pictures | None = None, *, first: Sequence[str] = ()
+) -> str:
     """The page as text."""
     from lidarcheck.explain.report.model_diff import model_diff
 
@@ -111,6 +121,7 @@ def explanation_html(explanation: Explanation, case: Measured, pictures: Picture
     found = {finding.name for finding in explanation.findings}
     return _template().render(
         explanation=explanation,
+        first=first,
         verdict=verdict_of(explanation),
         icon=_ICONS.get(explanation.verdict, "?"),
         case=case.directory.resolve().name,
