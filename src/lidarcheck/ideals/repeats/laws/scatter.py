@@ -94,7 +94,7 @@ def _around(bins: Sequence[AmplitudeBin]) -> FloatArray:
     """
     signal = np.array([max(b.amplitude, 1e-12) for b in bins])
     aside = np.sqrt(np.array([b.width**2 + b.amplitude_sd**2 / b.hits + b.step**2 / 12.0 for b in bins]))
-    return np.maximum(np.stack([signal - aside, signal + aside]), 0.3 * signal)
+    return np.asarray(np.maximum(np.stack([signal - aside, signal + aside]), 0.3 * signal))
 
 
 def _power(work: Work, bins: Sequence[AmplitudeBin]) -> None:
