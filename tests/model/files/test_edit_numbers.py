@@ -1,6 +1,7 @@
 """Numbers of the sensor and the materials in a model file's text: those that change, and not a byte besides."""
 
 import dataclasses
+from importlib.resources import files
 
 import pytest
 
@@ -90,3 +91,17 @@ def test_numbers_and_effects_change_together(tmp_path):
 def test_another_layout_is_written_anew_and_that_is_said(text, tmp_path):
     _, why = written(text, lambda m: m.with_sensor(pulse_fwhm_ns=6.0, threshold=10), tmp_path)
     assert "plain key" in why or "header" in why
+
+
+def test_a_sensor_s_file_is_named_anew_where_the_model_is_written_elsewhere(tmp_path):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "found").mkdir()
+    (tmp_path / "case" / "sensor.toml").write_text(files("lidarcheck.sensors").joinpath("SLIM.toml").read_text())
+    source, out = tmp_path / "case" / "model.toml", tmp_path / "found" / "model.toml"
+    source.write_text('variant = "sensor.toml"  # on the bench\n\n[sensor]\nthreshold = 8  # as fitted\n')
+    (tmp_path / "dataset.toml").touch()  # one project
+    model = load_model(source).with_sensor(threshold=7)
+    result = write_model(source, model, out)
+    assert result.rewritten == ""
+    assert out.read_text() == source.read_text().replace('"sensor.toml"', '"../case/sensor.toml"').replace("= 8", "= 7")
+    assert load_model(out).sensor.threshold == 7

@@ -10,10 +10,11 @@ from pathlib import Path
 from lidarcheck.config.toml_lines import KeyPath, locate
 from lidarcheck.model.files.edit_text import shown_value
 from lidarcheck.model.files.external_file import directory_key
+from lidarcheck.model.files.sensor_file import is_sensor_file
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Program
 
-__all__ = ["changed_numbers", "with_numbers"]
+__all__ = ["changed_numbers", "moved_files", "with_numbers"]
 
 _PAIR = re.compile(
     r"""(?P<head>\s*(?:[\w-]+|"[^"]*"|'[^']*')\s*=\s*)(?P<value>"[^"\\]*"|'[^']*'|[^\s,{}\[\]#"']+)(?P<rest>\s*(?:#.*)?)"""
@@ -41,13 +42,18 @@ def changed_numbers(before: Model, after: Model) -> dict[KeyPath, float | str]:
     return found
 
 
-def moved_program(model: Model, out: Path) -> dict[KeyPath, float | str]:
-    """What names a program's folder and settings in another file than its own, where that lies elsewhere."""
-    external = model.external
-    if external is None or model.file is None or model.file.absolute().parent == out.absolute().parent:
+def moved_files(model: Model, out: Path) -> dict[KeyPath, float | str]:
+    """What names the sensor's file, a program's folder and its settings in a file that lies elsewhere than the model's
+    own."""
+    if model.file is None or model.file.absolute().parent == out.absolute().parent:
         return {}
-    place = out.absolute().parent
-    found: dict[KeyPath, float | str] = {("external", "directory"): directory_key(external, place) or "."}
+    place, external = out.absolute().parent, model.external
+    found: dict[KeyPath, float | str] = {}
+    if model.sensor.file and is_sensor_file(model.sensor.variant):
+        found["variant",] = Path(os.path.relpath(model.sensor.file, place)).as_posix()
+    if external is None:
+        return found
+    found["external", "directory"] = directory_key(external, place) or "."
     if external.ini is not None:
         found["external", "ini"] = Path(os.path.relpath(external.ini, place)).as_posix()
     return found

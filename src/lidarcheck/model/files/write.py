@@ -15,7 +15,7 @@ from lidarcheck.config.toml_lines import locate
 from lidarcheck.effects import Effect
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
-from lidarcheck.model.files.edit_numbers import changed_numbers, moved_program, with_numbers
+from lidarcheck.model.files.edit_numbers import changed_numbers, moved_files, with_numbers
 from lidarcheck.model.files.edit_text import edited
 from lidarcheck.model.files.model_file import dump_model, load_model, model_of
 from lidarcheck.model.files.settled import settled
@@ -65,7 +65,7 @@ def _text(source: Path, before: Model, model: Model, out: Path) -> str:
     if (model.external is None) != (before.external is None):
         raise ValueError("one of the two models is a program")
     directories = source.absolute().parent, out.absolute().parent
-    changed = changed_numbers(before, model) | moved_program(before, out)
+    changed = changed_numbers(before, model) | moved_files(before, out)
     text = with_numbers(source.read_bytes().decode("utf-8"), changed)
     text = edited(text, before.effects, model.effects, *directories)
     plain = text.removeprefix("\ufeff")
@@ -85,7 +85,10 @@ def _placeless_model(model: Model) -> Model:
         real = {name: path and Path(os.path.realpath(path)) for name, path in _places(external).items()}
         external = dataclasses.replace(external, **real)  # type: ignore[arg-type]
     effects = tuple(placeless(effect) for effect in model.effects)
-    return dataclasses.replace(model, file=None, effects=effects, external=external)
+    sensor = model.sensor
+    if sensor.file:
+        sensor = dataclasses.replace(sensor, variant="", file=os.path.realpath(sensor.file), plain=None)
+    return dataclasses.replace(model, file=None, sensor=sensor, effects=effects, external=external)
 
 
 def _places(external: External) -> dict[str, Path | None]:
