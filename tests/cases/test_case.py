@@ -101,11 +101,12 @@ def test_a_copy_is_no_measurement(case):
     assert "case.toml:25: frame 4: m4.txt holds the same bytes as m3.txt of frame 3" in refusal(case)
 
 
-def test_an_external_model(case):
+def test_a_program_that_nobody_trusts(case):
     (case / "run").write_text("#!/bin/sh\n")
     (case / "run").chmod(0o755)
-    (case / "model.toml").write_text('\n[external]\ncommand = ["./run", "{ideal}", "{scan}"]\n')
-    assert "model.toml:2: the model is [external]" in refusal(case)
+    with (case / "model.toml").open("a") as model:
+        model.write('\n[external]\ncommand = ["./run", "{ideal}", "{scan}"]\n')
+    assert "runs a program that you do not trust: ./run" in refusal(case)
 
 
 def test_a_material_without_an_entry(case):

@@ -8,7 +8,7 @@ from lidarcheck.calibration.ghosts.data import check_expected, sign_beams, with_
 from lidarcheck.calibration.ghosts.fit import fit_ghosts
 from lidarcheck.calibration.ghosts.library import library_of
 from lidarcheck.calibration.ghosts.workflow import find_ghosts
-from lidarcheck.errors import InputError, UsageError
+from lidarcheck.errors import InputError
 from lidarcheck.figures.pages.ghost_fit import fit_page
 from lidarcheck.formats import load_ideal, load_scan
 from lidarcheck.model import load_model
@@ -188,18 +188,6 @@ def test_what_the_fit_leaves_out_of_the_model_is_said(measured):
     found, ideals, model = measured
     fit = fit_ghosts(found[:1], ideals[:1], model.with_(make("walk_error", {})))
     assert any("walk_error" in warning for warning in fit.warnings)
-
-
-def test_an_external_model_has_nothing_to_fit(measured):
-    from dataclasses import replace
-    from pathlib import Path
-
-    from lidarcheck.model import External
-
-    found, ideals, model = measured
-    external = replace(model, external=External(("./postpro",), Path()))
-    with pytest.raises(UsageError, match="no effects to fit"):
-        fit_ghosts(found[:1], ideals[:1], external)
 
 
 def test_scans_of_files_fit_as_well(measured, tmp_path):

@@ -165,10 +165,10 @@ def test_every_number_of_the_sensor_can_be_replaced_within_its_bounds(tmp_path: 
         ),
         ("[external]", [":1: external.command is missing; add it: a list of at least 1, each entry text; or module"]),
         (
-            'variant = "SLIM"\n[sensor]\n[external]\ncommand = ["./a", "{scan}"]\n',
+            'variant = "SLIM"\n[sensor]\nthreshold = 9\n[external]\ncommand = ["./a", "{scan}"]\n',
             [
-                ":1: variant stands beside [external]; [external] replaces it; remove variant or [external]",
-                ":2: sensor stands beside [external]; [external] replaces it; remove sensor or [external]",
+                ":3: threshold is a number of the detector, which is the program's own beside [external]; remove it; "
+                "a number of the program's own stands in [external.parameters.threshold]",
             ],
         ),
         (
@@ -222,8 +222,12 @@ def test_external_models_know_their_directory(tmp_path: Path) -> None:
     save_model(model, tmp_path / "m2.toml")
     assert load_model(tmp_path / "m2.toml") == replace(model, file=tmp_path / "m2.toml")
     (tmp_path / "sub").mkdir()
-    with pytest.raises(UsageError, match="save it in its own directory"):
-        save_model(model, tmp_path / "sub" / "m.toml")
+    save_model(model, tmp_path / "sub" / "m.toml")
+    with pytest.raises(LidarcheckError, match=r"leads out of the project"):
+        load_model(tmp_path / "sub" / "m.toml")
+    (tmp_path / "case.toml").touch()
+    moved = load_model(tmp_path / "sub" / "m.toml")
+    assert moved.external == model.external
     assert (tmp_path / "m.toml").read_bytes() == before
 
 
@@ -329,11 +333,13 @@ def test_a_damaged_model_is_read_or_refused_in_single_lines(
 def test_the_documented_models_load_and_every_number_is_documented(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "model-files.md").read_text(encoding="utf-8")
     (tmp_path / "postpro.ini").write_text("x")
-    built_in, external = [
+    built_in, external, around = [
         load(tmp_path, block) for block in re.findall(r"```toml\n((?!\[\[effects).*?)```", text, re.DOTALL)
     ]
     assert [effect.name for effect in built_in.effects] == ["signal_gain", "range_offset"]
     assert external.external is not None
+    assert [one.name for one in around.external.parameters] == ["dead_ns"]
+    assert around.sensor.stands_for("dead_time")
     for name, (low, high, *_) in SpadArray.bounds.items():
         high_text = "1e9" if high == 1e9 else f"{high:.0f}"
         assert f"| `{name}` | {low:g} to {high_text}" in text

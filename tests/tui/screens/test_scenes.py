@@ -202,13 +202,21 @@ def test_a_choice_of_effects_is_read_as_it_was_kept(bench):
     assert [offer.words for offer in offers][:3] == ["in the model", "in the model", "with typical parameters"]
 
 
-def test_a_model_without_effects_to_choose_from_says_so(bench):
-    (bench / "models/SMART.toml").write_text('[external]\ncommand = ["true", "{ideal}", "{scan}"]\n')
+def test_around_a_program_what_it_cannot_have_says_why():
+    from lidarcheck.config.schema import LineIndex
+    from lidarcheck.model.files.model_file import model_of
+
+    model = model_of({"external": {"command": ["true", "{ideal}", "{scan}"]}}, LineIndex(Path("model.toml")))
+    offers = {offer.name: offer for offer in offers_of(model, Effects())}
+    inside = [offer.words for offer in offers.values() if not offer.able]
+    assert "it acts inside the program, and no number of [external.parameters] stands for it" in inside
+    assert offers["dropout"].able
+
+
+def test_a_model_that_is_none_says_so(bench):
     (bench / "models/SLIM.toml").unlink()
 
     async def do(app, pilot, view):
-        await pilot.press("f")
-        await says(app, pilot, "is an external model: it has no effects to choose from")
         (bench / "models/SMART.toml").write_text("variant = 7\n")
         await pilot.press("f")
         await says(app, pilot, "models/SMART.toml")
