@@ -1,0 +1,39 @@
+"""`explain` around a sensor model that is not ours: the compiled example, which knows nothing of what hides around it."""
+
+import shutil
+
+import pytest
+
+from hidden.around.cases import write_case
+from hidden.foreign.orders import CaseOrder
+from lidarcheck.cases.case import load_case
+from lidarcheck.errors import InputError
+from lidarcheck.explain.workflow import check_floor, explain
+from own_models_kit import COMPILED
+
+pytestmark = [
+    pytest.mark.usefixtures("trusting"),
+    pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler cc on this machine"),
+]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["walk_error", "retro_ghost"])
+def test_what_hides_around_it_is_named(name, tmp_path):
+    write_case(CaseOrder(1, "single", 1001, (name,), "medium", COMPILED, "street"), tmp_path / "case")
+    found = explain(load_case(tmp_path / "case"), seed=0)
+    assert found.verdict == "explained"
+    assert [finding.name for finding in found.findings] == [name]
+    inside = "it acts inside the program, and no number of [external.parameters] stands for it"
+    assert found.not_testable["crosstalk"] == inside
+    assert "threshold" not in found.not_testable, "a number of the program stands for it"
+    assert found.not_testable["fog"] == "[external] names no scatter_material for what the air sends back"
+
+
+def test_a_program_that_ignores_its_seed_has_no_floor(tmp_path):
+    write_case(CaseOrder(1, "null", 1001, (), "medium", COMPILED, "street"), tmp_path / "case", frames=3)
+    model = tmp_path / "case" / "model.toml"
+    model.write_text(model.read_text().replace(', "Seed", "Frame"]', "]"))
+    with pytest.raises(InputError, match=r"model\.toml: the program ignores its seed") as caught:
+        check_floor(load_case(tmp_path / "case"))
+    assert "let it draw its noise from {seed}" in str(caught.value)
