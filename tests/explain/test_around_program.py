@@ -1,4 +1,4 @@
-"""`explain` around a sensor model that is not ours: the compiled example, which knows nothing of what hides around it."""
+"""`explain` around the compiled example, a sensor model that is not ours and knows nothing of what hides around it."""
 
 import shutil
 

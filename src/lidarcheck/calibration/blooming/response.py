@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.scan import Light, PulseShape, Scan
-from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Sensor, SpadArray
+from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, Program, Sensor, SpadArray
 
 __all__ = ["FEATURES", "GATE_M", "Response", "Responses", "bin_length_m", "response_of", "strongest_echoes"]
 
@@ -168,25 +168,31 @@ def response_of(
     known = np.flatnonzero(np.isfinite(mean[:, 0]))
     nearest = known[np.abs(np.arange(len(levels))[:, None] - known).argmin(axis=1)]
     mean, variance = mean[nearest], variance[nearest]
-    detected = np.asarray((count + 0.5) / (_BEAMS + 1.0), dtype=np.float64)
+    detected = np.asarray((count + 0.5) / (_beams(sensor) + 1.0), dtype=np.float64)
     return Response(levels, mean, variance, detected)
+
+
+def _beams(sensor: Sensor) -> int:
+    """Beams of each level: a program has no more than the sensor has points."""
+    return min(_BEAMS, sensor.beams.points) if isinstance(sensor, Program) else _BEAMS
 
 
 def _ladder(levels: FloatArray, sensor: Sensor, shape: PulseShape | None, within: tuple[float, ...]) -> Light:
     """A beam for each level (its layer) and position within a bin (its point)."""
-    n = len(levels) * _BEAMS
+    beams = _beams(sensor)
+    n = len(levels) * beams
     counts = SpadArray.narrow(sensor.nominal)
     bin_m = bin_length_m(counts)
-    beam = np.arange(_BEAMS)
-    place = np.asarray(within)[beam % len(within)] if within else (beam + 0.5) / _BEAMS
+    beam = np.arange(beams)
+    place = np.asarray(within)[beam % len(within)] if within else (beam + 0.5) / beams
     first_m = bin_m * np.floor(_range_m(counts) / bin_m)
     return Light(
-        layer=np.repeat(np.arange(len(levels)), _BEAMS),
-        point=np.tile(np.arange(_BEAMS), len(levels)),
+        layer=np.repeat(np.arange(len(levels)), beams),
+        point=np.tile(np.arange(beams), len(levels)),
         background_per_ns=np.full(n, sensor.background_per_ns),
         first_pulse=np.arange(n + 1),
         pulse_range_m=first_m + bin_m * np.tile(place, len(levels)),
-        pulse_signal=np.repeat(10.0**levels, _BEAMS),
+        pulse_signal=np.repeat(10.0**levels, beams),
         shape=shape,
     )
 
