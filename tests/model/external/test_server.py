@@ -127,7 +127,7 @@ BAD = [
         "answered request 0 when 1 was asked; let it answer each request, with its id, before it reads the next",
     ),
     ({"answer": "say({'ok': 1})"}, 'answered with the keys ok; let it answer {"id": N}'),
-    ({"answer": f"{ANSWER}; say({{'id': 2}}); time.sleep(0.2)"}, "wrote to its standard output what nobody asked for"),
+    ({"answer": 'print(\'{"id": 1}\\n{"id": 2}\', flush=True)'}, "wrote to its standard output what nobody asked"),
     ({"answer": "say({'id': 1, 'error': 'no licence\\nleft'})"}, "refused a run: no licence\\nleft"),
     ({"run": "pass"}, "wrote no scan; let it write its echoes to {scan}"),
     ({"run": "open(run['scan'], 'w').write('X Y Z\\n1 2\\n')"}, "wrote a malformed scan: "),
@@ -150,6 +150,7 @@ def test_what_a_server_must_not_do(piece, said, server, tmp_path):
     assert line.startswith("error: the external model ")
     assert said in line
     assert line.isprintable()
+    residents.end_all()
     assert all(gone(int(pid)) for pid in lines(tmp_path / "started"))
 
 
@@ -164,6 +165,14 @@ def test_one_that_reads_nothing_is_killed(server):
     external = server(f"{GREETING}; time.sleep(60)", timeout_s=2.0)
     many = {f"number_{index}": 1.0 for index in range(5000)}  # more than a pipe holds
     assert "took longer than 2 s" in refusal(external, Request(IDEAL, parameters=many))
+
+
+def test_one_that_refused_a_run_goes_on(server, tmp_path):
+    refused = "say({'id': asked['id'], 'error': 'no licence'}) if run['seed'] == 1 else " + ANSWER
+    external = server(answer=refused)
+    assert "refused a run: no licence" in refusal(external, Request(IDEAL, 1))
+    assert run_requests(external, [Request(IDEAL, 2)])[0].peak[0] == 2
+    assert len(lines(tmp_path / "started")) == 1
 
 
 def test_after_a_death_the_next_run_gets_a_fresh_one(server, tmp_path):

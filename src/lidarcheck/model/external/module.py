@@ -52,9 +52,9 @@ class ModuleProcess:
         return self._child.group
 
     @property
-    def runs(self) -> bool:
-        """Whether it has not ended."""
-        return self._child.wait(0.0) is None
+    def ready(self) -> bool:
+        """Whether it has not ended and owes no answer."""
+        return self._answered and self._child.wait(0.0) is None
 
     def end(self, *, gently: bool = False) -> None:
         """Let it be gone, with all that it started."""
@@ -74,6 +74,7 @@ class ModuleProcess:
             "ini": None if self._external.ini is None else str(self._external.ini),
             "parameters": {name: float(value) for name, value in request.parameters.items()},
         }
+        self._answered = False
         self._pipe.send(module_worker.packed(asked, sent(request).columns), self._external.timeout_s)
         return echoes_of_table(Table(self._answer()), self._external, sensor, last_words(self._child.log))
 
@@ -82,11 +83,13 @@ class ModuleProcess:
         seconds = self._external.timeout_s
         answer = json.loads(self._pipe.line(seconds))
         if "error" in answer:
+            self._answered = True
             raise self._raised(answer)
         columns = {}
         for name, kind, rows in answer["columns"]:
             dtype = np.dtype(kind)
             columns[name] = np.frombuffer(self._pipe.take(rows * dtype.itemsize, seconds), dtype)
+        self._answered = True
         return columns
 
     def _raised(self, answer: Mapping[str, Any]) -> ExternalModelError:

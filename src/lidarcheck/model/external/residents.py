@@ -34,8 +34,8 @@ class Resident(Protocol):
         """Its process group."""
 
     @property
-    def runs(self) -> bool:
-        """Whether it has not ended."""
+    def ready(self) -> bool:
+        """Whether it has not ended and owes no answer."""
 
     def run(self, requests: Sequence[Request], sensor: Sensor | None) -> list[Scan]:
         """The echoes of at most `batch` requests. After an error it may be of no more use."""
@@ -60,7 +60,8 @@ _lock = threading.Lock()
 def lent(external: External, start: Callable[[External, Groups], Resident], groups: Groups) -> Iterator[Resident]:
     """One that runs the model as its files are now, for the block alone; started where none waits.
 
-    After an error it is ended, and the next block gets a fresh one: a request says all that its answer may depend on.
+    Where an error leaves it with a question that it has not answered it is ended, and the next block gets a fresh one:
+    a request says all that its answer may depend on.
     """
     key = _Key(repr(external), hash_of(external))
     resident = _taken(key)
@@ -69,12 +70,12 @@ def lent(external: External, start: Callable[[External, Groups], Resident], grou
     groups.add(resident.group)
     try:
         yield resident
-    except BaseException:
-        resident.end()
-        raise
     finally:
         groups.discard(resident.group)
-    _put_back(key, resident)
+        if resident.ready:
+            _put_back(key, resident)
+        else:
+            resident.end()
 
 
 def _taken(key: _Key) -> Resident | None:
@@ -83,10 +84,10 @@ def _taken(key: _Key) -> Resident | None:
     with _lock:
         for entry in reversed(_idle[:]):
             own, resident = entry
-            if own == key and found is None and resident.runs:
+            if own == key and found is None and resident.ready:
                 found = resident
                 _idle.remove(entry)
-            elif (own.external == key.external and own.text != key.text) or not resident.runs:
+            elif (own.external == key.external and own.text != key.text) or not resident.ready:
                 stale.append(resident)
                 _idle.remove(entry)
     _end(stale)

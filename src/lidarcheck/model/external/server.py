@@ -57,6 +57,7 @@ class Server:
             stack.callback(self._child.end)
             self._pipe = Pipe(self._child, external)
             self.batch = self._greeted()
+            self._answered = True
             self._stack = stack.pop_all()
 
     @property
@@ -65,9 +66,9 @@ class Server:
         return self._child.group
 
     @property
-    def runs(self) -> bool:
-        """Whether it has not ended."""
-        return self._child.wait(0.0) is None
+    def ready(self) -> bool:
+        """Whether it has not ended and owes no answer."""
+        return self._answered and self._child.wait(0.0) is None
 
     def end(self, *, gently: bool = False) -> None:
         """Let it be gone, with all that it started; `gently`: it may end by itself when its input ends."""
@@ -105,6 +106,7 @@ class Server:
     def _ask(self, number: int, runs: list[dict[str, Any]]) -> None:
         """Send a request and wait for its answer."""
         seconds = self._external.timeout_s * len(runs)
+        self._answered = False
         self._pipe.send(json.dumps({"id": number, "runs": runs}).encode() + b"\n", seconds)
         answer = self._object(self._pipe.line(seconds), _NOISE)
         if set(answer) - {"id", "error"} or "id" not in answer:
@@ -112,10 +114,11 @@ class Server:
         if answer["id"] != number:
             what = f"answered request {printable(str(answer['id']))[:40]} when {number} was asked"
             raise self._failure(what, "let it answer each request, with its id, before it reads the next")
-        if "error" in answer:
-            raise self._failure(f"refused a run: {printable(str(answer['error']))[:200]}", "")
         if self._pipe.waiting:
             raise self._failure("wrote to its standard output what nobody asked for", _NOISE)
+        self._answered = True
+        if "error" in answer:
+            raise self._failure(f"refused a run: {printable(str(answer['error']))[:200]}", "")
         while len(self._ideals) > _KEPT_IDEALS:
             self._ideals.pop(next(iter(self._ideals)))[1].unlink(missing_ok=True)
 
