@@ -18,6 +18,7 @@ from lidarcheck.beams import Geometry
 from lidarcheck.cases.checks import compared_scene, frame_fault, swapped
 from lidarcheck.cases.frame import FEWEST_FRAMES, Frame
 from lidarcheck.cases.origin import CAST, Origin, OriginKeys, Part, origin_faults, origin_of
+from lidarcheck.cases.weak_rays import without_weak_rays
 from lidarcheck.config.schema import LineIndex, PathText, validate
 from lidarcheck.errors import ConfigError, InputError, LidarcheckError
 from lidarcheck.formats.config import parse_toml
@@ -240,6 +241,7 @@ def _frames(
         surface_signal(ideal, model)  # names a material without an entry
         frames.append(Frame(number, ideal, measured, entry.time, part=entry.part or "", origin=origin))
     sound = []
+    frames = without_weak_rays(frames) if origin.source == "repeats" else frames
     for frame in frames:
         entry = table.frames[frame.number]
         fault = frame_fault(frame, frames, model, directory / entry.ideal, directory / entry.measured)
