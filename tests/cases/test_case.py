@@ -10,6 +10,7 @@ import pytest
 from explain_kit import ideal_scan, write_case
 from lidarcheck.beams import Fired
 from lidarcheck.cases.case import load_case
+from lidarcheck.cli import main
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 
@@ -48,6 +49,25 @@ def test_a_case_is_read(case):
     assert loaded.model_file == case / "model.toml"
     assert set(loaded.hashes) == {"case.toml", "model.toml", *(f"{a}{k}.txt" for a in "im" for k in range(6))}
     assert all(path.is_file() for path in loaded.files)
+
+
+def test_frames_of_a_recording_are_measured_frames_of_a_case(case):
+    (case / "measured").mkdir()
+    for k in range(6):
+        shutil.move(case / f"m{k}.txt", case / "measured" / f"m{k}.txt")
+    assert main(["convert", str(case / "measured"), str(case / "drive.bag"), "--quiet"]) == 0
+    scan = load_scan(case / "measured/m2.txt")
+    shutil.rmtree(case / "measured")
+    for k in range(6):
+        edit(case / "case.toml", f'"m{k}.txt"', f'"drive.bag#/points@{k}"')
+    loaded = load_case(case)
+    assert loaded.left_out == {}
+    assert {"drive.bag", "i2.txt"} < set(loaded.hashes)
+    assert len(loaded.hashes) == 9
+    measured = loaded.frames[2].measured
+    assert np.array_equal(measured.range_m, scan.range_m)
+    assert np.array_equal(measured.area, scan.area)
+    assert np.array_equal(measured.layer, scan.layer)
 
 
 def test_the_file_itself_will_do(case):
