@@ -239,6 +239,14 @@ def test_clouds_in_their_sensors_frame_are_not_transformed(tmp_path):
     )
 
 
+def test_a_bag_of_several_files_has_its_transforms_in_the_first(tmp_path):
+    first = transformed(tmp_path, "base_link")
+    second = write_ros2(tmp_path / "more", clouds(2, frame="base_link")).rename(first.with_name("of_base_link_1.mcap"))
+    frames = frames_in(first.parent)
+    assert [frame.path for frame in frames] == [first, first, second, second]
+    assert frames[2].read().columns["y"] == pytest.approx(1.0 - columns(40, 0)["x"].astype(float))
+
+
 def test_what_no_transform_tells_is_said(tmp_path):
     two = transforms_message([("base_link", f"lidar_{n}", (1, int(n), 0), (0, 0, 0, 1)) for n in "12"])
     bag = opened(transformed(tmp_path, "base_link", two))

@@ -204,12 +204,28 @@ def _look_into(opened: _Bag) -> None:
     _, said = known_fields(first.columns)
     notes += [f"read {words}" for words in said]
     tree = transforms.Tree()
+    if first.frame.lstrip("/") in transforms.VEHICLE_FRAMES or chosen().frame:
+        for part in [bag, *_other_parts(bag)]:
+            _read_static(tree, part)
+    opened.turn, words = _turn(tree, opened.frame, bag.path)
+    opened.notes = tuple([*notes, words] if words else notes)
+
+
+def _read_static(tree: transforms.Tree, bag: Container) -> None:
+    """Add the static transforms of a bag's file."""
     for topic in bag.of_kind(*TRANSFORMS):
         if topic.name.rstrip("/").endswith("tf_static"):
             for place in bag.places.get(topic.number, []):
                 transforms.read_transforms(tree, bag.message(place), topic.encoding, bag.path)
-    opened.turn, words = _turn(tree, opened.frame, bag.path)
-    opened.notes = tuple([*notes, words] if words else notes)
+
+
+def _other_parts(bag: Container) -> list[Container]:
+    """The other files of a ROS 2 bag that was recorded into several: its first one alone has the static transforms."""
+    folder, suffix = bag.path.parent, bag.path.suffix
+    if not (folder / "metadata.yaml").is_file() or suffix not in (".mcap", ".db3"):
+        return []
+    others = sorted(path for path in folder.glob(f"*{suffix}") if path.name != bag.path.name)
+    return [open_container(path, suffix[1:]) for path in others]
 
 
 def _turn(tree: transforms.Tree, frame: str, path: Path) -> tuple[tuple[FloatArray, FloatArray] | None, str]:
