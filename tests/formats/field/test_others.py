@@ -138,6 +138,18 @@ def test_e57_gives_a_frame_for_each_scan(tmp_path):
         opened(tmp_path / "c.e57")
 
 
+def test_entities_in_the_xml_of_an_e57_are_refused_before_it_is_opened(tmp_path):
+    path = write_e57(tmp_path / "a.e57")
+    content = bytearray(path.read_bytes())
+    start, size = struct.unpack_from("<QQ", content, 24)
+    end = start // 1024 * 1024 + 1020
+    assert end - start < size
+    content[end - 4 : end], content[end + 4 : end + 9] = b"<!DO", b"CTYPE"  # a checksum stands between
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="the E57 file's XML defines entities; export it again, without them"):
+        opened(path)
+
+
 def turn_of_64(columns=50):
     """Rings from the top, each a turn to the left, as KITTI's files run."""
     elevation = np.deg2rad(np.repeat(np.linspace(2, -24.8, 64), columns))
