@@ -21,6 +21,7 @@ from lidarcheck.formats.recognise import FORMATS
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.reading import reading
 from lidarcheck.sensor import Sensor
+from lidarcheck.trust.program_text import module_files, program_files
 
 __all__ = ["PARTS", "CaseFrame", "CaseKeys", "case_files", "frame_file", "frame_times", "parts_of"]
 
@@ -78,7 +79,7 @@ def case_files(frames: Sequence[CaseFrame], model: Path, keys: CaseKeys, *, link
 
     Files of one frame are copied as they are, or with `link` get a second name; frames of a file of several are written
     as Parquet. One ideal scan of several frames stands there once. The model brings the files that it names. The last
-    is `case.toml`. `InputError` for a model that names files elsewhere, or whose program cannot be brought along.
+    is `case.toml`. `InputError` for a model that names files elsewhere.
     """
     files = _model_files(model, link)
     entries: list[dict[str, Any]] = []
@@ -134,29 +135,30 @@ def _brought(source: Path, link: bool, target: Path) -> None:
             raise InputError(f"cannot get a second name: {error.strerror or error}", file=source, fix=fix) from error
         return
     try:
-        shutil.copyfile(real, target)
+        shutil.copy(real, target)
     except OSError as error:
         raise InputError(f"cannot be copied: {error.strerror or error}", file=source, fix="is it there?") from error
 
 
 def _model_files(model: Path, link: bool) -> _Files:
-    """The model and the files that it names, at the same places from it as before."""
+    """The model and the files that it names, a program with its text, at the same places from it as before."""
     with reading() as read:
         loaded = load_model(model)
-    if loaded.external is not None:
-        what = "the model is a program, which is not copied into a case"
-        raise InputError(what, file=model, fix="make the directory by hand, with the program in it")
     home = Path(os.path.realpath(model)).parent
     ours = Path(os.path.realpath(__file__)).parents[1]
     files: _Files = {}
-    for name in read.files:
-        path = Path(name)
+    program: set[Path] = set()
+    if loaded.external is not None:
+        program = {*program_files(loaded.external), *module_files(loaded.external).values()}
+        # An interpreter, or what else is named from the root, stays where it is.
+        program -= {path for path in program if str(path) in loaded.external.command}
+    for path in sorted({*map(Path, read.files), *(Path(os.path.realpath(path)) for path in program)}):
         if path.is_relative_to(ours) or not path.is_file():
             continue
         if not path.is_relative_to(home):
             fix = "move it beside the model, and name it there"
             raise InputError(f"the model names {path}, which is not below its folder", file=model, fix=fix)
-        files[path.relative_to(home).as_posix()] = (name, partial(_brought, path, link))
+        files[path.relative_to(home).as_posix()] = (str(path), partial(_brought, path, link))
     if CASE_FILE in files or model.name == CASE_FILE:
         raise InputError(f"the model needs a file {CASE_FILE}", file=model, fix="give it another name")
     return files

@@ -18,7 +18,7 @@ from lidarcheck.formats.recognise import FORMATS, recognise
 from lidarcheck.trust.module_text import module_place
 from lidarcheck.trust.places import project_of
 
-__all__ = ["Program", "hash_of", "module_files", "named_paths"]
+__all__ = ["Program", "hash_of", "module_files", "named_paths", "program_files"]
 
 NOT_PROGRAM = frozenset({".lidarcheck", ".git", "__pycache__"})
 _RESULTS = frozenset({"report.html", "report.json", "result.json"})
@@ -65,15 +65,19 @@ def hash_of(program: Program) -> str:
     cannot be read, `ExternalModelError` for a module that is not there.
     """
     place = program.directory
-    files = {path for path in named_paths(program) if _kind(path) == stat.S_IFREG}
-    folders = set() if program.module else _folders(program)
-    text = {path for folder in folders for path in _program_text(folder, _project(program))}
-    parts = {os.path.relpath(path, place): _digest(path) for path in files | text}
+    parts = {os.path.relpath(path, place): _digest(path) for path in program_files(program)}
     parts |= {name: _digest(path) for name, path in module_files(program).items()}
     document = {"table": _table(program), "files": parts}
     return hashlib.sha256(
         json.dumps(document, sort_keys=True, default=dataclasses.asdict).encode("utf-8", "surrogateescape")
     ).hexdigest()
+
+
+def program_files(program: Program) -> set[Path]:
+    """The files that a command names, and the program text around these; see `hash_of`."""
+    files = {path for path in named_paths(program) if _kind(path) == stat.S_IFREG}
+    folders = set() if program.module else _folders(program)
+    return files | {path for folder in folders for path in _program_text(folder, _project(program))}
 
 
 def module_files(program: Program) -> dict[str, Path]:

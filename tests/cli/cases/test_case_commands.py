@@ -3,6 +3,7 @@
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from explain_kit import MODEL, ideal_scan, write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.cli import main
 from lidarcheck.effects.base import catalogue
-from lidarcheck.formats import load_scan, save_ideal, save_scan
+from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.model import load_model, simulate
 
 FRAMES = 4
@@ -103,6 +104,20 @@ def test_the_model_brings_what_it_names(here):
     assert Path("case/parts/mine.toml").samefile("parts/mine.toml")
 
 
+def test_a_program_comes_with_its_text_and_its_right_to_run(here):
+    Path("own").mkdir()
+    Path("own/sim.py").write_text("import helper\n", encoding="utf-8")
+    Path("own/helper.py").write_text("", encoding="utf-8")
+    Path("own/run.sh").write_text("#!/bin/sh\nexec python3 sim.py\n", encoding="utf-8")
+    Path("own/run.sh").chmod(0o755)
+    Path("own/model.toml").write_text('[external]\ncommand = ["./run.sh", "{ideal}", "{scan}"]\n', encoding="utf-8")
+    assert main([*MAKE.replace("model.toml", "own/model.toml").split(), "-q"]) == 0
+    assert {path.name for path in Path("case").iterdir() if path.is_file()} == {
+        "case.toml", "model.toml", "run.sh", "sim.py", "helper.py"
+    }  # fmt: skip
+    assert Path("case/run.sh").stat().st_mode & 0o111
+
+
 WRONG = {
     MAKE.replace("ideals", "none"): "error: none",
     MAKE.replace(
@@ -179,3 +194,16 @@ def test_a_case_that_cannot_be_read_is_not_checked(tmp_path, capsys):
     save_scan(scan.take(np.zeros(0, dtype=int)), case / "m1.txt")
     assert main(["case", "check", str(case)]) == 2
     assert capsys.readouterr().err.count("error: ") == 1
+
+
+def test_a_case_whose_beams_all_meet_edges_is_one_line(tmp_path, capsys):
+    case = write_case(tmp_path / "case", frames=3)
+    for k in range(3):
+        ideal = load_ideal(case / f"i{k}.txt")
+        save_ideal(replace(ideal, extra={"Edge": np.ones(len(ideal), dtype=np.int32)}), case / f"i{k}.txt")
+    text = (case / "case.toml").read_text()
+    (case / "case.toml").write_text('ideals_from = "map"\n' + text)
+    assert main(["case", "check", str(case), "-q"]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error")]
+    assert len(lines) == 1
+    assert "no beam can be judged: each meets an edge" in lines[0]
