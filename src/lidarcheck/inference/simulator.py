@@ -9,6 +9,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.cases.frame import Frame
+from lidarcheck.errors import InputError
 from lidarcheck.inference.covariance import metrics, nuisances, shuffled
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import Nuisance
@@ -53,6 +54,10 @@ class Simulator:
         self.seeds = seeds
         self._simulations = Simulations(frames, model, seed)
         self.beams: BeamTable = beams_of([f.ideal for f in frames], model)
+        if not len(self.beams):
+            what = "no beam can be judged: each meets an edge, or nobody knows what"
+            fix = "is it the ideal scan of the sensor that measured?"
+            raise InputError(what, file=frames[0].ideal.file or None, fix=fix)
         names = {i: m.name for i, m in model.materials.items()}
         base = mapped(lambda k: self.observations(model, _FIRST_EXPECTATION + k), range(EXPECTATION_SEEDS))
         drawn = mapped(lambda k: self.observations(model, _FIRST_FLOOR + k), range(FLOOR_SEEDS))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from lidarcheck.arrays import FloatArray
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.assign.cloud import Cloud, clouds_of
 from lidarcheck.formats.guess.check import ScanCheck, check_scan
@@ -16,7 +19,7 @@ from lidarcheck.sensor import Sensor, SpadArray, shipped, shipped_names
 __all__ = ["known_sensors"]
 
 _FITS = ("fits", "warning", "elevations fit")
-_LEAST_DEG, _STEP = 0.01, 0.05
+_LEAST_DEG, _SAME, _STEP = 0.01, 0.3, 0.05
 """By so much of it another sensor's columns differ from the sensor's, at least."""
 
 
@@ -58,25 +61,35 @@ def _by_saturation(names: Sequence[str], table: Table) -> Sequence[str]:
 
 
 def _may_fit(cloud: Cloud, sensor: Sensor) -> bool:
-    """Whether elevations and columns are about the sensor's: to look for what would make others fit takes seconds."""
-    if cloud.layer is None or cloud.point is None:
+    """Whether elevations and columns are about the sensor's: to look for what would make others fit takes seconds, and
+    elevations alone fit many a sensor."""
+    line = cloud.layer if cloud.layer is not None else cloud.ring
+    if line is None:
         return True
-    layer, point = cloud.layer.astype(np.int64), cloud.point.astype(np.int64)
-    if not sensor.beams.has(layer, point).all():
+    if int(line.max()) - min(int(line.min()), 0) >= sensor.beams.layers:
         return False
     x, y, z = cloud.position.T
-    elevation = np.rad2deg(np.arctan2(z, np.hypot(x, y)))
-    own, spacing = sensor.beams.angles_deg(layer, point)[0], sensor.beams.spacing_deg(layer, point)
-    if float(np.median(np.abs(elevation - own) / np.maximum(spacing[0], _LEAST_DEG))) > 1.0:
-        return False
-    order = np.lexsort((point, layer))
-    turned = np.diff(np.rad2deg(np.arctan2(y, x))[order])
-    columns = np.diff(point[order])
-    beside = (np.diff(layer[order]) == 0) & (columns == 1) & (np.abs(turned) < 90.0)
-    if not beside.any():
-        return True
-    step = float(np.median(np.abs(turned[beside])))
-    return abs(step / float(np.median(spacing[1])) - 1.0) <= _STEP
+    if cloud.layer is not None:
+        elevation = np.rad2deg(np.arctan2(z, np.hypot(x, y)))
+        layer, first = line.astype(np.int64), np.zeros(len(line), dtype=np.int64)
+        own, spacing = sensor.beams.angles_deg(layer, first)[0], sensor.beams.spacing_deg(layer, first)[0]
+        if float(np.median(np.abs(elevation - own) / np.maximum(spacing, _LEAST_DEG))) > 1.0:
+            return False
+    own_step = float(np.abs(sensor.beams.spacing_deg(np.zeros(1, dtype=int), np.zeros(1, dtype=int))[1][0]))
+    step = _step_deg(np.rad2deg(np.arctan2(y, x)), line, cloud.point, _SAME * own_step)
+    return step is None or abs(step / own_step - 1.0) <= _STEP
+
+
+def _step_deg(
+    azimuth_deg: FloatArray, line: npt.NDArray[Any], point: npt.NDArray[Any] | None, same_deg: float
+) -> float | None:
+    """From column to column by neighbouring rays of one line, those nearer than `same_deg` being one ray's echoes; None
+    where none are beside each other."""
+    order = np.lexsort((azimuth_deg, line))
+    apart, beside = np.diff(azimuth_deg[order]), np.diff(line[order]) == 0
+    columns = np.ones(len(apart)) if point is None else np.abs(np.diff(point[order].astype(np.int64)))
+    beside &= (apart > same_deg) & (columns > 0)
+    return float(np.median(apart[beside] / columns[beside])) if beside.any() else None
 
 
 def _has_features(sensor: Sensor, table: Table) -> bool:
