@@ -5,19 +5,24 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
+from lidarcheck.arrays import IndexArray
 from lidarcheck.cases.case import CASE_FILE
-from lidarcheck.cases.source import FrameFile
+from lidarcheck.cases.dataset import load_dataset
+from lidarcheck.cases.source import FrameFile, ideal_of
 from lidarcheck.errors import InputError, UsageError
+from lidarcheck.formats import save_ideal
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.formats.geometry.placement import AS_IT_IS, POSE_NAMES, Placement
 from lidarcheck.formats.recognise import FORMATS
+from lidarcheck.kpi.pairing import beam_keys
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.reading import reading
 from lidarcheck.sensor import Sensor
@@ -65,6 +70,9 @@ def parts_of(counts: Sequence[int], frames: int) -> list[str]:
 def frame_times(frames: Sequence[FrameFile], sensor: Sensor, period_s: float | None = None) -> tuple[list[float], str]:
     """When each frame was measured [s], and how that is known: by the times that tell a file's frames apart, else one
     after another, `period_s` apart, by default as often as the sensor measures."""
+    declared = _declared_times(frames)
+    if declared is not None and period_s is None:
+        return declared, "as the data set has them"
     timed = len(frames) > 1 and all(frame.frames.way == "time" for frame in frames)
     if timed and period_s is None:
         values = [float(frame.value or 0.0) for frame in frames]
@@ -72,6 +80,16 @@ def frame_times(frames: Sequence[FrameFile], sensor: Sensor, period_s: float | N
             return [value - values[0] for value in values], "as their file has them"
     period = 1.0 / sensor.frame_rate_hz if period_s is None else period_s
     return [round(number * period, 9) for number in range(len(frames))], f"{period:g} s apart, in their order"
+
+
+def _declared_times(frames: Sequence[FrameFile]) -> list[float] | None:
+    """The times that a data set says of its frames; None where it does not say all of them."""
+    files = {frame.declared.file for frame in frames if frame.declared is not None}
+    if len(files) != 1 or any(frame.declared is None for frame in frames):
+        return None
+    times = [frame.time_s for frame in load_dataset(files.pop()).frames]
+    known = [time for time in times if time is not None]
+    return known if len(known) == len(frames) == len(times) else None
 
 
 def case_files(frames: Sequence[CaseFrame], model: Path, keys: CaseKeys, *, link: bool = False) -> dict[str, Writer]:
@@ -90,7 +108,7 @@ def case_files(frames: Sequence[CaseFrame], model: Path, keys: CaseKeys, *, link
         entry["time"] = float(frame.time_s)
         if frame.part:
             entry["part"] = frame.part
-        entries.append(entry | _placement(keys.placement))
+        entries.append(entry | _placement(_declared(frame.measured, keys.placement)))
     document = {"model": model.name, **(keys.origin or {}), "frames": entries}
     text = tomli_w.dumps(document)
     return {name: write for name, (_, write) in files.items()} | {CASE_FILE: lambda path: write_text(path, text)}
@@ -110,12 +128,33 @@ def frame_file(frame: FrameFile, *, link: bool = False) -> tuple[str, Writer]:
 def _placed(files: _Files, role: str, frame: FrameFile, link: bool) -> str:
     """The name of a frame's file in the case, which is added to the files unless it is there."""
     own, write = frame_file(frame, link=link)
+    mask = frame.declared.mask if frame.declared is not None and role == _IDEAL else ()
+    if len(mask):
+        own, write = f"{frame.stem}.parquet", partial(_without_mask, frame, np.asarray(mask))
     name, source = f"{role}/{own}", f"{os.path.realpath(frame.path)}#{frame.index}"
     there = files.setdefault(name, (source, write))
     if there[0] != source:
         what = f"is named as {there[0].partition('#')[0]}"
         raise InputError(what, file=str(frame), fix="give the frames different names")
     return name
+
+
+def _declared(frame: FrameFile, given: Placement) -> Placement:
+    """How a measured file lies, as given or as a data set declares it; `InputError` for a unit of its own."""
+    if frame.declared is None:
+        return given
+    if frame.declared.calibration is not None:
+        fix = "make a case of each unit's frames, with a model whose variant is that unit's sensor file"
+        raise InputError("was measured by a unit with a calibration of its own", file=str(frame), fix=fix)
+    return frame.declared.placed(given)
+
+
+def _without_mask(frame: FrameFile, mask: IndexArray, target: Path) -> None:
+    """Write an ideal scan in which nobody knows what the masked beams meet, so that they are never judged."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    ideal = ideal_of(replace(frame, declared=None), frame.declared.own_sensor if frame.declared else None)
+    masked = np.isin(beam_keys(ideal.layer, ideal.point), mask)
+    save_ideal(replace(ideal, distance_m=np.where(masked, np.nan, ideal.distance_m)), target)
 
 
 def _written(frame: FrameFile, target: Path) -> None:

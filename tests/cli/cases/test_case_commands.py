@@ -104,6 +104,24 @@ def test_the_model_brings_what_it_names(here):
     assert Path("case/parts/mine.toml").samefile("parts/mine.toml")
 
 
+def test_what_a_data_set_declares_comes_along(here):
+    lines = ['[dataset]\nmask = "mask.csv"']
+    for k in range(FRAMES):
+        one = [f'measured = "real/drive_{k:02d}.txt"', f'ideal = "ideals/drive_{k:02d}.parquet"', f"time = {3 * k}.5"]
+        lines += ["[[frames]]", *one, "pose = {z_m = 0.0, yaw_deg = 360.0}"]
+    Path("dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    Path("mask.csv").write_text("Layer,Point\n255,480\n255,481\n", encoding="utf-8")
+    words = "case make --measured dataset.toml --ideal dataset.toml --model model.toml --out case -q"
+    assert main(words.split()) == 0
+    document = tomllib.loads(Path("case/case.toml").read_text())
+    assert [frame["time"] for frame in document["frames"]] == [0.5, 3.5, 6.5, 9.5]
+    assert document["frames"][0]["pose"]["yaw_deg"] == 360.0
+    case = load_case("case")
+    before = ideal_scan(2)
+    assert len(case.frames[2].ideal) == len(before) - 2
+    assert not ((case.frames[2].measured.layer == 255) & (case.frames[2].measured.point == 480)).any()
+
+
 def test_a_program_comes_with_its_text_and_its_right_to_run(here):
     Path("own").mkdir()
     Path("own/sim.py").write_text("import helper\n", encoding="utf-8")

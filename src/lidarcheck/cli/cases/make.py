@@ -141,7 +141,8 @@ def _pairs(measured: Sequence[Path], ideal: Sequence[Path]) -> list[tuple[FrameF
     from lidarcheck.cases.partners import paired
     from lidarcheck.cases.source import each_frame
 
-    mine, theirs = ([frame for group in each_frame(given) for frame in group] for given in (measured, ideal))
+    mine = [frame for group in each_frame(measured) for frame in group]
+    theirs = [frame for group in each_frame(ideal, "ideal") for frame in group]
     if len(theirs) == 1:
         return [(frame, theirs[0]) for frame in mine]
     return list(zip(mine, paired(mine, theirs), strict=True))
