@@ -178,3 +178,24 @@ def test_frames_are_split_in_time(count, parts, estimating):
     assert list(found.names) == sorted(found.names, key=["fit", "select", "verify"].index)
     assert len(found.estimating) == estimating
     assert all(frame not in found.others(frame) for frame in range(count))
+
+
+def test_what_a_classifier_is_told_of_a_ray_is_what_stands_beside_it():
+    """On a level floor a whole layer has one distance: in a ray's own, the error of its estimate could be read off."""
+    from types import SimpleNamespace
+
+    from lidarcheck.inference.classifier import _known
+
+    row, column = (a.ravel() for a in np.mgrid[:4, :5])
+    columns = {name: np.full(20, value) for name, value in (("distance_m", 8.0), ("signal", 30.0))}
+    told = []
+    for off in (0.0, 0.02):
+        own = {name: np.where((row == 2) & (column == 2), (1.0 + off) * one, one) for name, one in columns.items()}
+        beams = SimpleNamespace(
+            frame=np.zeros(20, dtype=int), layer=row, point=column, incidence_deg=np.zeros(20), material_id=row, **own
+        )
+        told.append(_known(beams, (row, column), repeated=True))
+    middle = (row == 2) & (column == 2)
+    assert np.array_equal(told[0][middle], told[1][middle])
+    assert not np.array_equal(told[0], told[1])
+    assert told[0][0, :2] == pytest.approx([8.0, np.log1p(30.0)])

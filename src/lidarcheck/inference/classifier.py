@@ -212,12 +212,28 @@ def _pieces(beams: BeamTable, frames: Sequence[Frame]) -> IndexArray | None:
 
 
 def _known(beams: BeamTable, lattice: Sequence[IndexArray], *, repeated: bool) -> FloatArray:
-    """The columns of a beam, shape (n_beams, 6)."""
-    material = np.log1p(beams.signal) if repeated else beams.material_id
+    """The columns of a beam, shape (n_beams, 6).
+
+    Of repeats, distance and signal are those of the beams beside: a beam's own have the error of its estimate in them,
+    which its residuals have too, and where a scene is even that error can be read off.
+    """
     beside = np.log1p(_strongest_beside(beams, *lattice))
-    return np.column_stack([beams.distance_m, material, beams.incidence_deg, beams.layer, beams.point, beside]).astype(
-        np.float64
-    )
+    met: tuple[FloatArray | IndexArray, ...] = (beams.distance_m, beams.material_id)
+    if repeated:
+        met = tuple(_mean_beside(beams, c, *lattice) for c in (beams.distance_m, np.log1p(beams.signal)))
+    return np.column_stack([*met, beams.incidence_deg, beams.layer, beams.point, beside]).astype(np.float64)
+
+
+def _mean_beside(beams: BeamTable, values: FloatArray, row: IndexArray, column: IndexArray) -> FloatArray:
+    """The mean over those of the four beams beside each that meet something, (n_beams,); its own where none does."""
+    shape = (int(beams.frame.max()) + 1, int(row.max()) + 3, int(column.max()) + 3)
+    grid, met = np.zeros(shape), np.zeros(shape)
+    there = beams.distance_m > 0.0
+    at = beams.frame, row + 1, column + 1
+    grid[at], met[at] = np.where(there, values, 0.0), there
+    sides = ((2, 1), (0, 1), (1, 2), (1, 0))
+    total, count = (sum(a[beams.frame, row + up, column + left] for up, left in sides) for a in (grid, met))
+    return np.where(count > 0, total / np.maximum(count, 1.0), values)
 
 
 def _strongest_beside(beams: BeamTable, row: IndexArray, column: IndexArray) -> FloatArray:
