@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 __all__ = ["from_repeats"]
 
 MODEL, SUMMARY, IDEALS = "model.toml", "repeats.json", "ideals"
+_MOST_NAMED = 4
+"""Paths that the next command names one by one."""
 _FRAMES = columns(
     "frame", "part", "repeats", "rays", "known", "edges", "unknown", "occluded",
     right=("repeats", "rays", "known", "edges", "unknown", "occluded"),
@@ -102,7 +105,7 @@ def from_repeats(
         write_result(json, json_text(with_origin(facts)))
     if json != "-":
         emit(_text(facts))
-    _tell(found, out, single)
+    _tell(found, frames, out, single)
     if own is not None and own.effects:
         named = ", ".join(effect.name for effect in own.effects)
         note(f"{model}: {named}: not taken out of the ideal scans; what is constant in time would count twice")
@@ -227,7 +230,7 @@ def _text(facts: dict[str, Any]) -> str:
     return "\n\n".join([*parts, "\n".join(lines)])
 
 
-def _tell(found: Repeats, out: Path, single: bool) -> None:
+def _tell(found: Repeats, given: Sequence[Path], out: Path, single: bool) -> None:
     if found.outside:
         note(f"{found.outside} echoes lie on no beam of the sensor and are left out")
     if single:
@@ -243,7 +246,8 @@ def _tell(found: Repeats, out: Path, single: bool) -> None:
     repeats = min(one.counts.repeats for one in found.ideals)
     fitted = " --laws-from repeats" if found.laws.fitted else ""
     note(f"{out}: {len(found.ideals)} ideal scans, each by {repeats} repeats or more, and {MODEL}; next:")
+    measured = " ".join(shlex.quote(str(path)) for path in given) if len(given) <= _MOST_NAMED else "FRAMES"
     note(
-        f"lidarcheck case make --measured FRAMES --ideal {out / IDEALS} --model {out / MODEL} --ideals-from repeats "
-        f"--repeats {repeats} --parts {','.join(counts)}{fitted} --out CASE"
+        f"lidarcheck case make --measured {measured} --ideal {out / IDEALS} --model {out / MODEL} "
+        f"--ideals-from repeats --repeats {repeats} --parts {','.join(counts)}{fitted} --out CASE"
     )
