@@ -14,7 +14,7 @@ from lidarcheck.arrays import BoolArray, FloatArray
 from lidarcheck.ideals.repeats.laws.loss import fit_loss
 from lidarcheck.ideals.repeats.laws.scatter import fit_noise, fit_range
 from lidarcheck.ideals.repeats.laws.spread import AmplitudeBin, Sample, binned, bins_of, pooled_variance
-from lidarcheck.ideals.repeats.laws.work import Fitted, Work, sample_of
+from lidarcheck.ideals.repeats.laws.work import THRESHOLD, Fitted, Work, sample_of
 from lidarcheck.ideals.repeats.observations import Observations
 from lidarcheck.ideals.repeats.response import LinearResponse, Response
 from lidarcheck.sensor import Feature, Linear, Sensor
@@ -90,7 +90,7 @@ def _begun(seen: Observations, sensor: Linear, feature: Feature | None, free: se
         path = float(np.median(seen.path_m)) if len(seen.path_m) else 1.0
         sensor = replace(sensor, signal_at_1m=100.0 * (path**2 + sensor.near_m**2))
     sensor = replace(sensor, missing=tuple(m for m in sensor.missing if m not in type(sensor).numbers()))
-    if "threshold" in free and feature is not None and len(seen.value):
+    if THRESHOLD in free and feature is not None and len(seen.value):
         low = seen.amplitudes(feature, sensor).low
         sensor = replace(sensor, threshold=float(max(np.quantile(low, 0.002), 0.0)))
     return sensor
@@ -105,7 +105,7 @@ def _near(work: Work) -> float:
         sample, _, _ = sample_of(work.seen, work.feature, tried, work.use)
         low = work.seen.amplitudes(work.feature, tried).high
         response = LinearResponse(tried)
-        lost = float(np.mean(response.margin(low) < -3.0)) if "threshold" not in work.free else 0.0
+        lost = float(np.mean(response.margin(low) < -3.0)) if THRESHOLD not in work.free else 0.0
         scores.append(-np.inf if lost > _MOST_LOST else _likelihood(sample, tried.range_resolution_m))
     score = np.array(scores)
     if not np.isfinite(score).any() or np.ptp(score[np.isfinite(score)]) < _TELLS_NEAR:
@@ -118,7 +118,7 @@ def _near(work: Work) -> float:
     if "signal_at_1m" in work.free:
         work.sensor = replace(work.sensor, signal_at_1m=100.0 * (path**2 + _NEAR_M[best] ** 2))
     work.put("near_m", _NEAR_M[best], ends=ends)
-    if "threshold" in work.free:
+    if THRESHOLD in work.free:
         low = work.seen.amplitudes(work.feature, work.sensor).low
         work.sensor = replace(work.sensor, threshold=float(max(np.quantile(low, 0.002), 0.0)))
     return 0.0

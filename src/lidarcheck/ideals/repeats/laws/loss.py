@@ -10,7 +10,7 @@ from lidarcheck.arrays import BoolArray
 from lidarcheck.ideals.repeats.amplitude import Amplitudes
 from lidarcheck.ideals.repeats.groups import Groups, gap_m, grouped
 from lidarcheck.ideals.repeats.laws.foretold import Lost, fitted_threshold
-from lidarcheck.ideals.repeats.laws.work import Work
+from lidarcheck.ideals.repeats.laws.work import THRESHOLD, Work
 from lidarcheck.ideals.repeats.neighbours import of_surfaces
 from lidarcheck.ideals.repeats.response import LinearResponse
 
@@ -21,7 +21,7 @@ _FEWEST_SEEN = 200
 
 def fit_loss(work: Work, coarse: bool) -> None:
     """Threshold, and the width where amplitudes do not tell it, from hits and misses."""
-    if "threshold" not in work.free or work.feature is None:
+    if THRESHOLD not in work.free or work.feature is None:
         return
     if not work.seen.fired_known:
         _as_seen(work, "the beams that were fired are not known")
@@ -47,14 +47,14 @@ def fit_loss(work: Work, coarse: bool) -> None:
     if least is not None and least[1] > threshold:
         # No shot is seen below the threshold: of very many the least lies just above it.
         threshold, low, high = least[1], least[0], least[2]
-    work.put("threshold", threshold, ends=(low, high))
+    work.put(THRESHOLD, threshold, ends=(low, high))
     if coarse and "signal_at_1m" in work.free and work.feature.law == "calibrated_reflectivity":
         _in_noise(work, wide)
 
 
 def _as_seen(work: Work, why: str) -> None:
     """The threshold with which the fit began, about the least amplitude seen: it may be any below."""
-    work.put("threshold", work.sensor.threshold, ends=(0.0, work.sensor.threshold))
+    work.put(THRESHOLD, work.sensor.threshold, ends=(0.0, work.sensor.threshold))
     work.note(f"{why}: the threshold is the least amplitude seen, and may lie lower")
 
 
@@ -73,9 +73,9 @@ def _least_seen(groups: Groups, amplitudes: Amplitudes, chosen: BoolArray) -> tu
 def _in_noise(work: Work, width: float) -> None:
     """A unit of amplitudes in which the loss law is as wide as the sensor's noise: values alone do not tell it."""
     unit = work.sensor.noise / width
-    old = work.fitted["threshold"]
+    old = work.fitted[THRESHOLD]
     work.sensor = replace(work.sensor, signal_at_1m=work.sensor.signal_at_1m * unit)
-    work.put("threshold", old.value * unit, ends=(old.low * unit, old.high * unit))
+    work.put(THRESHOLD, old.value * unit, ends=(old.low * unit, old.high * unit))
 
 
 def _lost(groups: Groups, amplitudes: Amplitudes, chosen: BoolArray, work: Work) -> Lost:

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.ideals.repeats.laws.spread import AmplitudeBin
-from lidarcheck.ideals.repeats.laws.work import BY_90, Work
+from lidarcheck.ideals.repeats.laws.work import BY_90, THRESHOLD, Work
 from lidarcheck.ideals.repeats.response import LinearResponse
 from lidarcheck.sensor import FWHM_PER_SIGMA, LIGHT_SPEED_M_PER_NS
 
@@ -101,9 +101,9 @@ def _power(work: Work, bins: Sequence[AmplitudeBin]) -> None:
     sensor = work.sensor
     signal = np.array([max(b.amplitude, 1e-12) for b in bins])
     y, freedom = np.array([b.range_sd_m**2 for b in bins]), np.array([float(b.freedom) for b in bins])
-    if "threshold" in work.free and sensor.threshold < _LEAST * float(signal.min()):
+    if THRESHOLD in work.free and sensor.threshold < _LEAST * float(signal.min()):
         # A power of threshold over signal needs one.
-        work.put("threshold", _LEAST * float(signal.min()), ends=(0.0, float(signal.min())))
+        work.put(THRESHOLD, _LEAST * float(signal.min()), ends=(0.0, float(signal.min())))
     threshold = work.sensor.threshold
     if threshold <= 0.0:
         work.note("no power of the threshold describes the scatter of ranges: it is 0")

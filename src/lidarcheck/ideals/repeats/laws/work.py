@@ -15,10 +15,14 @@ from lidarcheck.ideals.repeats.observations import Observations
 from lidarcheck.ideals.repeats.response import response_of
 from lidarcheck.sensor import Feature, Linear, Sensor
 
-__all__ = ["BY_90", "Fitted", "Work", "sample_of"]
+__all__ = ["BY_90", "THRESHOLD", "Fitted", "Work", "sample_of"]
 
 BY_90 = 1.645
 """Standard errors to either end of a 90 % interval."""
+
+
+THRESHOLD = "threshold"
+"""The key of sensor files whose value hits and misses tell."""
 
 
 @dataclass(frozen=True)
