@@ -17,6 +17,7 @@ KINDS = ("comparison", "constant", "arithmetic", "dropped", "swapped")
 SKIPPED = (
     "effects/search",  # what a search must know of an effect
     "effects/base.py",  # how effects are declared, found and described
+    "effects/finding.py",
     "effects/parameters.py",  # bounds and help texts of parameters
     "effects/plugins.py",
     "model/cuda",  # needs a GPU

@@ -8,7 +8,7 @@ from explain_kit import write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.cases.origin import Origin
 from lidarcheck.cases.split import split_frames
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.effects.search import search_spec
 from lidarcheck.errors import LidarcheckError, UsageError
 

@@ -8,7 +8,8 @@ import pytest
 from explain_core_kit import frames, model
 from lidarcheck.cases.frame import Frame
 from lidarcheck.effects import Effect, make
-from lidarcheck.effects.base import Curve, with_role
+from lidarcheck.effects.base import Curve
+from lidarcheck.effects.finding import with_role
 from lidarcheck.inference.kind_distances import apart_by_kind, named_by_kind, unlike_echoes
 from lidarcheck.inference.observed.kinds import KINDS, cells_of, kind_of_cell
 from lidarcheck.inference.observed.observations import Observations

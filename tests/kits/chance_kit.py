@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lidarcheck.effects.base import make
+from lidarcheck.effects.finding import make
 from lidarcheck.kpi.chance.verdict import ChanceTest, Verdict
 from lidarcheck.kpi.compare import compare
 from lidarcheck.model import simulate

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.effects.base import make
+from lidarcheck.effects.finding import make
 from lidarcheck.explain.report.explanation import Candidate, Explanation, Finding, SearchStep, Standout
 from lidarcheck.inference.intervals import Gap, Interval
 from lidarcheck.model.chain import simulate

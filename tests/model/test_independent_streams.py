@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lidarcheck import effects
-from lidarcheck.effects.base import empirical_terms
+from lidarcheck.effects.finding import empirical_terms
 from lidarcheck.model import Model, simulate, streams
 from lidarcheck.model.stages import Run, run_of
 from lidarcheck.scan import IdealScan

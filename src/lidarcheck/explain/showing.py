@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.cases.frame import FEWEST_FRAMES
-from lidarcheck.effects.base import catalogue, find
+from lidarcheck.effects.finding import catalogue, find
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.progress import ignore_progress
 from lidarcheck.explain.report.explanation import Progress, ProgressCallback

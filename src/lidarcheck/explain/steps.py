@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.cases.origin import CAST, Origin
 from lidarcheck.cases.split import Split, Unseen, exchanged, split_frames
-from lidarcheck.effects.base import catalogue, find
+from lidarcheck.effects.finding import catalogue, find
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.against_no_gap import against_no_gap
 from lidarcheck.explain.decision.answer import (

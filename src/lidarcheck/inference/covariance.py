@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import Effect, make, with_role
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make, with_role
 from lidarcheck.inference.metric import Metric
 from lidarcheck.inference.nuisances import (
     GAIN_ERROR,

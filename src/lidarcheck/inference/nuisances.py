@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import STAGES, Effect, make, with_role
+from lidarcheck.effects.base import STAGES, Effect
+from lidarcheck.effects.finding import make, with_role
 from lidarcheck.effects.geometry.surfaces import normals_of
 from lidarcheck.effects.search import search_spec
 from lidarcheck.effects.search.base import GAIN_ERROR, POSE_ERROR_DEG, REFLECTANCE_ERROR

@@ -19,7 +19,8 @@ from lidarcheck.calibration.blooming.workflow import (
     model_side_of,
     rms_of,
 )
-from lidarcheck.effects.base import Curve, make
+from lidarcheck.effects.base import Curve
+from lidarcheck.effects.finding import make
 from lidarcheck.errors import InputError
 from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.formats.lut import load_lut, parse_lut

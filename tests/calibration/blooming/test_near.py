@@ -6,7 +6,7 @@ import pytest
 from lidarcheck.calibration.blooming.fit import FreeLight
 from lidarcheck.calibration.blooming.response import bin_length_m, response_of, strongest_echoes
 from lidarcheck.calibration.blooming.workflow import BloomingMeasurement, calibrate, gather, model_side_of
-from lidarcheck.effects.base import make
+from lidarcheck.effects.finding import make
 from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.formats.lut import parse_lut
 from lidarcheck.model import Model, simulate

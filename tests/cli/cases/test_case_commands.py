@@ -12,7 +12,7 @@ import pytest
 from explain_kit import MODEL, ideal_scan, write_case
 from lidarcheck.cases.case import load_case
 from lidarcheck.cli import main
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.formats import load_ideal, load_scan, save_ideal, save_scan
 from lidarcheck.model import load_model, simulate
 

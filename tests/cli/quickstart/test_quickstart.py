@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lidarcheck.cli import main
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from places import shared_path
 from recording_kit import write_frame, write_recording
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lidarcheck.effects.base import LightEffect, catalogue, parameter
+from lidarcheck.effects.base import LightEffect, parameter
+from lidarcheck.effects.finding import catalogue
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from explain_report_kit import AFTER, MODEL, frames
-from lidarcheck.effects.base import make
+from lidarcheck.effects.finding import make
 from lidarcheck.figures.gap.measure import pictures_of
 from lidarcheck.model.chain import simulate
 from lidarcheck.scan import Scan

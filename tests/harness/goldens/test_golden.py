@@ -12,7 +12,8 @@ import pytest
 
 from harness_fakes import SPECS, Project
 from lidarcheck.effects import catalogue, make
-from lidarcheck.effects.base import Curve, empirical_terms, find
+from lidarcheck.effects.base import Curve
+from lidarcheck.effects.finding import empirical_terms, find
 from lidarcheck.errors import GoldenError, InputError
 from lidarcheck.harness.gate import evidence
 from lidarcheck.harness.gate.seeds import (

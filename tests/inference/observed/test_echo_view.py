@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.cases.frame import Frame
-from lidarcheck.effects.base import catalogue, find
+from lidarcheck.effects.finding import catalogue, find
 from lidarcheck.explain.report.wording import depends_on, place_words
 from lidarcheck.explain.steps import Workflow
 from lidarcheck.figures.gap.measure import pictures_of

@@ -8,7 +8,7 @@ import pytest
 
 from lidarcheck.cli.core.entry import main
 from lidarcheck.effects import make
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.errors import ConfigError, ExternalModelError, UsageError
 from lidarcheck.formats import load_scan, save_ideal
 from lidarcheck.harness.goldens.provenance import parameters_hash

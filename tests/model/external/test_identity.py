@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import make
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scan import IdealScan, Scan
 from waveform_kit import MATERIALS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lidarcheck.effects import make
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.errors import UsageError
 from lidarcheck.model import load_model
 from lidarcheck.model.external.readout import on_lattice, read_out_program

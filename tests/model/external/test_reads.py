@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.errors import ExternalModelError
 from lidarcheck.model import load_model
 from lidarcheck.model.external import reads as module

@@ -16,7 +16,8 @@ from lidarcheck.calibration.blooming.operator import Nodes, light_of_table, node
 from lidarcheck.calibration.blooming.response import FEATURES, Response, response_of
 from lidarcheck.calibration.blooming.target import bright_beams, own_light, target_in_scan
 from lidarcheck.cases.source import Named, ideal_of, scan_of
-from lidarcheck.effects.base import Curve, Effect, make, with_role
+from lidarcheck.effects.base import Curve, Effect
+from lidarcheck.effects.finding import make, with_role
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.lut import Axis, LutFile, LutTable

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.calibration.parameters.parameters import FitParameter, Fitted
+from lidarcheck.calibration.parameters.fitted import FitParameter, Fitted
 from lidarcheck.calibration.parameters.problem import Problem
 from lidarcheck.calibration.parameters.slopes import Slopes
 from lidarcheck.inference.optimiser import INDISTINCT, spectrum

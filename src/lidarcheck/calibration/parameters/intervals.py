@@ -10,8 +10,8 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.descent import polished
 from lidarcheck.calibration.parameters.fit_data import FitReference
+from lidarcheck.calibration.parameters.fitted import FitParameter, Fitted
 from lidarcheck.calibration.parameters.identifiability import open_parameters, warnings_of
-from lidarcheck.calibration.parameters.parameters import FitParameter, Fitted
 from lidarcheck.calibration.parameters.problem import Problem, residual
 from lidarcheck.calibration.parameters.slopes import Slopes, slopes_at
 from lidarcheck.inference.intervals import HALF_WIDTH

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitData, FitReference
-from lidarcheck.calibration.parameters.parameters import FitParameter, with_values
+from lidarcheck.calibration.parameters.fitted import FitParameter
+from lidarcheck.calibration.parameters.parameters import with_values
 from lidarcheck.errors import UsageError
 from lidarcheck.inference.optimiser import Point
 from lidarcheck.model.spec import Model

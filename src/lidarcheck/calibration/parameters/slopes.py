@@ -13,7 +13,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.fit_data import FitReference
-from lidarcheck.calibration.parameters.parameters import FitParameter
+from lidarcheck.calibration.parameters.fitted import FitParameter
 from lidarcheck.calibration.parameters.problem import Problem, first_step
 from lidarcheck.inference.optimiser import without_flips
 

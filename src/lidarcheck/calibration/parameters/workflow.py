@@ -13,11 +13,10 @@ import numpy as np
 from lidarcheck.arrays import FloatArray
 from lidarcheck.calibration.parameters.descent import descend
 from lidarcheck.calibration.parameters.fit_data import FitData
+from lidarcheck.calibration.parameters.fitted import FitParameter, Fitted
 from lidarcheck.calibration.parameters.holdout import is_separable, split_beams, thinned
 from lidarcheck.calibration.parameters.intervals import Estimate, estimate
 from lidarcheck.calibration.parameters.parameters import (
-    FitParameter,
-    Fitted,
     added_effects,
     calibrating,
     free_names,

@@ -82,7 +82,7 @@ def quickstart(
 
 def _laws_alone(work: _Work, facts: dict[str, Any], json: str | None) -> int:
     """The end of what too few frames, or such as show nothing, can give: the laws of range, noise and loss."""
-    from lidarcheck.effects.base import catalogue
+    from lidarcheck.effects.finding import catalogue
 
     count = len(facts["frames"])
     lines = [f"0 of {len(catalogue())} effects can be shown by these data", *work.said]

@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import Effect, find, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import find, make
 from lidarcheck.effects.plugins import plugins
 from lidarcheck.effects.search.evidence import Evidence
 from lidarcheck.effects.search.parts import BeamByBeam, Imitation, ListReader, TakeOver, UsualError

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make
 from lidarcheck.effects.search.evidence import BeamTable, Observations, Replays
 from lidarcheck.effects.search.parts import Refined
 from lidarcheck.sensor import Beams

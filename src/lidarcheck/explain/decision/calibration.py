@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import with_role
+from lidarcheck.effects.finding import with_role
 from lidarcheck.explain.decision.findings import WIDEN
 from lidarcheck.explain.report.explanation import Calibrated
 from lidarcheck.inference.effect_fit import Fit

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import find
+from lidarcheck.effects.finding import find
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.search.evidence import SimulatorEvidence

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make
 from lidarcheck.effects.search import search_spec
 from lidarcheck.explain.decision.closure import OPEN_BY_BEAMS, Closure, confidence, intervals
 from lidarcheck.explain.decision.equivalence import Polished

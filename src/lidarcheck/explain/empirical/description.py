@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make
 from lidarcheck.errors import UsageError
 from lidarcheck.explain.empirical.terms import Kind, again, described, terms
 from lidarcheck.explain.search.selection import SearchData

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
 from lidarcheck.inference.observed.observations import Observations

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import Effect, make
+from lidarcheck.effects.base import Effect
+from lidarcheck.effects.finding import make
 from lidarcheck.explain.empirical.curves import at, curve, levels, repeating, rhythms, steps_of
 from lidarcheck.explain.empirical.extra_echoes import extras
 from lidarcheck.explain.empirical.residuals import PARTS, Residual, covariate, residuals

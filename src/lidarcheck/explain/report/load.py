@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lidarcheck.effects.base import find
+from lidarcheck.effects.finding import find
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.explain.report.explanation import (
     Alternative,

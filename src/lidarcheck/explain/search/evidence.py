@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.effects.base import make, with_role
+from lidarcheck.effects.finding import make, with_role
 from lidarcheck.effects.search.evidence import AREA, Dimming, Observations
 from lidarcheck.inference.nuisances import beside
 from lidarcheck.inference.observed.beam_table import BeamTable, key_of

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.effects.base import make
+from lidarcheck.effects.finding import make
 from lidarcheck.effects.search import Probe, search_spec
 from lidarcheck.explain.search.whole_bins import at_whole_steps
 from lidarcheck.inference.effect_fit import Fit, fit, with_effects

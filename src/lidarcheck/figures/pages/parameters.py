@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lidarcheck.calibration.parameters.parameters import Fitted
+from lidarcheck.calibration.parameters.fitted import Fitted
 from lidarcheck.calibration.parameters.workflow import Calibration, Round
 from lidarcheck.figures.data import Course, Curve, Distribution, Page, Section, Table
 

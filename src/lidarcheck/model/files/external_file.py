@@ -12,7 +12,7 @@ from pydantic import Field
 
 from lidarcheck.config.schema import Config, LineIndex, PathText
 from lidarcheck.config.words import nearest, shown
-from lidarcheck.effects.base import catalogue
+from lidarcheck.effects.finding import catalogue
 from lidarcheck.errors import InputError, UsageError
 from lidarcheck.model.external import check_command
 from lidarcheck.model.spec import READS, External, ProgramNumber

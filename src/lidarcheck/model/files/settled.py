@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lidarcheck.effects.base import STAGES, make, with_role
+from lidarcheck.effects.base import STAGES
+from lidarcheck.effects.finding import make, with_role
 from lidarcheck.model.spec import Model
 from lidarcheck.sensor import Material, Program
 

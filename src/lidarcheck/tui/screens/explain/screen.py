@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 
-from lidarcheck.effects.base import find
+from lidarcheck.effects.finding import find
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.tui.host import STOPS
