@@ -142,3 +142,15 @@ def test_with_few_repeats_less_is_judged():
     assert judged == {2: (False, False), 3: (False, True), 4: (False, True), 5: (True, True)}
     assert Origin("map").judges_location
     assert Origin().judges_rates
+
+
+def test_frames_of_a_scene_at_rest_are_not_taken_for_swapped(good, tmp_path):
+    """Any of them fits any ideal scan of the same scene: which fits best is chance."""
+    place = keyed(good, tmp_path)
+    (place / "m0.txt").rename(place / "t.txt")
+    (place / "m1.txt").rename(place / "m0.txt")
+    (place / "t.txt").rename(place / "m1.txt")
+    assert "m0.txt fits i1.txt of frame 1 better" in refusal(place)
+    text = (place / "case.toml").read_text()
+    (place / "case.toml").write_text(f'ideals_from = "repeats"\n{text}')
+    assert len(load_case(place).frames) == 6
