@@ -136,3 +136,14 @@ def test_a_recording_of_the_model_itself_has_no_gap(tmp_path, monkeypatch, capsy
     report = json.loads(Path("first/found/report.json").read_text())
     assert sorted(report["not_testable"]) == sorted(found["shown"]["not_testable"])
     assert found["first"][0] in Path("first/report.html").read_text()
+
+
+@pytest.mark.long
+def test_a_loss_that_no_weakness_explains_is_named(tmp_path, monkeypatch):
+    """One echo in twenty is lost, whatever its strength: the only effect that this recording has."""
+    monkeypatch.chdir(tmp_path)
+    write_recording(Path("recording"), frames=6, lost=0.05)
+    assert main("quickstart recording --out first --jobs 1 -q".split()) == 0  # noqa: SIM905
+    report = json.loads(Path("first/found/report.json").read_text())
+    assert [effect["name"] for effect in report["effects"]] == ["dropout"]
+    assert report["gap"]["closed"] > 0.8
