@@ -119,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     place = ROOT / "tests/hidden/repeats"
     found = run_benchmark(
         chosen.cases, seed=chosen.seed, only=chosen.only, jobs=chosen.jobs, generator=place, out=chosen.out,
-        on_progress=on_progress, explain="repeats:explain",
+        on_progress=on_progress, explain="hidden_repeats:explain",
     )  # fmt: skip
     sys.stdout.write(tables(found.answers))
     return 0
