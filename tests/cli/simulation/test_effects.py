@@ -42,7 +42,7 @@ def test_json_of_all_effects(capsys):
     assert [effect["name"] for effect in found] == NAMES
     for effect in found:
         facts = {"name", "stage", "summary", "description", "tree", "parameters", "files", "detectors", "unfit"}
-        assert set(effect) == facts
+        assert set(effect) == facts | {"around_program"}
         assert {*effect["detectors"], *effect["unfit"]} == {"spad_array", "linear", "photon_histogram"}
         assert effect["stage"] in ("aim", "light", "detector", "readout")
         assert effect["description"].startswith(effect["summary"])

@@ -36,16 +36,16 @@ def simulator() -> Simulator:
 
 def test_a_nuisance_stays_within_its_limits() -> None:
     axes = axes_of([WALL, SIGN])
-    far = at(axes, np.array([99.0, -99.0, 0.5, 99.0]))
-    assert (far.yaw, far.pitch) == (LIMIT, -LIMIT)
+    far = at(axes, np.array([99.0, -99.0, 99.0, 0.5, 99.0]))
+    assert (far.yaw, far.pitch, far.height) == (LIMIT, -LIMIT, LIMIT)
     assert far.materials == {WALL: 0.5, SIGN: LIMIT}
-    assert far.penalty == pytest.approx(3 * LIMIT**2 + 0.25)
+    assert far.penalty == pytest.approx(4 * LIMIT**2 + 0.25)
     assert not far.still
-    none = at(axes, np.zeros(4))
+    none = at(axes, np.zeros(5))
     assert none.still
     assert none.penalty == 0.0
     assert none.words() == []
-    assert len(far.words()) == 4
+    assert len(far.words()) == 5
 
 
 def test_a_nuisance_scales_the_named_material_alone() -> None:

@@ -112,6 +112,7 @@ def test_few_repeats_leave_out_means_and_two_leave_out_rates(measured, repeats: 
 
 
 def test_folds_are_by_blocks_and_log_s_stands_for_the_material(measured) -> None:
+    """That of the beams beside a ray: its own estimate would tell how far off it is."""
     dense = frames(model(), 6, layers=range(230, 280), points=range(400, 480))
     plain = Classifier.of(dense, model(), 5)
     repeated = Classifier.of([dataclasses.replace(f, origin=Origin("repeats", repeats=9)) for f in dense], model(), 5)
@@ -119,5 +120,7 @@ def test_folds_are_by_blocks_and_log_s_stands_for_the_material(measured) -> None
     by_ray = repeated.fold.reshape(6, -1)
     assert (by_ray == by_ray[0]).all()
     assert len(np.unique(by_ray[0])) == 5
-    assert np.array_equal(repeated.known[:, 1], np.log1p(repeated.beams.signal))
+    own = np.log1p(repeated.beams.signal)
+    assert np.median(np.abs(repeated.known[:, 1] - own)) < 0.02
+    assert not np.array_equal(repeated.known[:, 1], own)
     assert np.array_equal(plain.known[:, 1], plain.beams.material_id)
