@@ -26,7 +26,7 @@ def test_what_hides_around_it_is_named(name, tmp_path):
     assert [finding.name for finding in found.findings] == [name]
     inside = "it acts inside the program, and no number of [external.parameters] stands for it"
     assert found.not_testable["crosstalk"] == inside
-    assert "threshold" not in found.not_testable, "a number of the program stands for it"
+    assert found.not_testable.get("threshold") != inside, "a number of the program stands for it"
     assert found.not_testable["fog"] == "[external] names no scatter_material for what the air sends back"
 
 

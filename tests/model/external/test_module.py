@@ -46,6 +46,12 @@ def test_a_function_simulates(module, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_echoes_of_one_beam_with_one_number_are_numbered_by_their_range(module):
+    body = "columns['Layer'][:], columns['Point'][:], columns['EchoNumber'] = 10, 7, np.ones(2)\nreturn columns"
+    [scan] = run_requests(module(body), [Request(IDEAL)])
+    assert dict(zip(scan.echo_number.tolist(), scan.range_m.tolist(), strict=True)) == pytest.approx({1: 20.0, 2: 33.5})
+
+
 def test_it_is_given_the_columns_that_are_asked_for_as_plain_arrays(module):
     ideal = dataclasses.replace(IDEAL, share=np.array([0.5, 0.25, 1.0]), extra={"Background": np.full(3, 2.5)})
     body = "raise SystemExit({name: (type(c).__name__, c.dtype.str, c.tolist()) for name, c in ideal.items()})"

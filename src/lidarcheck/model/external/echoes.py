@@ -1,4 +1,7 @@
-"""The echoes that somebody else's model gives, read as any scan; what is said of them is said once a model."""
+"""The echoes that somebody else's model gives, read as any scan; what is said of them is said once a model.
+
+A run is a frame: echoes of one beam that have the same number are several of that frame, numbered anew by their range.
+"""
 
 from __future__ import annotations
 
@@ -47,22 +50,22 @@ for _name in _READERS:
 
 def echoes_in(scan: Path, external: External, sensor: Sensor | None, said: str) -> Scan:
     """The echoes that the model wrote; `said`: its last words. `ExternalModelError` where there are none to read."""
-    from lidarcheck.formats import load_scan
+    from lidarcheck.formats.recognise import read_table
+    from lidarcheck.formats.scans import scan_from_table
 
     if not scan.is_file() or scan.stat().st_size == 0:
         what = "wrote an empty scan" if scan.exists() else "wrote no scan"
         raise failure(what, external, said, "let it write its echoes to {scan}")
     with _reading(external, said, "wrote"):
-        return load_scan(scan, sensor=sensor)
+        return scan_from_table(read_table(scan), sensor=sensor)
 
 
 def echoes_of_table(table: Table, external: External, sensor: Sensor | None, said: str) -> Scan:
     """The echoes of a table that the model returned; raises as `echoes_in`."""
-    from lidarcheck.formats.frames import one_frame
     from lidarcheck.formats.scans import scan_from_table
 
     with _reading(external, said, "returned"):
-        return scan_from_table(one_frame(table), sensor=sensor)
+        return scan_from_table(table, sensor=sensor)
 
 
 @contextlib.contextmanager
