@@ -48,6 +48,16 @@ def is_silent(statement: ast.stmt, *, inside: bool) -> bool:
     return isinstance(statement, ast.Raise | ast.Assert | ast.Import | ast.ImportFrom | ast.Global | ast.Nonlocal)
 
 
+def spares_work(statement: ast.stmt, known: frozenset[str]) -> bool:
+    """Whether it hands back what came in where one of several reasons says that nothing is to be done: with all of
+    them asked for, more work comes to the same."""
+    if not (isinstance(statement, ast.If) and isinstance(statement.test, ast.BoolOp)):
+        return False
+    [first, *more] = statement.body
+    back = isinstance(first, ast.Return) and isinstance(first.value, ast.Name) and first.value.id in known
+    return back and not more and isinstance(statement.test.op, ast.Or)
+
+
 def is_silent_call(node: ast.AST) -> bool:
     """Whether it declares, logs or tells progress."""
     return isinstance(node, ast.Call) and called(node.func) in _SILENT_CALLS

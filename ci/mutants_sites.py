@@ -11,7 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mutants_rules import are_reals, called, is_draw, is_key_of_beams, is_silent, is_silent_call, is_tiny, stands_in
+from mutants_rules import (
+    are_reals,
+    called,
+    is_draw,
+    is_key_of_beams,
+    is_silent,
+    is_silent_call,
+    is_tiny,
+    spares_work,
+    stands_in,
+)
 
 KINDS = ("comparison", "constant", "arithmetic", "dropped", "swapped")
 SKIPPED = (
@@ -213,9 +223,11 @@ def _places(body: list[ast.stmt], *, inside: bool, known: frozenset[str] = froze
             lines = (statement.lineno, max(_end(node) for node in head) if head else statement.lineno)
             if not hasattr(statement, "body"):
                 yield _Place(statement, (statement.lineno, _end(statement)), inside, known)
+            sparing = spares_work(statement, known)
             for node in head:
                 for part in _expressions(node):
-                    yield _Place(part, lines, inside, known)
+                    if not (sparing and part is node):
+                        yield _Place(part, lines, inside, known)
             for block in ("body", "orelse", "finalbody"):
                 yield from _places(getattr(statement, block, []), inside=inside, known=known)
             known = known | {node.id for node in ast.walk(statement) if isinstance(node, ast.Name) and _stored(node)}
