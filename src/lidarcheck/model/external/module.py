@@ -5,7 +5,6 @@ Ideal tables go to `module_worker` and echo tables come back as a JSON object in
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -21,8 +20,8 @@ from lidarcheck.formats.table import Table
 from lidarcheck.model.external import module_worker
 from lidarcheck.model.external.echoes import echoes_of_table
 from lidarcheck.model.external.exchange import Request, sent
-from lidarcheck.model.external.pipe import Pipe
-from lidarcheck.model.external.process import Child, Groups, last_words, name_of, scratch_directory
+from lidarcheck.model.external.process import Groups, last_words, name_of
+from lidarcheck.model.external.resident import Resident
 from lidarcheck.model.spec import External
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Sensor
@@ -30,37 +29,15 @@ from lidarcheck.sensor import Sensor
 __all__ = ["ModuleProcess"]
 
 
-class ModuleProcess:
+class ModuleProcess(Resident):
     """A process that has loaded the function. `ExternalModelError` when it cannot be found or loaded."""
 
-    batch = 1
-
     def __init__(self, external: External, groups: Groups) -> None:
-        self._external = external
         command = [sys.executable, "-P", module_worker.__file__, str(external.directory), external.module]
-        with contextlib.ExitStack() as stack:
-            directory = stack.enter_context(scratch_directory())
-            self._child = Child(command, external, directory, pipes=True, groups=groups)
-            stack.callback(self._child.end)
-            self._pipe = Pipe(self._child, external)
-            self._answer()
-            self._stack = stack.pop_all()
+        super().__init__(command, external, groups)
 
-    @property
-    def group(self) -> int:
-        """Its process group."""
-        return self._child.group
-
-    @property
-    def ready(self) -> bool:
-        """Whether it has not ended and owes no answer."""
-        return self._answered and self._child.wait(0.0) is None
-
-    def end(self, *, gently: bool = False) -> None:
-        """Let it be gone, with all that it started."""
-        if gently:
-            self._child.close()
-        self._stack.close()
+    def _greet(self) -> None:
+        self._answer()
 
     def run(self, requests: Sequence[Request], sensor: Sensor | None) -> list[Scan]:
         """The echoes that the function gives."""

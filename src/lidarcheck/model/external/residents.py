@@ -7,41 +7,17 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from lidarcheck.model.external.exchange import Request
 from lidarcheck.model.external.process import Groups
+from lidarcheck.model.external.resident import Resident
 from lidarcheck.model.spec import External
-from lidarcheck.scan import Scan
-from lidarcheck.sensor import Sensor
 from lidarcheck.trust.program_text import hash_of
 from lidarcheck.workers.cores import usable_cores
 
-__all__ = ["Resident", "end_all", "lent"]
+__all__ = ["end_all", "lent"]
 
 _log = logging.getLogger(__name__)
-
-
-class Resident(Protocol):
-    """A process that stays up. `batch`: how many requests it takes at a time; `group`: its process group."""
-
-    @property
-    def batch(self) -> int:
-        """How many requests `run` takes."""
-
-    @property
-    def group(self) -> int:
-        """Its process group."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether it has not ended and owes no answer."""
-
-    def run(self, requests: Sequence[Request], sensor: Sensor | None) -> list[Scan]:
-        """The echoes of at most `batch` requests. After an error it may be of no more use."""
-
-    def end(self, *, gently: bool = False) -> None:
-        """Let it be gone, with all that it started."""
 
 
 class _Key(NamedTuple):

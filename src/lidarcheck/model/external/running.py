@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from lidarcheck.model.external.exchange import Request
 from lidarcheck.model.external.process import Groups, stop_external_models
 from lidarcheck.model.external.program import run_program
-from lidarcheck.model.external.residents import Resident, lent
+from lidarcheck.model.external.resident import Resident
+from lidarcheck.model.external.residents import lent
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor

@@ -12,7 +12,6 @@ An ideal scan's path that was named before has the content that it had then. Whe
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import logging
@@ -25,8 +24,8 @@ from lidarcheck.errors import ExternalModelError
 from lidarcheck.model.external.command import check_command, filled
 from lidarcheck.model.external.echoes import echoes_in
 from lidarcheck.model.external.exchange import Request, Run, write_ideal, write_settings
-from lidarcheck.model.external.pipe import Pipe
-from lidarcheck.model.external.process import Child, Groups, failure, last_words, scratch_directory
+from lidarcheck.model.external.process import Groups, failure, last_words
+from lidarcheck.model.external.resident import Resident
 from lidarcheck.model.spec import External
 from lidarcheck.scan import IdealScan, Scan
 from lidarcheck.sensor import Sensor
@@ -41,40 +40,19 @@ _NOISE = "let it print answers alone; anything else belongs to standard error"
 _log = logging.getLogger(__name__)
 
 
-class Server:
+class Server(Resident):
     """A running server, greeted. `ExternalModelError` when it cannot be started or says anything but a greeting."""
 
     def __init__(self, external: External, groups: Groups) -> None:
         for _, fault in check_command(external.command, server=True):
             raise fault
-        self._external = external
         self._numbers = itertools.count(1)
         self._ideals: dict[tuple[int, tuple[str, ...]], tuple[IdealScan, Path]] = {}
-        with contextlib.ExitStack() as stack:
-            self._directory = stack.enter_context(scratch_directory())
-            command = [filled(argument, {}) for argument in external.command]
-            self._child = Child(command, external, self._directory, pipes=True, groups=groups)
-            stack.callback(self._child.end)
-            self._pipe = Pipe(self._child, external)
-            self.batch = self._greeted()
-            self._answered = True
-            self._stack = stack.pop_all()
+        super().__init__([filled(argument, {}) for argument in external.command], external, groups)
 
-    @property
-    def group(self) -> int:
-        """Its process group."""
-        return self._child.group
-
-    @property
-    def ready(self) -> bool:
-        """Whether it has not ended and owes no answer."""
-        return self._answered and self._child.wait(0.0) is None
-
-    def end(self, *, gently: bool = False) -> None:
-        """Let it be gone, with all that it started; `gently`: it may end by itself when its input ends."""
-        if gently:
-            self._child.close()
-        self._stack.close()
+    def _greet(self) -> None:
+        self.batch = self._greeted()
+        self._answered = True
 
     def run(self, requests: Sequence[Request], sensor: Sensor | None) -> list[Scan]:
         """The echoes of at most `batch` requests, which are asked for in one line."""
