@@ -1,0 +1,47 @@
+"""What a number is asked of: a measurement, the model and its tables, and how much is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lidarcheck.calibration.number.number import Kind
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
+from lidarcheck.formats.lut import Axis
+
+__all__ = ["SAMPLE_SEEDS", "WHOLE_SEEDS", "Request"]
+
+SAMPLE_SEEDS, WHOLE_SEEDS = 8, 64
+"""Simulations of a sample after each edit, and of whole frames where the number goes into a report."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One number of one measurement. It can be sent to another process, which reads the files.
+
+    `model`, `lut`, `settings`: files; the table of `lut` stands in the place of the model's own along `axis`, and
+    `settings` say where the target stands where no ideal scan does. `measured`: scans of one scene, or one profile;
+    `ideal`: one for each scan, or one for all, empty where there is none. `distance_m`, `material`: the target's, None
+    for the only one. `start`: the contents, by path, of files that are edited, as the session found them: a gap counts
+    in the spreads of the model that these make.
+    """
+
+    kind: Kind
+    model: Path
+    measured: tuple[Path, ...]
+    ideal: tuple[Path, ...] = ()
+    axis: Axis = "vertical"
+    lut: Path | None = None
+    settings: Path | None = None
+    distance_m: float | None = None
+    material: int | None = None
+    seeds: int = SAMPLE_SEEDS
+    seed: int = 0
+    placement: Placement = AS_IT_IS
+    start: Mapping[str, bytes] = field(default_factory=dict)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that it names; tables that the model names come on top."""
+        return tuple(p for p in (self.model, self.lut, self.settings, *self.measured, *self.ideal) if p is not None)
