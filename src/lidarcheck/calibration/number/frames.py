@@ -1,0 +1,79 @@
+"""The frames of a request as they were read: scans, and what their beams met."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lidarcheck.calibration.number.request import Request
+from lidarcheck.cases.frame import Frame
+from lidarcheck.cases.partners import beside
+from lidarcheck.cases.source import FrameFile, each_frame, ideal_of, scan_of
+from lidarcheck.errors import InputError
+from lidarcheck.formats.table import counted
+from lidarcheck.inference.observed.echo_view import EchoView, Slot
+from lidarcheck.kpi.fired import judged_beams
+from lidarcheck.kpi.variant import check_variant
+from lidarcheck.model.stages import Surfaces
+from lidarcheck.reading import state_of_file
+from lidarcheck.sensor import Sensor
+
+__all__ = ["Frames", "key_of_files", "read_frames", "seen_slots"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames of one measurement, with the surfaces of their ideal scans. `key`: a hash of the files and of how they are
+    read; `name`: of the first, for messages."""
+
+    frames: tuple[Frame, ...]
+    surfaces: tuple[Surfaces, ...]
+    key: str
+    name: str
+
+
+def key_of_files(paths: Sequence[Path], *more: object) -> str:
+    """A hash of files by their names, sizes and times, and of what else is said."""
+    states = [(str(path), state_of_file(path)) for path in paths]
+    return hashlib.sha256(repr((states, more)).encode()).hexdigest()
+
+
+def read_frames(request: Request, sensor: Sensor, key: str = "") -> Frames:
+    """The frames of a request; `InputError` names the file that cannot be used, or has no ideal scan."""
+    groups = each_frame(request.measured)
+    files = [frame for group in groups for frame in group]
+    partners = _partners(request, groups)
+    found = []
+    for number, (file, other) in enumerate(zip(files, partners, strict=True)):
+        scan = scan_of(file, request.placement, sensor)
+        check_variant(scan, sensor, str(file))
+        ideal, scan = judged_beams(ideal_of(other, sensor), scan)
+        found.append(Frame(number, ideal, scan, 0.1 * number))
+    surfaces = {id(frame.ideal): Surfaces(frame.ideal) for frame in found}
+    return Frames(tuple(found), tuple(surfaces[id(f.ideal)] for f in found), key, str(files[0]))
+
+
+def _partners(request: Request, groups: Sequence[Sequence[FrameFile]]) -> list[FrameFile]:
+    count = sum(len(group) for group in groups)
+    if not request.ideal:
+        what = "has no ideal scan: what its beams met is not known, and nothing can be simulated"
+        raise InputError(what, file=groups[0][0].path, fix="make one: lidarcheck ideal, or name it")
+    found = beside(groups, each_frame(request.ideal, "ideal"), "ideal")
+    found = found * count if len(found) == 1 else found
+    if len(found) != count:
+        what = f"{counted(count, 'frame')} and {counted(len(found), 'ideal scan')}"
+        raise InputError(what, file=groups[0][0].path, fix="give one ideal scan for each frame, or one for all")
+    return found
+
+
+def seen_slots(frames: Sequence[Frame], sensor: Sensor) -> tuple[Slot, ...]:
+    """The features that are compared: those of the sensor that every measured scan has."""
+    slots = [slot for slot in EchoView.of(sensor).slots if slot.name]
+    return tuple(slot for slot in slots if all(_has(frame, slot) for frame in frames))
+
+
+def _has(frame: Frame, slot: Slot) -> bool:
+    scan = frame.measured
+    return scan.histograms is not None if slot.bins is not None else slot.name in scan.feature_names

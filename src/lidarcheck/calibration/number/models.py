@@ -1,0 +1,46 @@
+"""The model of a request: as its file has it, with the table that is edited in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from lidarcheck.calibration.number.request import Request
+from lidarcheck.effects.base import Curve
+from lidarcheck.effects.finding import make, with_role
+from lidarcheck.errors import InputError
+from lidarcheck.formats.lut import Axis, load_lut
+from lidarcheck.model import load_model
+from lidarcheck.model.spec import Model
+
+__all__ = ["edited_model", "said_of"]
+
+
+def edited_model(request: Request) -> Model:
+    """The model, with the table of `lut` along the axis; `InputError` names the file with a fault."""
+    model = load_model(request.model)
+    if request.lut is None:
+        return model
+    lut = load_lut(request.lut)
+    table = lut.tables.get(request.axis)
+    if table is None:
+        what = f"the file has no {request.axis} table"
+        raise InputError(what, file=request.lut, fix=f"it has {', '.join(lut.tables)}")
+    return _with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(request.lut)))
+
+
+def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:
+    """The model whose bloom along an axis is the table's: its effect keeps all else, or is added."""
+    kind = with_role(f"{axis} blooming")
+    if not any(isinstance(effect, kind) for effect in model.effects):
+        return model.with_(make(kind.name, {"lut": curve}))
+
+    def edited(effect: Any) -> Any:
+        return replace(effect, lut=curve) if isinstance(effect, kind) else effect
+
+    return replace(model, effects=tuple(edited(effect) for effect in model.effects))
+
+
+def said_of(model: Model) -> str:
+    """All that a model says: two that say the same show the same."""
+    return repr((model.sensor, model.effects, sorted(model.materials.items()), model.external))
