@@ -48,12 +48,12 @@ def test_what_is_everywhere(project, monkeypatch):
         await until(pilot, lambda: copied)
         assert "background_SMART" in copied[0]
         await pilot.press("w")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("enter")
         file = project / "scenarios.txt"
         await until(pilot, lambda: file.exists() and "background_SMART" in file.read_text())
         await pilot.press("w")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("enter")
         await says(app, pilot, "is there already; give another name")
         await pilot.press("L")
@@ -64,10 +64,10 @@ def test_what_is_everywhere(project, monkeypatch):
             await pilot.press("g", key)
             await until(pilot, lambda part=part: app.focused is not None and app.focused.id == part)
         await pilot.press("L", "f2", "ctrl+p")
-        await until(pilot, lambda: isinstance(app.screen, Palette))
+        await until(pilot, lambda: isinstance(app.asking, Palette))
         await pilot.press(*"thm")
         await pilot.press("enter")
-        assert isinstance(app.screen, type(app.screen))
+        assert app.asking is None
         await pilot.press("ctrl+p", *"next", "space", *"theme", "enter")
         await until(pilot, lambda: app.theme == "light")
         for theme in ("high-contrast", "plain", "dark"):

@@ -34,6 +34,7 @@ from lidarcheck.tui.screens.overview import Overview
 from lidarcheck.tui.screens.shared.view import View, bindings
 from lidarcheck.tui.widgets.dialogs import Ask
 from lidarcheck.tui.widgets.lines import line
+from lidarcheck.tui.widgets.overlay import Overlay
 from lidarcheck.tui.widgets.themes import THEMES, textual_themes
 
 __all__ = ["LidarcheckApp", "run"]
@@ -47,7 +48,7 @@ class LidarcheckApp(Everywhere):
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[Any]] = bindings("")
     CSS = """
-    Screen { background: $background; }
+    Screen { background: $background; layers: default over; }
     View { height: 1fr; width: 1fr; }
     ContentSwitcher { height: 1fr; }
     #log { height: 7; display: none; }
@@ -71,18 +72,18 @@ class LidarcheckApp(Everywhere):
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()
+        self.overlay = Overlay(self._anchor)
         self._awaited = ""
         self._warnings = LogHandler(self.soon, self.note)
-        # Held here: while a question is asked, a query would look for them on its screen.
         self._views: tuple[View, ...] = (Overview(Runs(root), check),)
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
 
     def compose(self) -> ComposeResult:
-        """A bar above, the screens, the log, and two bars below."""
+        """A bar above, the screens, the log, and two bars below; over all of it the box of dialogs."""
         yield self.bars.top
         with self._switcher:
             yield from self._views
-        yield from (self.bars.log, self.bars.below, self.bars.keys)
+        yield from (self.bars.log, self.bars.below, self.bars.keys, self.overlay)
 
     def on_mount(self) -> None:
         """Theme, screen and log as they were; then read the project beside the interface."""
@@ -183,7 +184,7 @@ class LidarcheckApp(Everywhere):
         self.state.screen = name
         self.view.opened()
         # At once: `focus()` waits for a turn, and keys that came in one go with this one would act on the old screen.
-        self.screen_stack[0].set_focus(self.view.panes()[0])
+        self.screen.set_focus(self.view.panes()[0])
         self._bars()
 
     def _bars(self) -> None:
@@ -229,7 +230,7 @@ class LidarcheckApp(Everywhere):
             self._leave("q")
             return
         words = [line("They are kept in the journal, and offered again at the next start.")]
-        self.push_screen(Ask(f"{counted(unsaved, 'row')} not saved", words, {"q": "leave"}), self._leave)
+        self.ask(Ask(f"{counted(unsaved, 'row')} not saved", words, {"q": "leave"}), self._leave)
 
     def _leave(self, key: str | None) -> None:
         if key == "q":
@@ -247,6 +248,7 @@ class LidarcheckApp(Everywhere):
         """Bars are cut to the width by themselves."""
         if self.bars.top.is_mounted:
             self._bars()
+            self.overlay.draw()
 
 
 def run(root: Path, *, theme: str = "", screen: str = "", mouse: bool = True) -> int:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
+from textual import events
 from textual.app import App
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
@@ -18,9 +21,12 @@ from lidarcheck.tui.palette import Palette
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import Lines
+from lidarcheck.tui.widgets.overlay import Dialog, Overlay
 from lidarcheck.tui.widgets.themes import THEMES
 
 __all__ = ["Everywhere"]
+
+T = TypeVar("T")
 
 
 class Everywhere(App[int]):
@@ -29,6 +35,7 @@ class Everywhere(App[int]):
     project: Project
     state: State
     bars: Bars
+    overlay: Overlay
 
     @abstractmethod
     def views(self) -> Sequence[View]:
@@ -47,6 +54,39 @@ class Everywhere(App[int]):
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """One line for the user, which the log keeps."""
 
+    # Dialogs
+
+    @property
+    def asking(self) -> Dialog[Any] | None:
+        """The dialog that is seen; None for none."""
+        return self.overlay.dialog
+
+    def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
+        """Show a dialog over the screen; `then` gets its answer, None where it was left."""
+
+        def answered(value: T | None) -> None:
+            done = None if then is None else then(value)
+            if inspect.isawaitable(done):
+                self.call_next(lambda: done)
+
+        self.overlay.ask(dialog, answered)
+
+    def on_key(self, event: events.Key) -> None:
+        """A dialog takes every key. No other widget does: what is typed ahead arrives here in its order."""
+        if self.overlay.take(event):
+            event.stop()
+            event.prevent_default()
+
+    def on_paste(self, event: events.Paste) -> None:
+        """Into the line to type in; nowhere else."""
+        if self.overlay.paste(event.text):
+            event.stop()
+
+    def _anchor(self) -> int | None:
+        """The row of the screen that a dialog does not hide: that of the cursor."""
+        pane = self.focused
+        return pane.cursor_y if isinstance(pane, Lines) else None
+
     def files_changed(self) -> None:
         """Have every screen look at the project again."""
         for view in self.views():
@@ -60,12 +100,12 @@ class Everywhere(App[int]):
         """Help for what has the focus, and every key."""
         pane = self.focused.id if self.focused else ""
         words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
-        lines = help_lines(words, self.view.NAME, self.size.width)
-        self.push_screen(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
+        lines = help_lines(words, self.view.NAME, min(self.size.width, Ask.widest) - 8)
+        self.ask(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
 
     def action_palette(self) -> None:
         """Any action by its name."""
-        self.push_screen(Palette(actions_of(self.view.NAME)), self._chosen)
+        self.ask(Palette(actions_of(self.view.NAME)), self._chosen)
 
     async def _chosen(self, action: Action | None) -> None:
         if action is not None:
@@ -75,7 +115,7 @@ class Everywhere(App[int]):
         """By label: screens in capitals, panes in small letters."""
         places = {place.label: place.title for place in SCREENS.values()}
         places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self.bars.log]}
-        self.push_screen(Ask("Go to", [], places), self._jumped)
+        self.ask(Ask("Go to", [], places), self._jumped)
 
     def _jumped(self, key: str | None) -> None:
         screen = next((name for name, place in SCREENS.items() if key == place.label), "")
@@ -125,7 +165,7 @@ class Everywhere(App[int]):
         """To a file, whose name is asked for."""
         pane = self._pane()
         ask = AskText("Write this pane to which new file?", f"{pane.id}.txt")
-        self.push_screen(ask, lambda name: self._write(pane, name))
+        self.ask(ask, lambda name: self._write(pane, name))
 
     def _write(self, pane: Lines, name: str | None) -> None:
         if not name:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
+from lidarcheck.tui.widgets.overlay import Dialog
 
 __all__ = ["STOPS", "Host"]
 
 STOPS = "   x stops it"
 """At the end of the line that tells how far a run is."""
+
+T = TypeVar("T")
 
 
 class Host(Protocol):
@@ -24,6 +27,9 @@ class Host(Protocol):
     project: Project
     state: State
     session: Session
+
+    def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
+        """Show a dialog over the screen; `then` gets its answer, None where it was left."""
 
     def inside(self, text: str) -> str:
         """A text without the project's own path in front of its files."""

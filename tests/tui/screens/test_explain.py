@@ -117,7 +117,7 @@ async def choose(view, pilot, name):
 
 
 async def asked(app, pilot, kind):
-    await until(pilot, lambda: isinstance(app.screen, kind), lambda: text_of(app))
+    await until(pilot, lambda: isinstance(app.asking, kind), lambda: text_of(app))
 
 
 def out_of(project):

@@ -229,7 +229,7 @@ def test_the_effect_is_fitted_and_its_model_written(project):
         assert float(rows["strength"][2]) < 2e-4 < float(rows["strength"][3])
         await says(app, pilot, "fit: retro_ghost: strength")
         await pilot.press("d")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await sees(app, pilot, "model.toml, the model with the effect")
         await pilot.press("enter")
         await says(app, pilot, "ghosts: model.toml written")
@@ -249,15 +249,15 @@ def test_what_is_left_is_written_and_nothing_replaced(project):
         await computed(app, pilot, view, ALL)
         for said in ("ghosts: 1_25m_ghosts.pcd, 2_45m_ghosts.pcd written", "1_25m_ghosts.pcd: is there already"):
             await pilot.press("d")
-            await until(pilot, lambda: isinstance(app.screen, AskText))
+            await until(pilot, lambda: isinstance(app.asking, AskText))
             await pilot.press("enter")
             await says(app, pilot, said)
         await pilot.press("d")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("escape")
-        await until(pilot, lambda: not isinstance(app.screen, AskText))
+        await until(pilot, lambda: not isinstance(app.asking, AskText))
         await pilot.press("d")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press(*"/a/b", "enter")
         await says(app, pilot, "cannot be made")
         await pilot.press("R")
@@ -285,7 +285,7 @@ def test_the_least_and_the_model_are_chosen_and_kept(project):
         assert "Not compared with a model: none is chosen." in page.sections[0].words
         for typed, said in ((*"x",), "x is no amplitude"), ((*"7000",), "bright from 7000; r computes with it"):
             await pilot.press("i")
-            await until(pilot, lambda: isinstance(app.screen, AskText))
+            await until(pilot, lambda: isinstance(app.asking, AskText))
             await pilot.press("end", *["backspace"] * 5, *typed, "enter")
             await says(app, pilot, said)
         await sees(app, pilot, "bright from 7000")
@@ -303,7 +303,7 @@ def test_the_least_and_the_model_are_chosen_and_kept(project):
         assert view.job.name == "signs/1_25m.txt"
         assert "bright from 7000" in view.job.words
         await pilot.press("i")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("end", *["backspace"] * 4, "0", "enter")
         await says(app, pilot, "bright by the sensor")
 
@@ -328,7 +328,7 @@ def test_without_scans_it_says_what_they_are_called(tmp_path):
         await pilot.press("n", "s", "b", "v", "d", "t", "m")
         await says(app, pilot, "there is no model in the project")
         await pilot.press("t", "g", "m", "f1")
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Datasets: scans called as 1_25m.txt")
 
     drive(app_on(tmp_path), do)

@@ -91,7 +91,7 @@ async def on_goldens(app, pilot, bench):
 
 
 async def asked(app, pilot, kind):
-    await until(pilot, lambda: isinstance(app.screen, kind), lambda: text_of(app))
+    await until(pilot, lambda: isinstance(app.asking, kind), lambda: text_of(app))
 
 
 def names(view):
@@ -160,10 +160,9 @@ def test_what_is_written_is_what_was_shown(bench):
         await on_goldens(app, pilot, bench)
         await pilot.press("a")
         await asked(app, pilot, Ask)
-        await until(pilot, lambda: any(one.text for one in app.screen.query("#question")))
-        shown["text"] = app.screen.query_one("#question").text
+        shown["text"] = app.asking.text
         await pilot.press("enter")
-        await says(app, pilot, "accepted")
+        await says(app, pilot, "accepted: goldens")
 
     old = bench.golden("one").read_text()
     drive(app_on(bench.root), do)
@@ -193,7 +192,7 @@ def test_a_regression_is_asked_about_and_the_golden_carries_the_reason(bench):
         await asked(app, pilot, Ask)
         await sees(app, pilot, "Write goldens/one.toml?")
         await pilot.press("enter")
-        await says(app, pilot, "accepted")
+        await says(app, pilot, "accepted: goldens")
 
     drive(app_on(bench.root), do)
     kpis = load_golden(bench.golden("one")).kpis
@@ -229,7 +228,7 @@ def test_kpi_by_kpi(bench):
         await pilot.press("a")
         await asked(app, pilot, Ask)
         await pilot.press("enter")
-        await says(app, pilot, "accepted")
+        await says(app, pilot, "accepted: goldens")
         await until(pilot, lambda: view.kpis() == ["area_mean"])
         assert view.marked == set()
 
@@ -252,7 +251,7 @@ def test_beyond_a_limit_nothing_is_accepted(bench):
         await pilot.press("a")
         await says(app, pilot, "not accepted: one, peak_mean: 130")
         await says(app, pilot, "change the scenario or the model")
-        assert not isinstance(app.screen, Ask | AskText)
+        assert not isinstance(app.asking, Ask | AskText)
 
     drive(app_on(bench.root), do)
 

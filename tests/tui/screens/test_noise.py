@@ -280,7 +280,7 @@ def test_without_frames_it_says_what_it_needs(tmp_path):
         await pilot.press("n", "a", "v", "t", "m")
         await says(app, pilot, "there is no model in the project")
         await pilot.press("t", "g", "m", "f1")
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Frames of one hall with panels")
 
     drive(app_on(tmp_path), do)

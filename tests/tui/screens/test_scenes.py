@@ -47,16 +47,16 @@ async def computed(pilot, view):
 
 async def effects_of(app, pilot):
     await pilot.press("f")
-    await until(pilot, lambda: isinstance(app.screen, Choose))
+    await until(pilot, lambda: isinstance(app.asking, Choose))
     await sees(app, pilot, "Space on or off")
-    return app.screen
+    return app.asking
 
 
 async def at_effect(pilot, dialog, name):
     """Move the cursor of the list to an effect."""
-    names = [switch.name for switch in dialog._switches]
+    names = [switch.name for switch in dialog.switches]
     await pilot.press("home", *["down"] * names.index(name))
-    await until(pilot, lambda: dialog.at == names.index(name))
+    await until(pilot, lambda: dialog.line == names.index(name))
 
 
 async def on_frame(pilot, view, name):
@@ -131,7 +131,7 @@ def test_effects_are_switched_and_pages_kept(bench):
         await pilot.press("a")
         await sees(app, pilot, "[ ] fog")
         await pilot.press("space", "escape")
-        await until(pilot, lambda: not isinstance(app.screen, Choose))
+        await until(pilot, lambda: not isinstance(app.asking, Choose))
         assert view.page is plain
         dialog = await effects_of(app, pilot)
         await at_effect(pilot, dialog, "signal_gain")

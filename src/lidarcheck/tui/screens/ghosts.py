@@ -88,7 +88,7 @@ class Ghosts(PageView):
     def action_least(self) -> None:
         """Ask from what AREA on an echo is a sign's."""
         words = "Least AREA (or INTENSITY, ...) of a sign's echo; 0: by the sensor"
-        self.app.push_screen(AskText(words, self.host.state.selected.get(_BRIGHT, "") or "0"), self._least)
+        self.host.ask(AskText(words, self.host.state.selected.get(_BRIGHT, "") or "0"), self._least)
 
     def _least(self, text: str | None) -> None:
         if text is None:
@@ -110,7 +110,7 @@ class Ghosts(PageView):
             return
         what = "the stripped points (PCD)" if page.fitted is None else f"{_MODEL_FILE}, the model with the effect,"
         ask = AskText(f"Write {what} to which directory?", _DIRECTORY)
-        self.app.push_screen(ask, lambda name: self._strip(page, name))
+        self.host.ask(ask, lambda name: self._strip(page, name))
 
     def _strip(self, page: GhostPage, name: str | None) -> None:
         if not name:

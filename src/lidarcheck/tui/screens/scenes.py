@@ -121,7 +121,7 @@ class Scenes(PageView):
                 added = tuple(offer.name for offer in offers if offer.name in on and offer.name not in own)
                 self._choose(entry, Effects(tuple(name for name in own if name not in on), added))
 
-        self.app.push_screen(Choose(f"Effects of {entry.name}", offers), taken)
+        self.host.ask(Choose(f"Effects of {entry.name}", offers), taken)
 
     def action_own_effects(self) -> None:
         """The model as its file says."""

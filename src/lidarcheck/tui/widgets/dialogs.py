@@ -4,101 +4,86 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
 
 from textual import events
-from textual.app import ComposeResult
-from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widgets import Input
 
-from lidarcheck.tui.widgets.lines import Line, Lines, line
+from lidarcheck.tui.widgets.lines import Line, folded
+from lidarcheck.tui.widgets.overlay import Dialog
+from lidarcheck.tui.widgets.typed import Typed
 
-__all__ = ["Ask", "AskText", "text_input"]
+__all__ = ["Ask", "AskText"]
 
-_CSS = """
-Ask, AskText { background: $background; }
-Ask Input, AskText Input { border: none; height: 1; padding: 0; background: $background; }
-"""
-_SCROLL = {"pagedown": 1, "pageup": -1, "down": 1, "up": -1, "space": 1}
+_SCROLL = {"pagedown": 1, "pageup": -1, "space": 1}
+_STEP = {"down": 1, "up": -1}
+_LAST = 10**6
 
 
 UNASKED_S = 0.7
 """For how long a question that comes by itself takes no key: what was typed then was meant for the screen below."""
 
 
-class Ask(ModalScreen[str | None]):
-    """A question with what belongs to it; one of `answers` (key: what it does) or Escape.
+class Ask(Dialog[str]):
+    """A question with what belongs to it; one of `answers` (key: what it does), or None.
 
     `unasked`: it comes by itself, as a file is changed or a review ends, perhaps while something else is typed.
     """
 
-    CSS = _CSS
-
     def __init__(self, title: str, lines: Sequence[Line], answers: Mapping[str, str], *, unasked: bool = False) -> None:
-        super().__init__()
-        self._ignores_keys_s = UNASKED_S if unasked else 0.0
+        super().__init__(title)
+        self.ignores_keys_s = UNASKED_S if unasked else 0.0
         self._shown_s = 0.0
-        self._title, self._lines, self._answers = title, list(lines), dict(answers)
+        self._lines, self._answers = list(lines), dict(answers)
+        self.keys = "   ".join(f"{key} {what}" for key, what in [*self._answers.items(), ("Esc or ^G", "back")])
 
-    def compose(self) -> ComposeResult:
-        """The text, and the answers in the last line."""
-        yield Lines(self._title, id="question", folds=True)
-        yield Lines(id="answers", bar=True)
-
-    def on_mount(self) -> None:
-        """Fill both."""
+    def opened(self) -> None:
+        """From now on."""
         self._shown_s = time.monotonic()
-        self.query_one("#question", Lines).show(self._lines)
-        keys = "   ".join(f"{key} {what}" for key, what in [*self._answers.items(), ("Esc", "back")])
-        self.query_one("#answers", Lines).show([line(keys, "title")])
-        self.query_one("#question", Lines).focus()
 
-    def on_key(self, event: events.Key) -> None:
+    @property
+    def text(self) -> str:
+        """What belongs to it, as text."""
+        return "".join(f"{''.join(text for text, _ in parts).rstrip()}\n" for parts in self._lines)
+
+    def body(self, width: int) -> list[Line]:
+        """What belongs to it."""
+        return [part for parts in self._lines for part in folded(parts, width)]
+
+    def listens(self) -> bool:
+        """Not while what is typed was meant for the screen."""
+        return time.monotonic() - self._shown_s >= self.ignores_keys_s
+
+    def key(self, event: events.Key) -> None:
         """Answer, scroll or leave."""
-        event.stop()
-        if time.monotonic() - self._shown_s < self._ignores_keys_s:
-            return
         key = "Enter" if event.key == "enter" else event.character or event.key
         if key in self._answers:
             self.dismiss(key)
-        elif event.key in ("escape", "q", "f1"):
+        elif event.key in ("q", "f1", "question_mark", "enter") and (event.key != "enter" or not self._answers):
             self.dismiss(None)
         elif event.key in _SCROLL:
-            self.query_one("#question", Lines).page(_SCROLL[event.key])
+            self.page(_SCROLL[event.key])
+        elif event.key in _STEP:
+            self.top += _STEP[event.key]
+        elif event.key in ("home", "end"):
+            self.top = _LAST if event.key == "end" else 0
 
 
-class AskText(ModalScreen[str | None]):
-    """A question that a text answers."""
+class AskText(Dialog[str]):
+    """A question that a text answers; None for an empty one."""
 
-    CSS = _CSS
-    AUTO_FOCUS = "Input"
-    BINDINGS: ClassVar[list[Any]] = [Binding("escape", "dismiss_none", show=False)]
+    keys = "Enter takes it   ^U empties the line   Esc or ^G back"
 
     def __init__(self, title: str, value: str = "", lines: Sequence[Line] = ()) -> None:
-        super().__init__()
-        self._title, self._value, self._lines = title, value, list(lines)
+        super().__init__(title)
+        self.typed = Typed(value)
+        self._lines = list(lines)
 
-    def compose(self) -> ComposeResult:
-        """The question and a line to type in."""
-        yield Lines(self._title, id="question", folds=True)
-        yield text_input(self._value)
+    def body(self, width: int) -> list[Line]:
+        """What belongs to it."""
+        return [part for parts in self._lines for part in folded(parts, width)]
 
-    def on_mount(self) -> None:
-        """What belongs to the question."""
-        self.query_one("#question", Lines).show(self._lines)
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter."""
-        self.dismiss(event.value.strip() or None)
-
-    def action_dismiss_none(self) -> None:
-        """Escape."""
-        self.dismiss(None)
-
-
-def text_input(value: str) -> Input:
-    """A line to type in, as all of the interface's are: without a frame or a blinking cursor."""
-    field: Any = Input(value, select_on_focus=False)
-    field.cursor_blink = False
-    return field  # type: ignore[no-any-return]
+    def key(self, event: events.Key) -> None:
+        """Enter; the rest scrolls."""
+        if event.key == "enter" and self.typed is not None:
+            self.dismiss(self.typed.text.strip() or None)
+        elif event.key in _SCROLL:
+            self.page(_SCROLL[event.key])

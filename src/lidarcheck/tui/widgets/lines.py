@@ -143,6 +143,13 @@ class Lines(Widget, can_focus=True):
         return max(self.size.height - (0 if self.bar else 1), 0)
 
     @property
+    def cursor_y(self) -> int | None:
+        """The row of the screen on which the cursor is; None where there is none, or it is not seen."""
+        if self._row is None or not self._top <= self._row < self._top + self.rows:
+            return None
+        return self.region.y + self._row - self._top + (0 if self.bar else 1)
+
+    @property
     def text(self) -> str:
         """All lines as text, for the clipboard or a file."""
         return "".join(f"{''.join(text for text, _ in parts).rstrip()}\n" for parts in self.lines)
@@ -209,7 +216,8 @@ class Lines(Widget, can_focus=True):
         """One line as textual wants it."""
         theme = self.app.theme
         segments = [Segment(printable(text), style(theme, role)) for text, role in self._line(y)]
-        return Strip(segments).adjust_cell_length(self.size.width, style(theme, "text"))
+        # One run of a look is sent once, not a piece at a time.
+        return Strip(segments).adjust_cell_length(self.size.width, style(theme, "text")).simplify()
 
     def on_resize(self, _event: events.Resize) -> None:
         """Keep the cursor in sight."""

@@ -27,7 +27,7 @@ def test_a_cell_is_edited_seen_and_saved(project):
         await sees(app, pilot, "~")
         assert lut.read_bytes() == LUT.encode()
         await pilot.press("S")
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "513")
         await pilot.press("escape")
         assert lut.read_bytes() == LUT.encode()
@@ -156,10 +156,10 @@ def test_a_crash_is_offered_at_the_next_start(project):
     session._lock.drop()
 
     async def do(app, pilot):
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "both_lut.ini: an earlier session ended with 1 row not saved")
         await pilot.press("escape", "plus")
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await pilot.press("b")
         view = blooming(app)
         assert scaled(view, 1) == 500
@@ -211,10 +211,10 @@ def test_a_question_that_comes_by_itself_takes_no_key_that_was_typed_before(proj
         view._look_at_disk()
         await sees(app, pilot, "has changed on the disk")
         await pilot.press("r", "o", "escape")
-        assert isinstance(app.screen, Ask)
+        assert isinstance(app.asking, Ask)
         assert view.file.dirty
         assert b"his" in lut.read_bytes()
-        app.screen._ignores_keys_s = 0.0
+        app.asking.ignores_keys_s = 0.0
         await pilot.press("r")
         await until(pilot, lambda: not view.file.dirty)
 

@@ -43,7 +43,7 @@ def test_rows_are_added_moved_and_taken_out_by_keys(project):
         await pilot.press("d")
         await sees(app, pilot, "Not saved: 1 row")
         await pilot.press("escape", "S")
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await pilot.press("enter")
         await says(app, pilot, "saved, 1 row")
         y = load_lut(lut).text("vertical", ROW + 1)

@@ -201,7 +201,7 @@ def test_distances_are_added_by_the_name_of_what_is_shown(project):
         await sees(app, pilot, "no setting fits")
         await sees(app, pilot, "no distance: A adds one")
         await pilot.press("A")
-        await until(pilot, lambda: isinstance(app.screen, AskText))
+        await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("enter")
         await until(pilot, lambda: view.settings.count() == 5)
         assert view.settings.file.current.entries[0].distance_m == 69.0
@@ -231,7 +231,7 @@ def test_a_change_on_the_disk_is_asked_about(project):
     async def do(app, pilot):
         view = await on_settings(app, pilot)
         (project / NAME).write_text(ODD.replace("440", "480"))
-        await until(pilot, lambda: isinstance(app.screen, Ask))
+        await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, f"{NAME} has changed on the disk")
         await pilot.press("r")
         await until(pilot, lambda: view.plots.setting() is not None)

@@ -146,7 +146,7 @@ class Blooming(EditActions):
 
     def ask(self, question: Ask, then: Callable[[str | None], None] | None = None) -> None:
         """Ask the user."""
-        self.app.push_screen(question, then)
+        self.host.ask(question, then)
 
     def setting(self) -> Setting | None:
         """The setting that says where the target of the dataset shown is."""
@@ -184,7 +184,7 @@ class Blooming(EditActions):
         """Settings of one more distance."""
         if self._is_on_settings():
             guess = self.plots.distance_in_words()
-            self.app.push_screen(AskText("Settings for which distance [m]?", guess), self.settings.add)
+            self.host.ask(AskText("Settings for which distance [m]?", guess), self.settings.add)
 
     def action_remove_distance(self) -> None:
         """No settings for the distance under the cursor."""

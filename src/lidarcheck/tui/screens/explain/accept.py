@@ -62,7 +62,7 @@ class Adopting(View):
             answers |= {"n": "a new file instead"}
         title = f"Accept: how {name} changes" if change.before is not None else f"Accept: {name}, beside the case's"
         ask = Ask(title, [*words, *diff_lines(change.diff)], answers, unasked=True)
-        self.app.push_screen(ask, lambda key: self._answered(state, change, key))
+        self.host.ask(ask, lambda key: self._answered(state, change, key))
 
     def _answered(self, state: CaseState, change: Adoption, key: str | None) -> None:
         if key == "Enter":
@@ -70,7 +70,7 @@ class Adopting(View):
         elif key == "n":
             where = state.name.replace("/", "_").removesuffix(".toml")
             ask = AskText("The new model file, in the project", f"{where}_explained.toml")
-            self.app.push_screen(ask, lambda name: self._named(state, name))
+            self.host.ask(ask, lambda name: self._named(state, name))
         else:
             self.say("not accepted: nothing was written")
 
@@ -96,7 +96,7 @@ class Adopting(View):
             self.say("there is no case")
             return
         ask = Ask(f"Take back what was accepted of {state.name}?", [], {"Enter": "take it back"})
-        self.app.push_screen(ask, lambda key: self._back(state) if key == "Enter" else None)
+        self.host.ask(ask, lambda key: self._back(state) if key == "Enter" else None)
 
     def _back(self, state: CaseState) -> None:
         try:

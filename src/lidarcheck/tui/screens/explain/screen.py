@@ -283,7 +283,7 @@ class Explain(Adopting):
     def action_seed(self) -> None:
         """The seed."""
         ask = AskText("The seed of the next run: 0 to 2^64 - 1", self._option("seed"))
-        self.app.push_screen(ask, self._seed)
+        self.host.ask(ask, self._seed)
 
     def _seed(self, text: str | None) -> None:
         if text is None:
@@ -299,7 +299,7 @@ class Explain(Adopting):
         """Effects that are not to be named."""
         words = [line(" Their names, with commas between them; a hyphen alone: none.")]
         ask = AskText("Effects that the next run is not to name", self._option("exclude"), words)
-        self.app.push_screen(ask, self._exclude)
+        self.host.ask(ask, self._exclude)
 
     def _exclude(self, text: str | None) -> None:
         names = [name.strip() for name in (text or "").split(",") if name.strip() not in ("", "-")]

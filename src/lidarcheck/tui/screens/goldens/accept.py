@@ -74,7 +74,7 @@ class Accepting(View):
             "Why is this accepted? The golden keeps the reason.",
             lines=[part for text in wanted for part in hanging(text, self.size.width)],
         )
-        self.app.push_screen(ask, lambda reason: self._reasoned(report, names, reason))
+        self.host.ask(ask, lambda reason: self._reasoned(report, names, reason))
 
     def _reasoned(self, report: ReviewReport, names: Sequence[str], reason: str | None) -> None:
         if reason is None:
@@ -95,7 +95,7 @@ class Accepting(View):
         words += [line(text) for text in _in_short(report, names)]
         shown = diff_lines([self.host.inside(text) for text in changes(texts)])
         ask = Ask(title, [*words, *shown], {"Enter": "write"}, unasked=True)
-        self.app.push_screen(ask, lambda key: self._answered(key, report, names, reason))
+        self.host.ask(ask, lambda key: self._answered(key, report, names, reason))
 
     def _answered(self, key: str | None, report: ReviewReport, names: Sequence[str], reason: str) -> None:
         if key != "Enter":
@@ -130,7 +130,7 @@ class Accepting(View):
             line("Its golden stays as it is. A check leaves a proposal anew while the values are not the golden's.")
         ]
         ask = Ask(f"Drop the proposal for {one.name}?", words, {"Enter": "drop it"})
-        self.app.push_screen(ask, lambda key: self._drop(one) if key == "Enter" else None)
+        self.host.ask(ask, lambda key: self._drop(one) if key == "Enter" else None)
 
     def _drop(self, one: Waiting) -> None:
         try:

@@ -60,7 +60,7 @@ class Exports:
         if self.writing:
             self.view.say(f"{self.writing} is being written")
             return
-        self.view.app.push_screen(AskText(title, name), lambda given: then(given) if given else None)
+        self.view.host.ask(AskText(title, name), lambda given: then(given) if given else None)
 
     def _directory(self, export: Export, name: str) -> None:
         from lidarcheck.figures.files.result_folder import PAGE, RESULT, check_out_dir
@@ -92,7 +92,7 @@ class Exports:
             return
         words = [line(f"{file} is there already") for file in there]
         ask = Ask(f"{name}: replace what is there?", words, {"y": "replace it"})
-        self.view.app.push_screen(ask, lambda key: self.start(name, write) if key == "y" else None)
+        self.view.host.ask(ask, lambda key: self.start(name, write) if key == "y" else None)
 
     def start(self, name: str, write: Callable[[], str]) -> None:
         """Have something written by a thread, which the end of the interface waits for."""
