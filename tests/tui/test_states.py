@@ -228,7 +228,7 @@ def test_words_about_states_are_true_after_each_step(project, runs, monkeypatch)
 
 def test_the_expected_profile_that_is_called_current_is_that_of_the_table_shown(project, runs):
     async def do(app, pilot):
-        app.state.selected["dataset"] = "measured/sign_69m.csv"
+        app.state.selected["measurement"] = "measured/sign_69m.csv"
         view = await on_blooming(app, pilot)
         await until(pilot, lambda: view.plots.expected is not None, lambda: text_of(app))
         await sees(app, pilot, "current")

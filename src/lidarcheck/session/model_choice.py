@@ -21,6 +21,7 @@ __all__ = [
     "models_of_sensor",
     "other_sensors",
     "sensor_of_models",
+    "suits",
     "which_model",
 ]
 
@@ -31,12 +32,22 @@ _BUILT_IN = ("SMART", "SLIM")
 
 
 def chosen_model(project: Project, wanted: str, beside: Path, variant: str = "") -> Entry | None:
-    """The model called `wanted`; without such the likely one; `beside`: the measurement's directory."""
+    """The model called `wanted`, if it can be meant for the variant; else the likely one; `beside`: the measurement's
+    directory.
+    """
     models = project.of("model")
     if wanted == NONE:
         return None
-    named = next((entry for entry in models if entry.name == wanted), None)
+    named = next((entry for entry in models if entry.name == wanted and suits(entry, variant)), None)
     return named or likely_model(models, beside, variant)
+
+
+def suits(model: Entry, variant: str) -> bool:
+    """Whether a model can be meant for scans of a variant: that of another built-in one cannot."""
+    if variant not in _BUILT_IN:
+        return True
+    own = _variant_in(model.path)
+    return own not in _BUILT_IN or own == variant
 
 
 def likely_model(models: Sequence[Entry], beside: Path, variant: str) -> Entry | None:

@@ -20,6 +20,7 @@ from textual.widgets import ContentSwitcher
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
+from lidarcheck.session.choice import Choice, Part
 from lidarcheck.session.model_choice import other_sensors
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
@@ -69,6 +70,7 @@ class LidarcheckApp(Everywhere):
         self.session = Session()
         self._told = False
         self.state = load_state(root)
+        self.choice = Choice(self.state.selected)
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()
@@ -97,6 +99,7 @@ class LidarcheckApp(Everywhere):
         if screen in SCREENS:
             self.show_screen(screen)
         self._listen()
+        self.choice.on_change = self._choice_changed
         self.session.on_change = self._inputs_changed
         self.session.watch()
         self.read_project()
@@ -111,6 +114,10 @@ class LidarcheckApp(Everywhere):
         self._told = False
         for view in self.views():
             view.inputs_changed()
+
+    def _choice_changed(self, _part: Part) -> None:
+        for view in self.views():
+            view.choice_changed()
 
     def _listen(self) -> None:
         """End well when told to, and at once when the terminal is gone."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.choice import Choice
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
@@ -21,12 +22,13 @@ T = TypeVar("T")
 
 class Host(Protocol):
     """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start;
-    `session`: what belongs to what.
+    `session`: what belongs to what; `choice`: what all screens look at.
     """
 
     project: Project
     state: State
     session: Session
+    choice: Choice
 
     def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
         """Show a dialog over the screen; `then` gets its answer, None where it was left."""

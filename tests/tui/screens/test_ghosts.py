@@ -296,7 +296,7 @@ def test_the_least_and_the_model_are_chosen_and_kept(project):
 
     drive(app_on(project), do)
     state = load_state(project)
-    assert (state.selected["ghosts.bright"], state.selected["ghosts.model"]) == ("7000", "signs/SLIM.toml")
+    assert (state.selected["ghosts.bright"], state.selected["model"]) == ("7000", "signs/SLIM.toml")
 
     async def again(app, pilot):
         view = await on_ghosts(app, pilot)

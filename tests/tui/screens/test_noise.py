@@ -246,7 +246,7 @@ def test_models_are_gone_through_and_pages_are_kept(project):
         assert view.page is without
 
     drive(app_on(project), do)
-    assert load_state(project).selected["noise.model"] == NONE
+    assert load_state(project).selected["model"] == NONE
 
 
 def test_bad_files_and_walls_are_said(project):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import InputError, LidarcheckError
-from lidarcheck.session.model_choice import likely_model, sensor_of_models, which_model
+from lidarcheck.session.model_choice import likely_model, sensor_of_models, suits, which_model
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import (
     Labels,
@@ -89,7 +89,8 @@ def options_of(group: Group, models: Sequence[Entry]) -> list[str]:
     if not any(m.ideal for m in group.measurements):
         return files
     first = _likely(group, models)
-    return files + sorted((entry.name for entry in models), key=lambda name: first is not None and name != first.name)
+    able = [entry.name for entry in models if suits(entry, group.labels.variant)]
+    return files + sorted(able, key=lambda name: first is not None and name != first.name)
 
 
 def source_of(group: Group, models: Sequence[Entry], chosen: str) -> str:

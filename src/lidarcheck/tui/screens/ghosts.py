@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Ghosts"]
 
-_MODEL, _BRIGHT = "ghosts.model", "ghosts.bright"
+_BRIGHT = "ghosts.bright"
 _MODEL_FILE, _DIRECTORY = "model.toml", "ghosts"
 _MOST = 1e9
 
@@ -47,7 +47,7 @@ class Ghosts(PageView):
 
     def jobs(self) -> list[Job]:
         """All datasets, each, and the fit."""
-        return ghost_jobs(self.host.project, self.host.state.selected.get(_MODEL, ""), self._bright())
+        return ghost_jobs(self.host.project, self.host.choice.of("model"), self._bright())
 
     def _bright(self) -> float | None:
         try:
@@ -82,8 +82,8 @@ class Ghosts(PageView):
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, chosen = self.host.project, self.host.state.selected.get(_MODEL, "")
-        self.next_model(_MODEL, sign_model(project, sign_scans(project), chosen), "real scans")
+        project, chosen = self.host.project, self.host.choice.of("model")
+        self.next_model(sign_model(project, sign_scans(project), chosen), "real scans")
 
     def action_least(self) -> None:
         """Ask from what AREA on an echo is a sign's."""

@@ -70,8 +70,7 @@ class Histograms(PageView):
 
     def _source(self, group: Group) -> str:
         """What a group is compared with: as chosen, else the likeliest."""
-        chosen = self.host.state.selected.get(f"histograms {group.name}", "")
-        return source_of(group, self.host.project.of("model"), chosen)
+        return source_of(group, self.host.project.of("model"), self.host.choice.of("model"))
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """Feature after feature, so many distances at once as can be read; then the points."""
@@ -183,7 +182,7 @@ class Histograms(PageView):
         source = self._source(group)
         now = options.index(source) if source in options else -1
         chosen = options[(now + 1) % len(options)]
-        self.host.state.selected[f"histograms {group.name}"] = chosen
+        self.host.choice.choose("model", chosen)
         self.say(f"{group.name}: {chosen} ({(now + 1) % len(options) + 1} of {len(options)})")
         self.project_changed()
 

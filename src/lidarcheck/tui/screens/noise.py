@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Noise"]
 
-_MODEL, _ALL = "noise.model", "noise.all"
+_ALL = "noise.all"
 _TALL_FROM = 40
 
 
@@ -71,7 +71,7 @@ class Noise(PageView):
 
     def jobs(self) -> list[Job]:
         """The halls."""
-        return noise_jobs(self.host.project, self.host.state.selected.get(_MODEL, ""))
+        return noise_jobs(self.host.project, self.host.choice.of("model"))
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """A panel's figures together; of all panels so many as can be read."""
@@ -110,10 +110,10 @@ class Noise(PageView):
 
     def action_model(self) -> None:
         """Another model; what was computed with this one is kept."""
-        project, chosen = self.host.project, self.host.state.selected.get(_MODEL, "")
+        project, chosen = self.host.project, self.host.choice.of("model")
         hall = next((hall for hall in halls_of(project) if self.job is not None and hall.name == self.job.name), None)
         beside, variant = (project.root, "") if hall is None else ((project.root / hall.name).parent, hall.variant)
-        self.next_model(_MODEL, chosen_model(project, chosen, beside, variant), "real frames")
+        self.next_model(chosen_model(project, chosen, beside, variant), "real frames")
 
 
 def _panel_lines(table: Table, at: int) -> list[Line]:

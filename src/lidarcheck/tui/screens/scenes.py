@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.model_choice import chosen_model, which_model
+from lidarcheck.session.model_choice import NONE, chosen_model, suits, which_model
 from lidarcheck.session.pairing import labels_of
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.job import Job
@@ -72,7 +72,8 @@ class Scenes(PageView):
         """The model that is chosen for the variant of a frame, else the likely one."""
         project, variant = self.host.project, _variant(scan)
         beside = project.root if scan is None else scan.path.parent
-        return chosen_model(project, self.host.state.selected.get(f"scenes {variant}", ""), beside, variant)
+        wanted = self.host.choice.of("model")
+        return chosen_model(project, "" if wanted == NONE else wanted, beside, variant)
 
     def _scan(self) -> Entry | None:
         """The frame under the cursor."""
@@ -90,13 +91,14 @@ class Scenes(PageView):
 
     def action_next_model(self) -> None:
         """The next model."""
-        models, scan = self._models(), self._scan()
+        scan = self._scan()
+        models = [model for model in self._models() if suits(model, _variant(scan))]
         if not models:
             self.say(which_model(models))
             return
         now = self._model(scan)
         at = 0 if now is None else (models.index(now) + 1) % len(models)
-        self.host.state.selected[f"scenes {_variant(scan)}"] = models[at].name
+        self.host.choice.choose("model", models[at].name)
         self.say(f"model: {models[at].name} ({at + 1} of {len(models)})")
         self.project_changed()
 

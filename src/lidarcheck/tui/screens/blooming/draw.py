@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Profile
     from lidarcheck.formats.lut import Axis, LutTable
 
-__all__ = ["FEATURES", "LEAST", "draw_curve", "draw_fault", "draw_profile", "draw_words"]
+__all__ = ["LEAST", "draw_curve", "draw_fault", "draw_profile", "draw_words"]
 
-FEATURES = ("AREA", "PEAK", "WIDTH", "range")
 LEAST = (40, 8)
 """Columns and lines below which there is no plot."""
 

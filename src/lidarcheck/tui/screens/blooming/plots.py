@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from lidarcheck.session.choice import FEATURES
 from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData
-from lidarcheck.tui.screens.blooming.draw import FEATURES, draw_curve, draw_fault, draw_profile, draw_words
+from lidarcheck.tui.screens.blooming.draw import draw_curve, draw_fault, draw_profile, draw_words
 from lidarcheck.tui.screens.blooming.panes import BloomingPanes
 from lidarcheck.tui.screens.blooming.selection import Selection
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor

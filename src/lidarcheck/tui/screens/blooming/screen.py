@@ -127,6 +127,11 @@ class Blooming(EditActions):
         if self.is_chosen:
             self.plots.later()
 
+    def choice_changed(self) -> None:
+        """Another screen has chosen."""
+        if self.is_mounted and self.selection.follow() and self.is_chosen:
+            self.plots.update()
+
     def _dataset_changed(self) -> None:
         """What the settings say of the dataset shown may be another."""
         if self.editor is self.settings:
@@ -205,6 +210,7 @@ class Blooming(EditActions):
             return
         self.table.axis = "horizontal" if self.axis == "vertical" else "vertical"
         self.table.at, self.table.marked, self.table.typed = 0, set(), ""
+        self.host.choice.choose("axis", self.axis)
         self._look_for_datasets()
 
     def action_next_file(self) -> None:
@@ -242,7 +248,7 @@ class Blooming(EditActions):
 
     def closing(self) -> None:
         """Keep where the cursor was; journals stay where there are edits."""
-        self.host.state.selected |= {"axis": self.axis, "row": str(self.table.at)}
+        self.host.state.selected["row"] = str(self.table.at)
         for file in (self.table.file, *self.settings.files.values()):
             if file is not None:
                 self.host.session.drop(file)

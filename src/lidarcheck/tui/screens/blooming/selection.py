@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.choice import FEATURES
 from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, variant_of
-from lidarcheck.tui.screens.blooming.draw import FEATURES
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
 from lidarcheck.tui.screens.blooming.table import TableEditor
 from lidarcheck.tui.screens.shared.view import View
@@ -18,7 +18,7 @@ class Selection:
     """Indices into what there is; what the user chose is kept for the next start.
 
     `four`: all features of one distance are shown, not one feature at several distances. `across`: how many distances
-    there is room for. `material`: the target's, None for the only retro-reflector there is.
+    there is room for.
     """
 
     def __init__(self, view: View, table: TableEditor, settings: SettingsEditor) -> None:
@@ -26,24 +26,32 @@ class Selection:
         self.opened = False
         self.datasets: list[Dataset] = []
         self.dataset = 0
-        self.feature = 0
         self.four = False
         self.across = 1
-        self.material: int | None = None
         self.model: Path | None = None
+
+    @property
+    def feature(self) -> int:
+        """The feature that is looked at."""
+        return FEATURES.index(self.view.host.choice.feature)
+
+    @property
+    def material(self) -> int | None:
+        """The target's; None for the only retro-reflector there is."""
+        return self.view.host.choice.target
 
     def find(self) -> None:
         """Datasets of the table's direction, the model, and its settings; nothing before the screen was `opened`."""
         if not self.opened:
             return
-        project, selected = self.view.host.project, self.view.host.state.selected
+        project, choice = self.view.host.project, self.view.host.choice
         self.datasets = datasets_of(project, self._table.axis)
         names = [dataset.name for dataset in self.datasets]
-        wanted = selected.get("dataset", "")
-        self.dataset = names.index(wanted) if wanted in names else 0
-        self.feature = min(int(number) if (number := selected.get("feature", "")).isdigit() else 0, len(FEATURES) - 1)
+        wanted = choice.of("measurement")
+        kept = min(self.dataset, max(len(names) - 1, 0))
+        self.dataset = names.index(wanted) if wanted in names else kept
         models = [entry.name for entry in project.of("model")]
-        model = selected.get("model", "")
+        model = choice.of("model")
         model = model if model in models else self._likely(models)
         self.model = next((entry.path for entry in project.of("model") if entry.name == model), None)
         self._find_settings()
@@ -65,6 +73,12 @@ class Selection:
                 self.view.say(error)
         self._settings.find(variant, self._table.axis)
 
+    def follow(self) -> bool:
+        """Go to what was chosen elsewhere; whether that is another dataset or model than before."""
+        before = self.dataset, self.model
+        self.find()
+        return before != (self.dataset, self.model)
+
     # The next one; whether there is one
 
     def next_dataset(self, by: int) -> bool:
@@ -73,7 +87,7 @@ class Selection:
             self.view.say("no measurement in this project shows this table's axis")
             return False
         self.dataset = (self.dataset + by) % len(self.datasets)
-        self.view.host.state.selected["dataset"] = self.datasets[self.dataset].name
+        self.view.host.choice.choose("measurement", self.datasets[self.dataset].name)
         return True
 
     def next_model(self) -> bool:
@@ -84,8 +98,9 @@ class Selection:
             return False
         paths = [entry.path for entry in models]
         at = (paths.index(self.model) + 1) % len(paths) if self.model in paths else 0
-        self.model, self.material = paths[at], None
-        self.view.host.state.selected["model"] = models[at].name
+        self.model = paths[at]
+        self.view.host.choice.choose("target", "")
+        self.view.host.choice.choose("model", models[at].name)
         self.view.say(f"model: {models[at].name}")
         self._find_settings()
         return True
@@ -97,7 +112,7 @@ class Selection:
             self.view.say("the model has no retro-reflector")
             return False
         at = (retros.index(self.material) + 1) % len(retros) if self.material in retros else min(1, len(retros) - 1)
-        self.material = retros[at]
+        self.view.host.choice.choose("target", str(retros[at]))
         self.view.say(f"target: material {self.material} of {', '.join(map(str, retros))}")
         return True
 
@@ -106,8 +121,7 @@ class Selection:
         if self.four:
             self.view.say("all four are shown; V goes back to one of them")
             return False
-        self.feature = (self.feature + 1) % len(FEATURES)
-        self.view.host.state.selected["feature"] = str(self.feature)
+        self.view.host.choice.next_feature()
         return True
 
     # What is seen

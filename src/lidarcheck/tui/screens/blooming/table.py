@@ -41,7 +41,7 @@ class TableEditor(Editor[EditedLut]):
         """Open what was open, or what an ended session left; keep that where it is still there."""
         if self.file is not None:
             return
-        project, wanted, names = self.view.host.project, self.view.host.state.selected.get("lut", ""), self.names()
+        project, wanted, names = self.view.host.project, self.view.host.choice.of("lut"), self.names()
         left = (entry.name for entry in project.of("lut") if journal_of(entry.path, project.root).exists())
         usual = [wanted if wanted in names else names[0]] if names else []
         name = next(iter([*left, *usual]), "")
@@ -63,9 +63,10 @@ class TableEditor(Editor[EditedLut]):
             self.file.close()
         self.file, self.marked, self.typed = file, set(), ""
         app.session.hold(file)
-        app.state.selected["lut"] = name
-        wanted, tables = app.state.selected.get("axis", ""), file.current.tables
+        wanted, tables = app.choice.of("axis"), file.current.tables
         self.axis = next((a for a in _AXES if a == wanted and a in tables), next(iter(tables)))
+        app.choice.choose("axis", self.axis)
+        app.choice.choose("lut", name)
         row = app.state.selected.get("row", "")
         self.at = int(row) if first and row.isdigit() else 0
         for words in (file.notice, file.read_only):
@@ -84,7 +85,7 @@ class TableEditor(Editor[EditedLut]):
         if self.file.dirty:
             self.view.say("save the edits first (^S), or take them back (u)", bad=True)
             return False
-        now = self.view.host.state.selected.get("lut", "")
+        now = self.view.host.choice.of("lut")
         self.open(names[(names.index(now) + 1) % len(names)] if now in names else names[0])
         return True
 

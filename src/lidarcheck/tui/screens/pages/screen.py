@@ -129,7 +129,31 @@ class PageView(PageWork):
         """List the jobs, with the cursor on the one it was on."""
         self.listed = self.jobs()
         self.at = self.cursor_again([job.name for job in self.listed], self.at)
+        self.follow()
         self.draw()
+
+    def choice_changed(self) -> None:
+        """Go to the measurement that was chosen, where the list has it."""
+        if self.is_mounted and self.listed:
+            self.listed = self.jobs()
+            self.follow()
+            self.draw()
+
+    def follow(self) -> None:
+        """Put the cursor on what the chosen measurement is in, unless it is there."""
+        path = self.host.choice.measured(self.host.project)
+        if path is None or self.job is None or path in self.job.files:
+            return
+        name = self.host.choice.of("measurement")
+        having = [number for number, job in enumerate(self.listed) if path in job.files]
+        self.at = next((n for n in having if self.listed[n].name == name), having[0] if having else self.at)
+
+    def choose_measured(self) -> None:
+        """What is under the cursor is looked at from now on, on every screen; nothing where several are."""
+        own = {entry.path for kind in ("scan", "profile") for entry in self.host.project.of(kind)}
+        files = [path for path in self.job.files if path in own] if self.job is not None else []
+        if files and self.host.choice.measured(self.host.project) not in files:
+            self.host.choice.choose_measured(files[0], self.host.project)
 
     @property
     def job(self) -> Job | None:
@@ -195,16 +219,17 @@ class PageView(PageWork):
             return wrapped(self.EMPTY, width, "dim")
         return no_page_lines(job, self.is_computing(job), self.fault_of(job), width)
 
-    def next_model(self, kept: str, now: Entry | None, alone: str) -> None:
-        """Simulate with the model after `now`, or with none, which leaves what `alone` says; `kept`: its name in the
-        state. What was computed with another one is kept.
+    def next_model(self, now: Entry | None, alone: str) -> None:
+        """Simulate with the model after `now`, or with none, which leaves what `alone` says. What was computed with
+        another one is kept.
         """
         project = self.host.project
         if not project.of("model"):
             self.say("there is no model in the project")
             return
-        name = self.host.state.selected[kept] = model_after(project, now)
+        name = model_after(project, now)
         self.say(f"no model: {alone} alone" if name == NONE else f"model: {name}; r computes with it")
+        self.host.choice.choose("model", name)
         self.project_changed()
 
     # Actions
@@ -221,6 +246,7 @@ class PageView(PageWork):
             self.query_one("#words", Lines).page(-(10**6))
         if self.job is not None:
             self.host.state.selected[self.NAME] = self.job.name
+            self.choose_measured()
         self.draw()
 
     def action_turn(self, by: int) -> None:

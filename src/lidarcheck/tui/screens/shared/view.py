@@ -55,6 +55,9 @@ class View(Vertical):
     def project_changed(self) -> None:
         """The project was read."""
 
+    def choice_changed(self) -> None:
+        """What is looked at was chosen, here or on another screen."""
+
     def inputs_changed(self) -> None:
         """A file was edited, saved or changed on the disk, or something was computed."""
 
