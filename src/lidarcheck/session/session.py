@@ -22,13 +22,13 @@ from lidarcheck.session.node import Cancelled, Derived, Node, Part, ProgressCall
 from lidarcheck.session.store import Store
 from lidarcheck.workers.identity import source_of_results
 
-__all__ = ["CURRENT", "FAILED", "OLD", "RENEWED_S", "SAVED", "Session"]
+__all__ = ["CURRENT", "FAILED", "FIRST_S", "OLD", "RENEWED_S", "SAVED", "Session"]
 
 CURRENT, OLD, SAVED = "current", "OLD", "saved model"
 FAILED = "failed: "
 """The words for results of exactly these inputs; of others; of the files, where edits of these are not saved. What
 could not be computed has failed, and why stands behind it."""
-RENEWED_S, _FIRST_S = 2.0, 10.0
+RENEWED_S, FIRST_S = 2.0, 10.0
 """What took no longer than this is computed again by itself when its inputs change; the second where it was the first
 of its kind in this process, which loads libraries and compiled code besides.
 """
@@ -72,6 +72,10 @@ class Session:
     def _edited(self) -> None:
         self.edits += 1
         self.on_change()
+
+    def open_files(self) -> list[EditedFile[Any]]:
+        """The files that are open, edited or not."""
+        return list(self._open.values())
 
     def inputs(self) -> Inputs:
         """All inputs as they are shown now."""
@@ -170,7 +174,7 @@ class Session:
 
     def is_cheap(self, derived: Derived) -> bool:
         """Whether it is computed again by itself when its inputs change."""
-        return derived.seconds <= (_FIRST_S if derived.first else RENEWED_S)
+        return derived.seconds <= (FIRST_S if derived.first else RENEWED_S)
 
     # What belongs to what
 
