@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,7 @@ __all__ = [
     "canvas",
     "fit",
     "head_lines",
+    "open_frame",
 ]
 
 NARROWEST, WIDEST = 40, 200
@@ -100,6 +102,36 @@ def canvas(
         finally:
             plotext.clear_figure()
     return [line.rstrip() for line in str(text).rstrip("\n").split("\n")][: size[1]]
+
+
+@lru_cache(64)
+def open_frame(
+    spans: tuple[Span, Span], ticks: tuple[tuple[tuple[float, str], ...], ...], size: tuple[int, int]
+) -> tuple[str, ...]:
+    """The lines of a frame without data: an axis to the left and one below, each with its ticks (place, text).
+
+    `size`: (columns, rows), with the texts of the ticks. The texts must leave each other room.
+    """
+    import plotext
+
+    with _FIGURE:
+        plotext.clear_figure()
+        try:
+            plotext.theme("clear")
+            plotext.limit_size(False, False)
+            plotext.plotsize(*size)
+            plotext.xaxes(True, False)
+            plotext.yaxes(True, False)
+            plotext.xlim(*spans[0])
+            plotext.ylim(*spans[1])
+            for place, own in zip((plotext.xticks, plotext.yticks), ticks, strict=True):
+                place([at for at, _ in own], [text for _, text in own])
+            # plotext leaves out the ticks of an empty plot.
+            plotext.scatter([spans[0][0]], [spans[1][0]], marker=" ")
+            text = str(plotext.uncolorize(plotext.build()))
+        finally:
+            plotext.clear_figure()
+    return tuple(line.rstrip() for line in text.rstrip("\n").split("\n")[: size[1]])
 
 
 def _pieces(line: FloatArray) -> list[FloatArray]:

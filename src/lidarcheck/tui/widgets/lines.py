@@ -14,12 +14,14 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from lidarcheck.printable import printable
+from lidarcheck.tui.plots.colours import depth_of
 from lidarcheck.tui.widgets.themes import Role, style
 
 __all__ = [
     "CURSOR_KEYS",
     "Line",
     "Lines",
+    "changed_spans",
     "cursor_after",
     "diff_lines",
     "hanging",
@@ -31,6 +33,8 @@ __all__ = [
 
 Line = tuple[tuple[str, Role], ...]
 _INDENT_FROM = 20
+_JUMP = 8
+"""Columns that are cheaper to send again than to jump over."""
 CURSOR_KEYS = ("up", "down", "pageup", "pagedown", "home", "end")
 """The keys that move a cursor, or scroll."""
 
@@ -89,6 +93,30 @@ def folded(parts: Line, width: int) -> list[Line]:
         runs = [("".join(letter for letter, _ in run), role) for role, run in groupby(now, lambda one: one[1])]
         found.append((*line(indent), *runs) if indent else tuple(runs))
     return found
+
+
+def changed_spans(old: Line, new: Line) -> list[tuple[int, int]]:
+    """(first column, columns) of what differs between two lines; near ones together, since a jump is not free either.
+
+    A line with letters that are two columns wide differs as a whole.
+    """
+    before, after = ([(letter, role) for text, role in parts for letter in printable(text)] for parts in (old, new))
+    if before == after:
+        return []
+    if any(not letter.isascii() and cell_len(letter) != 1 for letter, _ in (*before, *after)):
+        return [(0, max(sum(cell_len(letter) for letter, _ in cells) for cells in (before, after)))]
+    long = max(len(before), len(after))
+    blank: tuple[str, Role] = (" ", "text")
+    before, after = ([*cells, *[blank] * (long - len(cells))] for cells in (before, after))
+    spans: list[tuple[int, int]] = []
+    for x, (one, other) in enumerate(zip(before, after, strict=True)):
+        if one == other:
+            continue
+        if spans and x - sum(spans[-1]) < _JUMP:
+            spans[-1] = (spans[-1][0], x + 1 - spans[-1][0])
+        else:
+            spans.append((x, 1))
+    return spans
 
 
 class Lines(Widget, can_focus=True):
@@ -172,7 +200,12 @@ class Lines(Widget, can_focus=True):
         if len(wanted) != len(self._drawn):
             self.refresh()
         else:
-            changed = [Region(0, y, self.size.width, 1) for y, new in enumerate(wanted) if new != self._drawn[y]]
+            changed = [
+                Region(x, y, columns, 1)
+                for y, new in enumerate(wanted)
+                if new != self._drawn[y]
+                for x, columns in changed_spans(self._drawn[y], new)
+            ]
             if changed:
                 self.refresh(*changed)
         self._drawn = wanted
@@ -180,11 +213,7 @@ class Lines(Widget, can_focus=True):
     def _line(self, y: int) -> Line:
         if not self.bar:
             if y == 0:
-                focus = self.has_focus
-                label = f"[{self.label}] " if self.label else ""
-                words = self._beside_state(f"{'>' if focus else ' '}{label}{self._title}")
-                look: Role = "focus" if focus else "title"
-                return ((words, look), *line(self._short_state, "dim" if self.state == "current" else "edited"))
+                return (*self._heading(), *line(self._short_state, "dim" if self.state == "current" else "edited"))
             y -= 1
         at = self._top + y
         if at >= len(self._rows):
@@ -193,6 +222,12 @@ class Lines(Widget, can_focus=True):
         if is_old(self.state):
             parts = tuple((text, "dim") for text, _ in parts)
         return tuple((text, "cursor") for text, _ in parts) if at == self._row and self.has_focus else parts
+
+    def _heading(self) -> Line:
+        """The title, up to where the state begins."""
+        label = f"[{self.label}] " if self.label else ""
+        words = self._beside_state(f"{'>' if self.has_focus else ' '}{label}{self._title}")
+        return line(words, "focus" if self.has_focus else "title")
 
     @property
     def _short_state(self) -> str:
@@ -214,8 +249,8 @@ class Lines(Widget, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         """One line as textual wants it."""
-        theme = self.app.theme
-        segments = [Segment(printable(text), style(theme, role)) for text, role in self._line(y)]
+        theme, depth = self.app.theme, depth_of(self.app)
+        segments = [Segment(printable(text), style(theme, role, depth)) for text, role in self._line(y)]
         # One run of a look is sent once, not a piece at a time.
         return Strip(segments).adjust_cell_length(self.size.width, style(theme, "text")).simplify()
 

@@ -9,9 +9,14 @@ from typing import Literal
 from rich.style import Style
 from textual.theme import BUILTIN_THEMES, Theme
 
+from lidarcheck.tui.plots.colours import PLOT_ROLES, Depth, plot_style
+
 __all__ = ["ROLES", "THEMES", "Role", "style", "textual_themes"]
 
-Role = Literal["text", "dim", "title", "focus", "cursor", "edited", "good", "bad"]
+Role = Literal[
+    "text", "dim", "title", "focus", "cursor", "edited", "good", "bad", "real", "now", "saved", "wanted", "both"
+]
+"""The looks of text, and of what plots show (`plots.colours`)."""
 ROLES: tuple[Role, ...] = ("text", "dim", "title", "focus", "cursor", "edited", "good", "bad")
 
 _TEXT: dict[str, dict[Role, str]] = {
@@ -39,8 +44,10 @@ THEMES = tuple(_TEXT)
 
 
 @cache
-def style(theme: str, role: Role) -> Style:
-    """How a role looks in a theme."""
+def style(theme: str, role: Role, depth: Depth = "true") -> Style:
+    """How a role looks in a theme; `depth`: how many colours the terminal has, for plots."""
+    if role in PLOT_ROLES:
+        return style(theme, "text", depth) + plot_style(theme, role, depth)
     look = Style.parse(_TEXT[theme][role] or "none")
     back = _BACK.get(theme)
     return look if back is None else Style.parse(f"{back[1]} on {back[0]}") + look
