@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+from lidarcheck.calibration.blooming.lut_edit import inserted, without_rows
 from lidarcheck.session.edited_lut import EditedLut
 from tui_kit import LUT
 
@@ -35,8 +36,18 @@ def edit_until_killed(root, seed, say):
             say("doing", history.last("redo").applied(lut.content))
             session.redo()
             say("done", session.current.content)
+        elif chance < 0.6:
+            row = draw.randrange(len(lut.tables["vertical"]))
+            say("doing", inserted(lut, "vertical", row).content)
+            session.insert("vertical", row)
+            say("done", session.current.content)
+        elif chance < 0.7 and len(lut.tables["vertical"]) > 2:
+            row = draw.randrange(len(lut.tables["vertical"]))
+            say("doing", without_rows(lut, "vertical", [row]).content)
+            session.remove("vertical", [row])
+            say("done", session.current.content)
         else:
-            row, value = draw.randrange(26), draw.randrange(270, 1000)
+            row, value = draw.randrange(len(lut.tables["vertical"])), draw.randrange(270, 1000)
             say("doing", lut.with_scaled("vertical", row, value).content)
             session.set("vertical", [row], str(value))
             say("done", session.current.content)

@@ -122,18 +122,20 @@ class LutFile:
         x = self.tables[table].x.tolist()
         if value == x[index]:
             return self
-        _check_between(value, x[:index][-1:], x[index + 1 :][:1])
+        self._check_between(table, value, x[:index][-1:], x[index + 1 :][:1])
         cell = self.tables[table]._x_cells[index]
         return self._spliced((cell.start, cell.start + len(cell.text), _x_text(value)))
 
     def with_row(self, table: Axis, index: int, x: float, y: float) -> LutFile:
-        """A new row after row `index`; errors as `with_x` and `with_y`."""
-        before, own = self._cell(table, index), self.tables[table]
-        _check_between(x, [float(own.x[index])], own.x.tolist()[index + 1 :][:1])
-        there = own._x_cells[index]
-        ends = [(cell.start + len(cell.text),) * 2 for cell in (there, before)]
-        # With the Y of the row before first: `with_y` checks the new one and spells it.
-        made = self._spliced((*ends[0], f", {_x_text(x)}"), (*ends[1], f", {before.text}"))
+        """A new row after row `index`, -1 for one before the first; errors as `with_x` and `with_y`."""
+        beside, own = self._cell(table, max(index, 0)), self.tables[table]
+        self._check_between(table, x, own.x.tolist()[max(index, 0) : index + 1], own.x.tolist()[index + 1 :][:1])
+        there = own._x_cells[max(index, 0)]
+        # With the Y of the row beside it first: `with_y` checks the new one and spells it.
+        if index < 0:
+            made = self._spliced((*(there.start,) * 2, f"{_x_text(x)}, "), (*(beside.start,) * 2, f"{beside.text}, "))
+        else:
+            made = self._spliced((*(_end(there),) * 2, f", {_x_text(x)}"), (*(_end(beside),) * 2, f", {beside.text}"))
         return made.with_y(table, index + 1, y)
 
     def without_row(self, table: Axis, index: int) -> LutFile:
@@ -175,6 +177,21 @@ class LutFile:
             content = content[: cell.start] + texts[index].encode() + content[cell.start + len(cell.text) :]
         return self if content == self.content else parse_lut(content, self.file)
 
+    def _check_between(self, table: Axis, value: float, before: list[float], after: list[float]) -> None:
+        """Refuse an X that is no number or not between those of the rows around it, of which one may be missing."""
+        line = self.tables[table]._x_cells[0].line
+        if not math.isfinite(value):
+            raise UsageError(f"X = {value} is no number", fix="use a number as 2.5", file=self.file, line=line)
+        low, high = (f"{end[0]:g}" if end else "" for end in (before, after))
+        if any(value < end for end in before) or any(value > end for end in after):
+            if low and high:
+                what, fix = f"is not between its neighbours, {low} and {high}", f"use a number from {low} to {high}"
+            elif low:
+                what, fix = f"is below its neighbour, {low}", f"use {low} or more"
+            else:
+                what, fix = f"is above its neighbour, {high}", f"use {high} or less"
+            raise UsageError(f"X = {value:g} {what}", fix=fix, file=self.file, line=line)
+
     def _cell(self, table: Axis, index: int) -> _Cell:
         if table not in self.tables:
             raise UsageError(f"the file has no {table} table", fix=f"choose {' or '.join(self.tables)}")
@@ -190,19 +207,6 @@ def _end(cell: _Cell) -> int:
 
 def _x_text(value: float) -> str:
     return f"{value:.10g}"
-
-
-def _check_between(value: float, before: list[float], after: list[float]) -> None:
-    """Refuse an X that is no number or is not between those of the rows around it, of which one may be missing."""
-    if not math.isfinite(value):
-        raise UsageError(f"X = {value} is no number", fix="use a number as 2.5")
-    if any(value < low for low in before) or any(value > high for high in after):
-        ends = [f"{before[0]:g} before it" if before else "", f"{after[0]:g} after it" if after else ""]
-        what = f"X = {value:g} does not lie between its neighbours, {' and '.join(filter(None, ends))}"
-        low, high = (f"{end[0]:g}" if end else "" for end in (before, after))
-        both = f"a number from {low} to {high}"
-        fix = f"use {both if low and high else f'{low} or more' if low else f'{high} or less'}"
-        raise UsageError(what, fix=fix)
 
 
 def load_lut(path: str | os.PathLike[str]) -> LutFile:

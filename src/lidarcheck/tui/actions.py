@@ -61,7 +61,6 @@ _ALONE = "belongs to the interface alone"
 _STOP = "Ctrl+C stops a command"
 _BACK = "version control does it; the interface keeps what was there before"
 _BY_HAND = "model.toml in --out is copied by hand"
-_ROWS = "a row is a number in each of two lines of the file, which any editor adds or takes out"
 _DROPPED = "a proposal is a file in .lidarcheck/proposals; the next check writes it anew"
 
 
@@ -119,10 +118,10 @@ ACTIONS: tuple[Action, ...] = (
     Action("type", "blooming", ("enter",), "", "digits type a scaled value 0 to 1000, with a point a true Y; Enter sets it", "enter", "lut set", "scaled"),
     Action("nudge up", "blooming", ("plus", "equals_sign"), "Up", "one step up, 0.007 decades", "nudge(1)", "lut scale", "--by"),
     Action("nudge down", "blooming", ("minus",), "Down", "one step down", "nudge(-1)", "lut scale", "--by"),
-    Action("cell X", "blooming", ("left",), "", "type the row's X next", "cell('x')", reason=_MOVE),
+    Action("cell X", "blooming", ("left",), "", "type the row's X next", "cell('x')", "lut set", "another X"),
     Action("cell Y", "blooming", ("right",), "", "type the row's Y next", "cell('y')", reason=_MOVE),
-    Action("add row", "blooming", ("i",), "Add", "a new row after this one: X between the two, Y on the line through them", "add_row", reason=_ROWS),
-    Action("remove rows", "blooming", ("D",), "Del", "take the marked rows out, or the one under the cursor", "remove_rows", reason=_ROWS),
+    Action("add row", "blooming", ("i",), "Add", "a new row after this one: X between the two, Y on the line through them", "add_row", "lut add", "log10"),
+    Action("remove rows", "blooming", ("D",), "Del", "take the marked rows out, or the one under the cursor", "remove_rows", "lut remove", "one must stay"),
     Action("nudge far up", "blooming", ("right_square_bracket",), "", "20 steps up", "nudge(20)", "lut scale", "--by"),
     Action("nudge far down", "blooming", ("left_square_bracket",), "", "20 steps down", "nudge(-20)", "lut scale", "--by"),
     Action("mark", "blooming", ("space",), "Mark", "mark the row for the next edits, or not", "mark", "lut scale", "--rows"),

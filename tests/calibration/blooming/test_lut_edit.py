@@ -1,6 +1,7 @@
 """`lidarcheck lut`: several cells at once, on the editor's scale, and back."""
 
 import json
+import math
 import os
 import threading
 
@@ -133,6 +134,62 @@ def test_what_is_refused(file, argv, what, capsys):
     assert file.read_bytes() == TEXT
 
 
+def test_rows_are_added_and_only_they_differ(file):
+    assert run("lut", "add", file, "--after", "0", "--at", "15=512", "--at", "-30=0.25", "--true-y", "-q") == 2
+    assert file.read_bytes() == TEXT
+    assert run("lut", "add", file, "--after", "0..1", "--at", "15=512", "--at", "-30", "--at", "25", "-q") == 0
+    lines = TEXT.replace(b"= -20, -10 , 0,10,20,20", b"= -30, -20, -14.1421, -10, -5 , 0,10, 15,20,20, 25")
+    # log10 Y over X between the two; beyond the ends as at the end; 512 as it is spelled everywhere
+    middles = [f"{10 ** (math.log10(a) + part * math.log10(b / a)):.7f}" for a, b, part in (
+        (0.0001234, 0.001, 0.58579), (0.001, 1.0, 0.5))]  # fmt: skip
+    lines = lines.replace(
+        b"= 0.0001234, .001,1", f"= 0.0001234, 0.0001234, {middles[0]}, .001, {middles[1]},1".encode()
+    )
+    lines = lines.replace(b" 0.002 ,0.0000001,0 ;", b" 0.002, 0.0003837 ,0.0000001,0, 0 ;")
+    assert file.read_bytes() == lines
+    assert run("lut", "remove", file, "--x", "-30", "--x", "-14.1421", "--rows", "4,7,10", "-q") == 0
+    assert file.read_bytes() == TEXT
+    assert run("lut", "undo", file, "-q") == 0
+    assert file.read_bytes() == lines
+
+
+def test_a_row_gets_another_x_and_only_that_cell_differs(file, capsys):
+    assert run("lut", "set", file, "--x", "1=-15.5", "--row", "1=512") == 0
+    expected = TEXT.replace(b"-10 ,", b"-15.5 ,").replace(b" .001,", b" 0.0003837,")
+    assert file.read_bytes() == expected
+    capsys.readouterr()
+    assert run("lut", "set", file, "--x", "1=3") == 2
+    assert (
+        "lut.ini:3: X = 3 is not between its neighbours, -20 and 0; use a number from -20 to 0"
+        in capsys.readouterr().err
+    )
+    assert file.read_bytes() == expected
+
+
+@pytest.mark.parametrize(
+    ("argv", "what"),
+    [
+        (("set", "--x", "0=-5"), "lut.ini:3: X = -5 is above its neighbour, -10; use -10 or less"),
+        (("set", "--x", "5=3"), "lut.ini:3: X = 3 is below its neighbour, 20; use 20 or more"),
+        (("set", "--x", "0=a"), "X = a is no number"),
+        (("set", "--x", "0=nan"), "X = nan is no number"),
+        (("set", "--x", "0..1=3"), "--x 0..1=3 names several rows"),
+        (("add",), "nothing is added; use --after ROWS or --at X"),
+        (("add", "--after", "6"), "rows 6: the vertical table has rows 0 to 5"),
+        (("add", "--at", "20"), "row 4 of the vertical table has X = 20 already"),
+        (("add", "--at", "15=1001"), "scaled Y = 1001 is out of range"),
+        (("add", "--at", "inf"), "X = inf is no number"),
+        (("remove",), "nothing is taken out; use --rows ROWS or --x RANGES"),
+        (("remove", "--rows", "0..5"), "a table needs a row"),
+        (("remove", "--x", "11"), "no X = 11; the nearest is 10"),
+    ],
+)
+def test_rows_that_are_refused(file, argv, what, capsys):
+    assert run("lut", argv[0], file, *argv[1:]) == 2
+    assert what in capsys.readouterr().err
+    assert file.read_bytes() == TEXT
+
+
 @pytest.mark.parametrize(
     "argv",
     [(), ("--by", "3", "--factor", "2"), ("--factor", "0"), ("--factor", "nan"), ("--by", "1.5"), ("--by", "-1.5")],
@@ -185,7 +242,7 @@ def test_two_edits_at_once_never_lose_one(file, monkeypatch, capsys):
 
 def test_undo_says_what_is_missing(file, capsys):
     assert run("lut", "undo", file) == 2
-    assert "lut.ini: there is no edit to take back; lut set, scale and smooth leave" in capsys.readouterr().err
+    assert "lut.ini: there is no edit to take back; an edit leaves" in capsys.readouterr().err
     assert run("lut", "undo", file.with_name("none.ini")) == 2
     assert "none.ini: there is no such file" in capsys.readouterr().err
 

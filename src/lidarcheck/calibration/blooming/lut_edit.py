@@ -19,6 +19,7 @@ from lidarcheck.formats.lut_scale import SCALE_MAX, scaled_of_y
 
 __all__ = [
     "LutChange",
+    "added_at",
     "changes",
     "document",
     "inserted",
@@ -231,19 +232,40 @@ def inserted(lut: LutFile, table: Axis, row: int) -> LutFile:
     """A new row after this one: X between the two, by their geometric mean where both have one sign, and Y on the line
     through them in log10 Y over X; after the last row one step further with the same Y.
     """
-    x, y = lut.tables[table].x.tolist(), lut.tables[table].y.tolist()
+    x = lut.tables[table].x.tolist()
     if row + 1 >= len(x):
         step = x[row] - x[row - 1] if row > 0 else 0.0
-        return lut.with_row(table, row, x[row] + (step or 1.0), y[row])
+        return _with_row(lut, table, row, x[row] + (step or 1.0))
     low, high = x[row], x[row + 1]
     middle = math.copysign(math.sqrt(low * high), low) if low * high > 0.0 else 0.5 * (low + high)
-    middle = min(max(float(f"{middle:.6g}"), low), high)
-    part = (middle - low) / (high - low) if high > low else 0.5
+    return _with_row(lut, table, row, min(max(float(f"{middle:.6g}"), low), high))
+
+
+def added_at(lut: LutFile, table: Axis, value: str, y: str = "", *, true_y: bool = False) -> LutFile:
+    """A new row at this X, in its place, with a scaled value or with `true_y` a Y; without one Y is on the line through
+    the rows around it in log10 Y over X, beyond the ends that of the end. An X that is there already is refused.
+    """
+    at, x = _number(value), lut.tables[table].x.tolist()
+    if at in x:
+        what = f"row {x.index(at)} of the {table} table has X = {at:g} already"
+        raise UsageError(what, fix="set its Y with lut set --at, or repeat it with lut add --after", file=lut.file)
+    row = sum(there < at for there in x) - 1
+    lut = _with_row(lut, table, row, at)
+    return set_rows(lut, table, [row + 1], y, true_y=true_y) if y else lut
+
+
+def _with_row(lut: LutFile, table: Axis, row: int, at: float) -> LutFile:
+    """A new row after this one with that X, and Y on the line through the rows around it."""
+    x, y = lut.tables[table].x.tolist(), lut.tables[table].y.tolist()
+    if row < 0 or row + 1 >= len(x):
+        return lut.with_row(table, row, at, y[max(row, 0)])
+    low, high = x[row], x[row + 1]
+    part = (at - low) / (high - low) if high > low else 0.5
     if y[row] > 0.0 and y[row + 1] > 0.0:
         value = 10.0 ** ((1.0 - part) * math.log10(y[row]) + part * math.log10(y[row + 1]))
     else:
         value = (1.0 - part) * y[row] + part * y[row + 1]
-    return lut.with_row(table, row, middle, min(float(f"{value:.7f}"), 1.0))
+    return lut.with_row(table, row, at, min(float(f"{value:.7f}"), 1.0))
 
 
 def without_rows(lut: LutFile, table: Axis, rows: Sequence[int]) -> LutFile:
@@ -253,8 +275,11 @@ def without_rows(lut: LutFile, table: Axis, rows: Sequence[int]) -> LutFile:
 
 def moved_to(lut: LutFile, table: Axis, row: int, value: str) -> LutFile:
     """A row with another X, between those of its neighbours."""
+    return lut.with_x(table, row, _number(value))
+
+
+def _number(value: str) -> float:
     try:
-        number = float(value)
+        return float(value)
     except ValueError:
         raise UsageError(f"X = {value} is no number", fix="use a number as 2.5 or -20") from None
-    return lut.with_x(table, row, number)

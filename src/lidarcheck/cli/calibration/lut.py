@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from lidarcheck.errors import InputError, UsageError
 if TYPE_CHECKING:
     from lidarcheck.formats.lut import Axis, LutFile
 
-__all__ = ["scale", "set", "show", "smooth", "undo"]
+__all__ = ["add", "remove", "scale", "set", "show", "smooth", "undo"]
 
 UNDO = ".undo"
 """What the name of the file ends in that keeps the table as it was before the last edit."""
@@ -33,6 +34,7 @@ Keep = Annotated[
     Flag,
     Parameter(help="Write the file without any edit: the same bytes."),
 ]
+TrueY = Annotated[bool, Flag, Parameter(help="Values are Y, 0 to 1, not scaled 0 to 1000.")]
 Rows = Annotated[
     list[str] | None,
     Parameter(name="--rows", negative=(), help="Rows by number, from 0 as `lut show` has them: 3, 5..9 or 0,5..9."),
@@ -71,8 +73,16 @@ def set(
             help="X=VALUE, rows by X: -20=400 or 20..60=512; may be repeated.",
         ),
     ] = None,
+    x: Annotated[
+        list[str] | None,
+        Parameter(
+            name="--x",
+            negative=(),
+            help="ROW=X, another X of a row, between those of the rows around it: 3=-45; may be repeated.",
+        ),
+    ] = None,
     table: Table = None,
-    true_y: Annotated[bool, Flag, Parameter(help="Values are Y, 0 to 1, not scaled 0 to 1000.")] = False,
+    true_y: TrueY = False,
     keep: Keep = False,
     out: Out = None,
     dry_run: DryRun = False,
@@ -81,21 +91,98 @@ def set(
 ) -> int:
     """Set cells of a table, on the editor's scale."""
     hush(quiet)
-    from lidarcheck.calibration.blooming.lut_edit import rows_at, rows_by_number, set_rows, table_of
+    from lidarcheck.calibration.blooming.lut_edit import moved_to, rows_at, rows_by_number, set_rows, table_of
     from lidarcheck.formats.lut import load_lut
 
-    edits = [("--row", edit) for edit in rows or ()] + [("--at", edit) for edit in at or ()]
+    edits = [(option, edit) for option, given in (("--row", rows), ("--at", at), ("--x", x)) for edit in given or ()]
     if keep == bool(edits):
         what = "--keep writes without edits" if keep else "nothing is set"
-        raise UsageError(what, fix="leave out --row and --at" if keep else "use --row ROWS=VALUE or --at X=VALUE")
+        fix = "leave out --row, --at and --x" if keep else "use --row ROWS=VALUE, --at X=VALUE or --x ROW=X"
+        raise UsageError(what, fix=fix)
     before = after = load_lut(file)
     for option, edit in edits:
         where, equals, value = edit.partition("=")
         if not equals:
             raise UsageError(f"{option} {edit} has no value", fix=f"write {option} {edit}=VALUE")
         axis = table_of(after, table)
-        chosen = (rows_by_number if option == "--row" else rows_at)(after, axis, where)
-        after = set_rows(after, axis, chosen, value.strip(), true_y=true_y)
+        chosen = (rows_at if option == "--at" else rows_by_number)(after, axis, where)
+        if option != "--x":
+            after = set_rows(after, axis, chosen, value.strip(), true_y=true_y)
+            continue
+        if len(chosen) > 1:
+            raise UsageError(f"--x {edit} names several rows", fix="give each row an X of its own")
+        after = moved_to(after, axis, chosen[0], value.strip())
+    return _finish(before, after, file, out, dry_run=dry_run, json=json)
+
+
+def add(
+    file: File,
+    /,
+    *,
+    after: Annotated[
+        list[str] | None,
+        Parameter(
+            name="--after",
+            negative=(),
+            help="A new row behind each of these, X and Y between those around it: 3 or 5..9; may be repeated.",
+        ),
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        Parameter(
+            name="--at",
+            negative=(),
+            allow_leading_hyphen=True,
+            help="X or X=VALUE, a new row at that X: -40 or -40=450; may be repeated.",
+        ),
+    ] = None,
+    table: Table = None,
+    true_y: TrueY = False,
+    out: Out = None,
+    dry_run: DryRun = False,
+    json: JsonFlag = False,
+    quiet: Quiet = False,
+) -> int:
+    """Add rows to a table; Y is on the line through the rows around them unless it is given."""
+    hush(quiet)
+    from lidarcheck.calibration.blooming.lut_edit import added_at, inserted, rows_by_number, table_of
+    from lidarcheck.formats.lut import load_lut
+
+    if not (after or at):
+        raise UsageError("nothing is added", fix="use --after ROWS or --at X")
+    before = edited = load_lut(file)
+    axis = table_of(before, table)
+    behind = [row for text in after or () for row in rows_by_number(before, axis, text)]
+    for row in sorted(builtins.set(behind), reverse=True):  # from the end, so that earlier rows keep their numbers
+        edited = inserted(edited, axis, row)
+    for text in at or ():
+        where, _, value = text.partition("=")
+        edited = added_at(edited, axis, where.strip(), value.strip(), true_y=true_y)
+    return _finish(before, edited, file, out, dry_run=dry_run, json=json)
+
+
+def remove(
+    file: File,
+    /,
+    *,
+    rows: Rows = None,
+    x: At = None,
+    table: Table = None,
+    out: Out = None,
+    dry_run: DryRun = False,
+    json: JsonFlag = False,
+    quiet: Quiet = False,
+) -> int:
+    """Take rows out of a table; one must stay."""
+    hush(quiet)
+    from lidarcheck.calibration.blooming.lut_edit import table_of, without_rows
+    from lidarcheck.formats.lut import load_lut
+
+    if not (rows or x):
+        raise UsageError("nothing is taken out", fix="use --rows ROWS or --x RANGES")
+    before = load_lut(file)
+    axis = table_of(before, table)
+    after = without_rows(before, axis, _picked(before, axis, rows, x))
     return _finish(before, after, file, out, dry_run=dry_run, json=json)
 
 
@@ -176,7 +263,7 @@ def undo(file: File, /, *, json: JsonFlag = False, quiet: Quiet = False) -> int:
 
     kept, now = _kept(file), load_lut(file)
     if not kept.is_file():
-        fix = f"lut set, scale and smooth leave {kept.name}"
+        fix = f"an edit leaves {kept.name}"
         raise InputError("there is no edit to take back", file=file, fix=fix)
     earlier = load_lut(kept)
     with alone(file, now.content), as_it_was([kept, file]):

@@ -155,13 +155,35 @@ CALIBRATION_COMMANDS: tuple[Command, ...] = (
         "calibration.lut",
         "FILE [OPTIONS]",
         "Set cells of a blooming table.",
-        "Cells are named by row or by X, several at once; values are scaled, 0 to 1000. What is not set keeps its "
-        "bytes. FILE.undo holds the table as it was.",
+        "Cells are named by row or by X, several at once; values are scaled, 0 to 1000. --x gives a row another X. "
+        "What is not set keeps its bytes. FILE.undo holds the table as it was.",
         (
             "lidarcheck lut set vertical_lut.ini --row 3=512 --row 5..9=480",
             "lidarcheck lut set vertical_lut.ini --at -20=430 --at 100..140=0 --dry-run",
+            "lidarcheck lut set vertical_lut.ini --x 3=-45",
             "lidarcheck lut set vertical_lut.ini --keep --out copy.ini",
         ),
+    ),
+    Command(
+        "lut add",
+        "calibration.lut",
+        "FILE [OPTIONS]",
+        "Add rows to a blooming table.",
+        "Behind a row, X between it and the next (their geometric mean where both have one sign), or at an X in its "
+        "place. Y is on the line through the rows around it in log10 Y over X, unless it is given. What is not new "
+        "keeps its bytes.",
+        (
+            "lidarcheck lut add vertical_lut.ini --after 3",
+            "lidarcheck lut add vertical_lut.ini --at -40 --at 25=512",
+        ),
+    ),
+    Command(
+        "lut remove",
+        "calibration.lut",
+        "FILE [OPTIONS]",
+        "Take rows out of a blooming table.",
+        "By --rows or --x; one must stay. What stays keeps its bytes.",
+        ("lidarcheck lut remove vertical_lut.ini --x 100..140 --dry-run",),
     ),
     Command(
         "lut scale",

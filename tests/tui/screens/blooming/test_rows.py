@@ -1,5 +1,8 @@
 """Rows of a table by keys: added, taken out, moved along X; refused with the neighbours; brought back after a crash."""
 
+import subprocess
+import sys
+
 import pytest
 
 from lidarcheck.formats.lut import load_lut
@@ -35,7 +38,7 @@ def test_rows_are_added_moved_and_taken_out_by_keys(project):
         assert view.file.current.tables["vertical"].rows()[ROW + 1].scaled == 512
         # A bad X names both neighbours, and changes nothing.
         await pilot.press("left", "minus", *"80", "enter")
-        await says(app, pilot, "X = -80 does not lie between its neighbours, -50 before it and -33 after it")
+        await says(app, pilot, "X = -80 is not between its neighbours, -50 and -33")
         assert "from -50 to -33" in status(app)
         assert xs(view)[ROW + 1] == -40.0
         await pilot.press("plus")
@@ -61,6 +64,40 @@ def test_rows_are_added_moved_and_taken_out_by_keys(project):
         assert xs(view) == x
 
     drive(app_on(project), do)
+
+
+EDITS = """import os, signal, sys
+from pathlib import Path
+from lidarcheck.session.edited_lut import EditedLut
+file = EditedLut(Path(sys.argv[1]) / "a_lut.ini", Path(sys.argv[1]))
+file.insert("vertical", 3)
+file.remove("vertical", [0])
+file.set_x("vertical", 1, "-90")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_rows_of_a_killed_process_are_offered_with_their_undo(project):
+    lut = project / "a_lut.ini"
+    killed = subprocess.run([sys.executable, "-c", EDITS, str(project)], check=False, capture_output=True)
+    assert (killed.returncode, killed.stderr) == (-9, b"")
+    x = load_lut(lut).tables["vertical"].x.tolist()
+    new = -((x[3] * x[4]) ** 0.5)
+
+    async def do(app, pilot):
+        await sees(app, pilot, "a_lut.ini: an earlier session ended with 3 rows not saved")
+        view = await on_blooming(app, pilot)
+        await pilot.press("b")
+        await says(app, pilot, "3 rows brought back")
+        assert xs(view) == pytest.approx([x[1], -90.0, x[3], new, *x[4:]], rel=1e-5)
+        await pilot.press("u")
+        assert xs(view) == pytest.approx([*x[1:4], new, *x[4:]], rel=1e-5)
+        await pilot.press("u", "u")
+        assert view.file.content == LUT.encode()
+        assert not view.file.dirty
+
+    drive(app_on(project), do)
+    assert lut.read_bytes() == LUT.encode()
 
 
 def test_rows_of_settings_are_distances(project):
