@@ -13,6 +13,7 @@ from lidarcheck.calibration.blooming.lut_edit import (
     set_rows,
     shifted,
     smoothed,
+    taken_over,
     without_rows,
 )
 from lidarcheck.formats.lut import Axis, LutFile, load_lut, parse_lut
@@ -48,6 +49,10 @@ class EditedLut(EditedFile[LutFile]):
     def remove(self, axis: Axis, rows: Sequence[int]) -> bool:
         """Rows are taken out; one must stay."""
         return self._make("take out", lambda lut: without_rows(lut, axis, rows))
+
+    def take(self, axis: Axis, other: LutFile, what: str, rows: Sequence[int] | None = None) -> bool:
+        """Rows get the Y that another table has at their X, all as one edit; whether that changed anything."""
+        return self._make(what, lambda lut: taken_over(lut, axis, other, rows))
 
     def edited(self, axis: Axis) -> list[bool]:
         """Whether each row of a table differs from what was saved, or is new."""

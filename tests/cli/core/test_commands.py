@@ -23,6 +23,20 @@ def test_simulate_writes_echoes_and_says_so(bench_dir, capsys):
     assert len(Path("a.txt").read_text().splitlines()) >= 41
 
 
+def test_a_program_is_told_how_far_the_work_is(bench_dir, capsys, monkeypatch):
+    monkeypatch.setenv("LIDARCHECK_PROGRESS", "json")
+    assert simulate("a.txt") == 0
+    out, err = capsys.readouterr()
+    *told, last = err.splitlines()
+    assert out == ""
+    assert last == "a.txt: 40 echoes from 40 rows of ideal.txt, seed 0"
+    found = [json.loads(line) for line in told]
+    assert {"now": "reading ideal.txt", "done": 0, "of": 0} in found
+    assert {"now": "simulating 40 beams", "done": 40, "of": 40} in found
+    assert simulate("b.txt", "--quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
 def test_simulate_takes_a_fidelity(bench_dir, capsys):
     with small_library(bench_dir / "library", Grid(sample_bits=2)):
         assert simulate("fast.txt", "--fidelity", "fast") == 0

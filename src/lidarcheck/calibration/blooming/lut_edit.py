@@ -31,6 +31,7 @@ __all__ = [
     "shifted",
     "smoothed",
     "table_of",
+    "taken_over",
     "without_rows",
 ]
 
@@ -266,6 +267,25 @@ def _with_row(lut: LutFile, table: Axis, row: int, at: float) -> LutFile:
     else:
         value = (1.0 - part) * y[row] + part * y[row + 1]
     return lut.with_row(table, row, at, min(float(f"{value:.7f}"), 1.0))
+
+
+def taken_over(lut: LutFile, table: Axis, other: LutFile, rows: Sequence[int] | None = None) -> LutFile:
+    """The rows of a table, or those of `rows`, with the Y that `other` has at their X, as it is spelled there.
+
+    Of an X that is repeated the first row gets the first Y, and so on; a row that `other` lacks stays as it is.
+    """
+    theirs = other.tables[table_of(other, table)].x.tolist()
+    places: dict[float, list[int]] = {}
+    for row, x in enumerate(theirs):
+        places.setdefault(x, []).append(row)
+    texts = {}
+    for row, x in enumerate(lut.tables[table].x.tolist()):
+        there = places.get(x)
+        if there:
+            text = other.text(table, there.pop(0))
+            if (rows is None or row in rows) and float(text) != float(lut.tables[table].y[row]):
+                texts[row] = text
+    return lut.with_texts(table, texts)
 
 
 def without_rows(lut: LutFile, table: Axis, rows: Sequence[int]) -> LutFile:

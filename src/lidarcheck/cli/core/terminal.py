@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import json
 import logging
+import math
 import os
 import re
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -36,6 +39,8 @@ __all__ = [
 
 _LOG = logging.getLogger("lidarcheck")
 _NARROWEST = 40
+_PROGRESS, _EVERY_S = "LIDARCHECK_PROGRESS", 0.2
+"""What says how a program that runs this one wants to be told how far it is, and how often that is said."""
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 Show = Callable[[int, int, str], None]
 
@@ -151,6 +156,9 @@ def paragraphs(text: str) -> str:
 @contextlib.contextmanager
 def progress(what: str) -> Iterator[Show]:
     """A bar with the time left, on standard error; yields a function of (done, to do, what is being done)."""
+    if _is_told_as_json():
+        yield _as_json(what)
+        return
     bars = _bars()
     if bars is None:
         yield lambda _done, _total, _label: None
@@ -167,6 +175,10 @@ def progress(what: str) -> Iterator[Show]:
 @contextlib.contextmanager
 def stage(what: str) -> Iterator[None]:
     """Say what is going on, with the time it has taken, while something of unknown length runs."""
+    if _is_told_as_json():
+        _as_json(what)(0, 0, "")
+        yield
+        return
     bars = _bars(known=False)
     if bars is None:
         yield
@@ -174,6 +186,28 @@ def stage(what: str) -> Iterator[None]:
     with bars:
         bars.add_task(printable(what), total=None)
         yield
+
+
+def _is_told_as_json() -> bool:
+    return os.environ.get(_PROGRESS) == "json" and not _is_quiet()
+
+
+def _as_json(what: str) -> Show:
+    """Lines of JSON on standard error: what is done `now`, how much is `done` and `of` how much, 0 where nobody knows.
+
+    The beginning and the end of the work, and in between five times a second at most.
+    """
+    said_s = -math.inf
+
+    def show(done: int, total: int, label: str) -> None:
+        nonlocal said_s
+        now = time.monotonic()
+        if done < total and now - said_s < _EVERY_S:
+            return
+        said_s = now
+        complain(json.dumps({"now": f"{what} {label}".strip(), "done": done, "of": total}))
+
+    return show
 
 
 def _bars(known: bool = True) -> Any:

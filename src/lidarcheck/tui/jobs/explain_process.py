@@ -1,29 +1,16 @@
-"""`lidarcheck explain` in a process of its own: starting it, reading how far it is and what it finds, stopping it.
-
-The process is in a session of its own: a lost connection does not end it, and what it finds is there at the next start.
-"""
+"""`lidarcheck explain` in a process of its own: how far it is and what it finds."""
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lidarcheck.errors import InputError
-from lidarcheck.permissions import given
+from lidarcheck.tui.jobs.commands import KEPT_LINES, PROGRAM, CommandProcess, first_fault, permitted_options
 
 __all__ = ["PROGRAM", "ExplainProcess", "ExplainProgress", "command_of"]
-
-PROGRAM = (sys.executable, "-m", "lidarcheck")
-_KEPT_LINES = 200
 
 
 def command_of(
@@ -31,8 +18,7 @@ def command_of(
 ) -> list[str]:
     """The command that explains a case."""
     more = [*(["--seed", seed] if seed else []), *(["--exclude", exclude] if exclude else [])]
-    permitted = given()
-    more += [*(["--trust"] if permitted.trust else []), *(f"--root={root}" for root in permitted.roots)]
+    more += permitted_options()
     return [*program, "explain", str(case), "--out", str(out), "--progress", "json", *more]
 
 
@@ -59,7 +45,7 @@ class ExplainProgress:
             else:
                 self._far(message)
         except (ValueError, TypeError, KeyError):
-            self.said = [*self.said, line][-_KEPT_LINES:]
+            self.said = [*self.said, line][-KEPT_LINES:]
             return False
         return True
 
@@ -78,32 +64,11 @@ class ExplainProgress:
     @property
     def fault(self) -> str:
         """The error that it ended with; empty if it said none."""
-        return next((one.removeprefix("error: ") for one in self.said if one.startswith("error: ")), "")
+        return first_fault(self.said)
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """A process that is started here can be interrupted, also where this one was started in the background.
-
-    A shell lets what it starts with `&` ignore interrupts, and so would all that is started from there.
-    """
-    main = threading.current_thread() is threading.main_thread()
-    ignored = main and signal.getsignal(signal.SIGINT) == signal.SIG_IGN
-    if ignored:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-    try:
-        yield
-    finally:
-        if ignored:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-class ExplainProcess:
-    """A process that explains a case; its calls come from another thread.
-
-    `on_progress`: there is something new in `progress`; `on_line`: a line that is not about progress; `on_end`: the
-    exit code.
-    """
+class ExplainProcess(CommandProcess[ExplainProgress]):
+    """A process that explains a case."""
 
     def __init__(
         self,
@@ -113,46 +78,4 @@ class ExplainProcess:
         on_line: Callable[[str], object],
         on_end: Callable[[int], object],
     ) -> None:
-        self.progress = ExplainProgress()
-        self._on_progress, self._on_line, self._on_end = on_progress, on_line, on_end
-        self._stopping = False
-        try:
-            with _interruptible():
-                self._process = subprocess.Popen(
-                    list(command),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                    encoding="utf-8",
-                    errors="backslashreplace",
-                    start_new_session=True,
-                )
-        except OSError as error:
-            fix = "check that it is installed"
-            raise InputError(f"cannot be started: {error.strerror}", file=command[0], fix=fix) from error
-        threading.Thread(target=self._listen, name="explain", daemon=True).start()
-
-    @property
-    def running(self) -> bool:
-        """Whether the process is there."""
-        return self._process.poll() is None
-
-    def stop(self) -> bool:
-        """Interrupt it, which keeps what was done; asked again, end it at once. Whether it was asked before."""
-        again, self._stopping = self._stopping, True
-        with contextlib.suppress(OSError):
-            if again:
-                os.killpg(self._process.pid, signal.SIGKILL)
-            elif self.running:
-                os.kill(self._process.pid, signal.SIGINT)
-        return again
-
-    def _listen(self) -> None:
-        assert self._process.stderr is not None
-        with self._process.stderr as stream:
-            for line in stream:
-                if not self.progress.take(line.rstrip("\n")):
-                    self._on_line(line.rstrip("\n"))
-                self._on_progress()
-        self._on_end(self._process.wait())
+        super().__init__(command, ExplainProgress(), on_progress=on_progress, on_line=on_line, on_end=on_end)
