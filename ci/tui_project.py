@@ -18,14 +18,14 @@ X = (-160, -120, -80, -50, -33, -20, -10, -6, -3, 0, 3, 6, 10, 20, 33, 50, 80, 1
 
 SCENES = ROOT / "src/lidarcheck/scenes"
 MODEL = ROOT / "scenarios/models/scenes_SLIM.toml"
-SENSOR = {"crosstalk": "sides = 0.3\ncorners = 0.12", "walk_error": "per_decade_m = 0.08"}
+SENSOR = {"crosstalk": "sides = 0.3\ncorners = 0.12", "walk_error": "per_decade_m = -0.08"}
 """What the sensor has and its model lacks."""
-NOISE = {"timing_jitter": "sigma_ns = 0.5", "walk_error": "per_decade_m = 0.08"}
+NOISE = {"timing_jitter": "sigma_ns = 0.5", "walk_error": "per_decade_m = -0.08"}
 GHOSTS = {"retro_ghost": "strength = 1.2e-5"}
 DIRT = {
     "blockage": "transmission = 0.25\nfirst_layer = 225\nlast_layer = 265\nfirst_point = 440\nlast_point = 500",
 }
-WALK = {"walk_error": "per_decade_m = 0.06"}
+WALK = {"walk_error": "per_decade_m = -0.06"}
 CARS = {"10m": ((50, 230), (430, 529)), "25m": ((165, 250), (455, 504)), "50m": ((205, 258), (460, 499))}
 SIGNS = ("25m", "45m", "58m")
 FRAMES = 5
@@ -41,11 +41,11 @@ def run(*words: object) -> None:
 def cast(name: str, layers: tuple[int, int], points: tuple[int, int], ideal: Path) -> None:
     """The ideal scan of a part of a built-in scene."""
     scene = (SCENES / f"builtin/{name}.toml").read_text(encoding="utf-8")
-    materials = f'materials = "{(SCENES / "materials.toml").as_posix()}"'
-    head = re.sub(r"^materials = .*$", materials, scene, flags=re.MULTILINE)
+    head = re.sub(r"^materials = .*$", 'materials = "materials.toml"', scene, flags=re.MULTILINE)
     table = "[scene.sampling]\n"
     part = f"{table}layers = {[*layers]}\npoints = {[*points]}\n"
     with tempfile.TemporaryDirectory() as scratch:
+        shutil.copy(SCENES / "materials.toml", scratch)
         file = Path(scratch) / f"{name}.toml"
         file.write_text(head.replace(table, part) if table in head else f"{head}\n{part}", encoding="utf-8")
         run("scene", file, "--out", ideal)
