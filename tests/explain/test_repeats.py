@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from explain_core_kit import model, street
 from lidarcheck.cases.case import Case
@@ -67,3 +68,13 @@ def test_what_is_lost_at_random_is_named_also_where_laws_were_fitted_here():
     assert "dropout" not in found.not_testable
     again = _explanation(json.loads(json.dumps(found.to_dict())), model(), found.model)
     assert again.ideals_from == "repeats"
+
+
+@pytest.mark.long
+def test_what_the_air_sends_back_all_the_time_gets_no_other_name():
+    veil = make("fog", {"mor_m": 1e4, "backscatter": 1.5, "overlap_start_m": 1.0, "overlap_full_m": 7.0})
+    found = explain(repeats(veil), seed=1)
+    assert found.verdict == "unknown"
+    assert [one.name for one in found.findings] == ["unknown"]
+    assert found.findings[0].where.startswith("what is left looks like fog, which such ideal scans cannot show")
+    assert "constant in time" in found.not_testable["fog"]

@@ -55,6 +55,10 @@ class Origin:
         """Whether losses and echoes of no surface say anything; else spread alone is judged."""
         return self.source != "repeats" or self.repeats >= _FOR_RATES
 
+    def leaves_a_part(self, effect: SearchSpec) -> bool:
+        """Whether such ideal scans have taken up an effect but for a part that can be taken for another effect."""
+        return self.source == "repeats" and self.judges_rates and bool(effect.beside_repeats)
+
     def why_unseen(self, effect: SearchSpec) -> str:
         """Why an effect cannot show beside such ideal scans, which have taken it up; empty where it can."""
         if self.source == "repeats" and not effect.in_repeats:

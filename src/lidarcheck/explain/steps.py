@@ -81,8 +81,13 @@ class Workflow:
 
     def searched(self) -> list[str]:
         """The effects that are searched for: those known to the search that mean something for the sensor, and that the
-        ideal scans have not taken up."""
-        return [name for name in self._known() if not self._why_not(name)]
+        ideal scans have not taken up, or not wholly."""
+        return [name for name in self._known() if not self._why_not(name) or name in self._taken_up()]
+
+    def _taken_up(self) -> list[str]:
+        """The effects of which such ideal scans leave a part to be seen: fitted, and not named."""
+        able = (name for name in self._known() if not find(name).why_not(self.model.sensor))
+        return [name for name in able if self.origin.leaves_a_part(search_spec(name))]
 
     def _why_not(self, name: str) -> str:
         """Why an effect cannot show in any frames of the sensor beside such ideal scans; empty where it can."""
@@ -132,7 +137,9 @@ class Workflow:
     def screen_candidates(self, bench: SearchData) -> tuple[list[Screened], SearchData]:
         """What every effect would change, and how large a gain chance makes of all of them."""
         names = self.searched()
-        probes = fixed_probes(names, self.model.sensor) + located_probes(bench.simulator, names)
+        taken_up = self._taken_up()
+        probes = fixed_probes(names, self.model.sensor, taken_up=taken_up)
+        probes += located_probes(bench.simulator, [name for name in names if name not in taken_up])
         on_progress = functools.partial(self.on_progress, "candidates")
         screened = screen(bench.simulator, probes, on_progress, self.pool, self.checkpoint)
         weaker = weaker_starts(bench.simulator, screened)
@@ -254,7 +261,8 @@ class Workflow:
     def list_untestable(self, bench: SearchData, screened: Sequence[Screened]) -> Mapping[str, str]:
         """Which effects the sensor could not have, or these scenes could not show."""
         found = {name: why for name in self._known() if (why := self._why_not(name))}
-        found |= not_testable(bench.simulator, screened, self.searched(), bench.level)
+        asked = [name for name in self.searched() if name not in found]
+        found |= not_testable(bench.simulator, screened, asked, bench.level)
         self.on_progress("equivalence and testability", 1, 1)
         return found
 
@@ -292,6 +300,17 @@ class Workflow:
         found = self._unknown(bench, seen, search, 1.0 - (answer.closed or 0.0))
         self.did("unknown", found.words)
         return found
+
+    def withhold_taken_up(self, bench: SearchData, seen: Scale, search: Search, answer: Answer) -> Answer:
+        """A name of which the ideal scans leave only a part to be seen is not given: what they took up nobody knows."""
+        names = [finding.name for finding in answer.findings if finding.name in self._taken_up()]
+        if not names:
+            return answer
+        words = f"what is left looks like {' and '.join(names)}, which such ideal scans cannot show"
+        self.did("withdrawn", words)
+        found = self._unknown(bench, seen, search, answer.closed or 0.0)
+        first = dataclasses.replace(found.findings[0], where=f"{words}; {found.findings[0].where}")
+        return dataclasses.replace(found, findings=(first,))
 
     def doubt_no_gap(self, bench: SearchData, seen: Scale, search: Search, answer: Answer) -> Answer:
         """`unknown` in the place of `no_gap` where loss or other echoes are beyond chance on the select frames, or a

@@ -96,6 +96,7 @@ def _explain(case: Case, run: Workflow) -> Explanation:
     search, answer = run.judge(bench, seen, search)
     search, answer = run.take_another_way(bench, seen, screened, search, answer)
     answer = run.withhold(bench, seen, search, answer)
+    answer = run.withhold_taken_up(bench, seen, search, answer)
     answer = run.doubt_no_gap(bench, seen, search, answer)
     untestable = run.list_untestable(bench, screened)
     verified = run.verify(split.verify, answer)

@@ -220,6 +220,9 @@ class SearchSpec:
     in_repeats: bool = False
     """Whether repeats of a still scene show it beside an ideal scan made from them: by scatter, loss, or echoes of no
     surface. What is the same in all repeats is in that ideal scan."""
+    beside_repeats: tuple[Variant, ...] = ()
+    """What repeats still show of an effect that is in their ideal scan: starts at which it takes nothing from surfaces.
+    It is fitted so that no other effect gets its name, and is not named."""
     in_fitted_pose: bool = False
     """Whether it is lost where the pose, or a target's plane, was fitted to the same scans."""
     in_fitted_laws: bool = False

@@ -18,6 +18,8 @@ _STRATA = (*_FREE, FreeParameter("thinning_per_m", 0.1))
 _NEAR, _FAR = {"overlap_start_m": 1.0, "overlap_full_m": 7.0}, {"overlap_start_m": 5.0, "overlap_full_m": 15.0}
 _SMOOTH = {"backscatter": 0.046, "overlap_power": 2.0}
 _THIN = {"thinning_per_m": 0.2}
+_VEIL = _FREE[1:]
+_NO_LOSS = {"mor_m": 2e4, "overlap_power": 2.0}
 _THINNEST, _FARTHEST_M = 0.02, 1e5
 """Fog is scaled down to no less, and to no longer a sight."""
 
@@ -43,6 +45,10 @@ SPEC = SearchSpec(
         Variant("smooth far overlap", {"mor_m": 600.0} | _FAR | _SMOOTH, _FREE),
         Variant("layers", {"mor_m": 150.0} | _NEAR | _SMOOTH | _THIN, _STRATA),
         Variant("layers", {"mor_m": 150.0} | _FAR | _SMOOTH | _THIN, _STRATA),
+    ),
+    beside_repeats=(
+        Variant("veil", _NEAR | _NO_LOSS | {"backscatter": 3.0}, _VEIL),
+        Variant("far veil", _FAR | _NO_LOSS | {"backscatter": 3.0}, _VEIL),
     ),
     order=14,
     rescale=_denser,

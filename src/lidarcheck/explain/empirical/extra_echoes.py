@@ -8,7 +8,7 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import Effect
-from lidarcheck.effects.finding import make
+from lidarcheck.effects.finding import find, make
 from lidarcheck.explain.empirical.curves import curve
 from lidarcheck.explain.empirical.residuals import covariate
 from lidarcheck.inference.observed.observations import Observations
@@ -49,10 +49,15 @@ def extras(simulator: Simulator, model: Model, covariates: Sequence[str]) -> Ite
         knots = np.array([knots[0] - 0.05, knots[0] + 0.05])
     density = np.histogram(places[tightest], knots, weights=weight)[0] / np.diff(knots)
     levels = np.linspace(0.05, 0.95, 7)
+    features = {
+        "area_quantiles": np.exp(measured.extra_area[lone]),
+        "peak_quantiles": np.exp(measured.extra_peak[lone]),
+        "width_quantiles": measured.extra_width[lone],
+    }
+    within = {one.name: (one.low, one.high) for one in find("empirical_extra").lists()}
+    # A linear detector's amplitudes are in units of its own, and may be larger than any count.
     amplitude = {
-        "area_quantiles": np.round(_quantiles(np.exp(measured.extra_area[lone]), weight, levels)),
-        "peak_quantiles": np.round(_quantiles(np.exp(measured.extra_peak[lone]), weight, levels)),
-        "width_quantiles": np.round(_quantiles(measured.extra_width[lone], weight, levels)),
+        name: np.clip(np.round(_quantiles(value, weight, levels)), *within[name]) for name, value in features.items()
     }
     shape = {"range_from": tightest, "range_knots": knots, "range_density": np.round(density / density.max(), 4)}
     for name in covariates:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from lidarcheck.effects.search import Probe, SearchSpec, search_spec, search_specs
@@ -17,17 +17,19 @@ _REFERENCE = "SMART"
 """The sensor for which the starts are written."""
 
 
-def fixed_probes(names: Sequence[str], sensor: Sensor | None = None) -> list[Probe]:
+def fixed_probes(
+    names: Sequence[str], sensor: Sensor | None = None, *, taken_up: Collection[str] = frozenset()
+) -> list[Probe]:
     """The starts that need no look at the data: the plain ones of each name, then those of other kinds; in the units
-    of the sensor, or of the reference."""
+    of the sensor, or of the reference. `taken_up`: the names of which the ideal scans leave a part to be seen only."""
     found = []
-    for name in names:
+    for name in (name for name in names if name not in taken_up):
         spec = search_spec(name)
         found += [Probe(name, _of(sensor, spec, start), spec.free, spec.fixed) for start in spec.fixed_starts]
     for spec in (spec for spec in search_specs().values() if spec.name in names):
         found += [
             Probe(spec.name, _of(sensor, spec, one.settings), one.free, spec.fixed, one.kind, one.ways)
-            for one in spec.variants
+            for one in (spec.beside_repeats if spec.name in taken_up else spec.variants)
         ]
     return found
 
