@@ -7,13 +7,14 @@ import contextlib
 import glob
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.formats.atomic import write_bytes
 from lidarcheck.formats.table import counted
-from lidarcheck.session.history import Edit, History, edit_between
+from lidarcheck.session.history import Edit, History, edit_between, replayed
 from lidarcheck.session.journal import Journal, Record, read_journal
 from lidarcheck.session.lock import FileLock
 from lidarcheck.session.own_files import content_hash, file_key, own_directory, own_file
@@ -45,7 +46,8 @@ class EditedFile(Generic[T]):
     it, the session is `read_only`, which then says why. `found`: edits of an earlier session that was not ended;
     `bring_back` or `forget` them. `notice`: what else was found at the start, for the log. `behind`: what is shown is
     older than the disk's content, and cannot be saved. `on_change`: is called after whatever changes what is shown or
-    saved.
+    saved; `on_edit` before it after an edit, with what it is about. `next_number`: gives the number of an edit or a
+    step; that of a session where the file belongs to one.
     """
 
     NOUN = "row"
@@ -60,6 +62,8 @@ class EditedFile(Generic[T]):
         self.behind = False
         self._nothing_there = False
         self.on_change: Callable[[], object] = lambda: None
+        self.on_edit: Callable[[Edit, str], object] = lambda _edit, _about: None
+        self.next_number: Callable[[], int] = lambda: self.history.latest + 1
         self._root = root
         self._journal: Journal | None = None
         self._lock: FileLock | None = None
@@ -126,14 +130,16 @@ class EditedFile(Generic[T]):
 
     # Edits
 
-    def _edit(self, after: T, what: str) -> bool:
-        """Make an edit that leads to `after`; whether it changes anything."""
+    def _edit(self, after: T, what: str, about: str = "") -> bool:
+        """Make an edit that leads to `after`; whether it changes anything. `about`: the rows, in words."""
         edit = edit_between(self.content, _bytes(after), what)
         if edit is None:
             return False
+        edit = replace(edit, number=self.next_number())
         self._keep(edit.record())
         self.current = after
         self.history.add(edit)
+        self.on_edit(edit, about)
         self.on_change()
         return True
 
@@ -150,10 +156,10 @@ class EditedFile(Generic[T]):
         edit = self.history.last(verb)
         if edit is None:
             return ""
-        after = self._parse(edit.applied(self.content, back=verb == "undo"))
-        self._keep({verb: True})
+        after, number = self._parse(edit.applied(self.content, back=verb == "undo")), self.next_number()
+        self._keep({verb: True, "n": number})
         self.current = after
-        self.history.move(verb)
+        self.history.move(verb, number)
         self.on_change()
         return edit.what
 
@@ -183,6 +189,16 @@ class EditedFile(Generic[T]):
         """Whether the file is no longer what was read or saved last."""
         return self._disk_hash() != self._seen
 
+    def on_disk(self) -> str:
+        """What has become of the file where it is not what was read, in words that follow its name."""
+        try:
+            self.path.read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            return "was removed"
+        except OSError as error:
+            return f"cannot be read any more ({error.strerror or error})"
+        return "changed"
+
     def _disk_hash(self) -> str:
         try:
             return content_hash(self.path.read_bytes())
@@ -191,15 +207,18 @@ class EditedFile(Generic[T]):
 
     def save(self, *, overwrite: bool = False) -> int:
         """Write the file, atomic; how much changed, as `diff`. `ChangedOnDisk` unless `overwrite` is given."""
-        self._check_editable()
-        if not overwrite and self.changed_on_disk():
-            there = "changed" if self.path.exists() else "was removed"
-            fix = "overwrite it, or reload it and lose the edits here"
-            raise ChangedOnDisk(f"the file {there} since it was read", file=self.path, fix=fix)
+        self.check_savable(overwrite=overwrite)
         number = len(self.diff())
         write_bytes(self.path, self.content)
         self._mark_saved()
         return number
+
+    def check_savable(self, *, overwrite: bool = False) -> None:
+        """Raise what `save` would, before it writes."""
+        self._check_editable()
+        if not overwrite and self.changed_on_disk():
+            fix = "overwrite it, or reload it and lose the edits here"
+            raise ChangedOnDisk(f"the file {self.on_disk()} since it was read", file=self.path, fix=fix)
 
     def _mark_saved(self) -> None:
         self.saved = self.current
@@ -249,8 +268,8 @@ class EditedFile(Generic[T]):
         """Find edits of an earlier session that the file lacks; a journal without any is removed."""
         try:
             records = read_journal(journal.path)
-            if len(records) > 1 and content_hash(_replay(records, self.path)[0]) != self._seen:
-                self._parse(_replay(records, self.path)[0])
+            if len(records) > 1 and content_hash(replayed(records, self.path)[0]) != self._seen:
+                self._parse(replayed(records, self.path)[0])
                 self.found = records
         except LidarcheckError as error:
             aside = journal.path.with_suffix(".damaged")
@@ -262,14 +281,14 @@ class EditedFile(Generic[T]):
 
     def found_in_words(self) -> str:
         """What an earlier session left, for the question whether to bring it back."""
-        after = self._parse(_replay(self.found, self.path)[0])
+        after = self._parse(replayed(self.found, self.path)[0])
         edits = sum("edit" in record for record in self.found)
         number = len(self._differences(self.saved, after)) if self._alike(self.saved, after) else edits
         return f"{self.path.name}: an earlier session ended with {counted(number, self.NOUN)} not saved"
 
     def bring_back(self) -> None:
         """Make the edits of the earlier session again, undo included."""
-        content, self.history, saved = _replay(self.found, self.path)
+        content, self.history, saved = replayed(self.found, self.path)
         self.current = self._parse(content)
         # A file that is none of the journal's states was changed by somebody else: saving must ask.
         if self._seen not in saved:
@@ -313,23 +332,3 @@ def _sweep(path: Path) -> None:
         for part in path.parent.glob(f".{glob.escape(path.name[:32])}.*.part"):
             if time.time() - part.stat().st_mtime > _ABANDONED_S:
                 part.unlink()
-
-
-def _replay(records: list[Record], path: Path) -> tuple[bytes, History, list[str]]:
-    """(the content after all edits, their history, the hashes that the file had when it was saved)."""
-    try:
-        content, history = base64.b64decode(records[0]["base"]), History()
-        saved = [str(records[0]["saved"])]
-        for record in records[1:]:
-            if "edit" in record:
-                edit = Edit.of(record)
-                content = edit.applied(content)
-                history.add(edit)
-            elif "undo" in record or "redo" in record:
-                verb = "undo" if "undo" in record else "redo"
-                content = history.move(verb).applied(content, back=verb == "undo")
-            elif "saved" in record or "kept" in record:
-                saved.append(str(record.get("saved", record.get("kept"))))
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"the journal is damaged: {error}", file=path, fix="it is kept") from error
-    return content, history, saved

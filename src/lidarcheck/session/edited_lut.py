@@ -28,31 +28,31 @@ class EditedLut(EditedFile[LutFile]):
     def set(self, axis: Axis, rows: Sequence[int], value: str) -> bool:
         """Rows get a scaled value, or where it has a point or an exponent a true Y; whether that changed anything."""
         true_y = "." in value or "e" in value.lower()
-        return self._make(f"set {value}", lambda lut: set_rows(lut, axis, rows, value, true_y=true_y))
+        return self._make(axis, rows, f"set {value}", lambda lut: set_rows(lut, axis, rows, value, true_y=true_y))
 
     def nudge(self, axis: Axis, rows: Sequence[int], steps: int) -> bool:
         """Rows move by steps of the scale and stop at its ends."""
-        return self._make(f"nudge {steps:+d}", lambda lut: shifted(lut, axis, rows, steps, clip=True))
+        return self._make(axis, rows, f"nudge {steps:+d}", lambda lut: shifted(lut, axis, rows, steps, clip=True))
 
     def smooth(self, axis: Axis, rows: Sequence[int]) -> bool:
         """Rows move half of the way to the line through their neighbours."""
-        return self._make("smooth", lambda lut: smoothed(lut, axis, rows))
+        return self._make(axis, rows, "smooth", lambda lut: smoothed(lut, axis, rows))
 
     def set_x(self, axis: Axis, row: int, value: str) -> bool:
         """A row gets another X, which must lie between those of its neighbours; whether that changed anything."""
-        return self._make(f"X = {value}", lambda lut: moved_to(lut, axis, row, value))
+        return self._make(axis, [row], f"X = {value}", lambda lut: moved_to(lut, axis, row, value))
 
     def insert(self, axis: Axis, row: int) -> bool:
         """A new row after this one, between it and the next."""
-        return self._make("add a row", lambda lut: inserted(lut, axis, row))
+        return self._make(axis, [row], "add a row", lambda lut: inserted(lut, axis, row))
 
     def remove(self, axis: Axis, rows: Sequence[int]) -> bool:
         """Rows are taken out; one must stay."""
-        return self._make("take out", lambda lut: without_rows(lut, axis, rows))
+        return self._make(axis, rows, "take out", lambda lut: without_rows(lut, axis, rows))
 
     def take(self, axis: Axis, other: LutFile, what: str, rows: Sequence[int] | None = None) -> bool:
         """Rows get the Y that another table has at their X, all as one edit; whether that changed anything."""
-        return self._make(what, lambda lut: taken_over(lut, axis, other, rows))
+        return self._make(axis, rows or (), what, lambda lut: taken_over(lut, axis, other, rows))
 
     def edited(self, axis: Axis) -> list[bool]:
         """Whether each row of a table differs from what was saved, or is new."""
@@ -60,9 +60,11 @@ class EditedLut(EditedFile[LutFile]):
         own = {c.row for c in self.diff() if c.table == axis and not math.isnan(c.after)}
         return [row in own or not there for row in range(len(self.current.tables[axis]))]
 
-    def _make(self, what: str, make: Callable[[LutFile], LutFile]) -> bool:
+    def _make(self, axis: Axis, rows: Sequence[int], what: str, make: Callable[[LutFile], LutFile]) -> bool:
         self._check_editable()
-        return self._edit(make(self.current), what)
+        after = make(self.current)
+        at = ", ".join(f"{self.current.tables[axis].x[row]:g}" for row in rows)
+        return self._edit(after, what, f"{axis} X {at}" if at else axis)
 
     def _load(self) -> LutFile:
         return load_lut(self.path)

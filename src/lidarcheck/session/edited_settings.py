@@ -28,6 +28,7 @@ from lidarcheck.formats.settings import (
     settings_content,
     settings_name,
 )
+from lidarcheck.reading import state_of_file
 from lidarcheck.session.edited_file import EditedFile, journal_of
 
 if TYPE_CHECKING:
@@ -81,11 +82,13 @@ class EditedSettings(EditedFile[Settings]):
     def add(self, distance: str) -> bool:
         """Settings for one more distance [m], as those of the nearest one."""
         self._check("Distance", distance)
-        return self._make(f"add {distance} m", lambda now: with_distance(now, float(distance)))
+        return self._make(f"add {distance} m", f"{distance} m", lambda now: with_distance(now, float(distance)))
 
     def remove(self, distance_m: float) -> bool:
         """No settings for a distance any more."""
-        return self._make(f"take out {distance_m:g} m", lambda now: without_distance(now, distance_m))
+        return self._make(
+            f"take out {distance_m:g} m", f"{distance_m:g} m", lambda now: without_distance(now, distance_m)
+        )
 
     def save(self, *, overwrite: bool = False) -> int:
         """As every file; it is there then."""
@@ -116,14 +119,15 @@ class EditedSettings(EditedFile[Settings]):
                 now = edited_settings(now, f"{row[0].distance_m!r}:{row[1]}={new(self.value(row))}")
             return now
 
-        return self._make(what, make)
+        about = ", ".join(f"{setting.distance_m:g} m {key}" for setting, key in chosen)
+        return self._make(what, about, make)
 
-    def _make(self, what: str, make: Callable[[Settings], Settings]) -> bool:
+    def _make(self, what: str, about: str, make: Callable[[Settings], Settings]) -> bool:
         self._check_editable()
-        return self._edit(self._parse(settings_content(make(self.current), self.path)), what)
+        return self._edit(self._parse(settings_content(make(self.current), self.path)), what, about)
 
     def _load(self) -> Settings:
-        self.there = self.path.exists()
+        self.there = state_of_file(self.path) is not None
         if self.there:
             return load_settings(self.path, self.axis)
         return self._parse(settings_content(default_settings(self.axis), self.path))

@@ -8,17 +8,15 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.reading import reading
-from lidarcheck.session.digests import Digests
-from lidarcheck.session.edited_file import EditedFile
 from lidarcheck.session.inputs import Inputs
 from lidarcheck.session.node import Cancelled, Derived, Node, Part, ProgressCallback
+from lidarcheck.session.open_files import OpenFiles
 from lidarcheck.session.store import Store
 from lidarcheck.workers.identity import source_of_results
 
@@ -36,59 +34,20 @@ _LOOKS_S = 1.0
 """How often files are looked at: what another program changes is seen within two seconds."""
 
 
-class Session:
-    """The files that are edited, the results by their keys, and what is computed now; for any thread.
+class Session(OpenFiles):
+    """The open files, the results by their keys, and what is computed now; for any thread.
 
-    `edits`: how many edits there were, undo, redo, saving and reading again included. `on_change`: is called, in any
-    thread, when inputs or results may be others.
+    `on_change`: is called, in any thread, when inputs or results may be others.
     """
 
     def __init__(self, store: Store | None = None) -> None:
+        super().__init__()
         self.store = store or Store()
-        self.disk = Digests()
-        self.edits = 0
-        self.on_change: Callable[[], object] = lambda: None
-        self._open: dict[str, EditedFile[Any]] = {}
         self._last: dict[Hashable, str] = {}
         self._failed: dict[str, str] = {}
         self._running: dict[str, str] = {}
         self._kinds: set[str] = set()
         self._ended = threading.Event()
-
-    # Inputs
-
-    def hold(self, file: EditedFile[Any]) -> None:
-        """A file was opened: from now on its edits are inputs."""
-        self._open[os.path.realpath(file.path)] = file
-        file.on_change = self._edited
-
-    def drop(self, file: EditedFile[Any]) -> None:
-        """A file was closed: what is on the disk counts again."""
-        if self._open.get(os.path.realpath(file.path)) is file:
-            del self._open[os.path.realpath(file.path)]
-            file.on_change = lambda: None
-            self.on_change()
-
-    def _edited(self) -> None:
-        self.edits += 1
-        self.on_change()
-
-    def open_files(self) -> list[EditedFile[Any]]:
-        """The files that are open, edited or not."""
-        return list(self._open.values())
-
-    def inputs(self) -> Inputs:
-        """All inputs as they are shown now."""
-        edited = {name: file.content for name, file in list(self._open.items()) if file.dirty}
-        return Inputs(edited, self.disk, self.edits)
-
-    def saved(self) -> Inputs:
-        """All inputs as the disk has them."""
-        return Inputs({}, self.disk, self.edits)
-
-    def unsaved(self) -> int:
-        """How many rows and values are edited and not saved."""
-        return sum(max(len(file.diff()), 1) for file in list(self._open.values()) if file.dirty)
 
     # Results
 
@@ -202,7 +161,7 @@ class Session:
         """Of what edit it is; where there was none since, which file has changed."""
         changed = _changed(last.files, inputs)
         edited = {name for name in changed if name in self._open}
-        if edited and last.edit < self.edits:
+        if edited and last.edit != self.edit:
             return f"{OLD}, of edit {last.edit}"
         return f"{OLD}, {_listed(changed)} changed" if changed else OLD
 

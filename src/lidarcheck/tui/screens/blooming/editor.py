@@ -139,11 +139,23 @@ class Editor(Generic[S]):
 
     def undo(self) -> None:
         """Take back."""
-        self.edit(lambda file: f"taken back: {what}" if (what := file.undo()) else "")
+        self._step("undo", "taken back")
 
     def redo(self) -> None:
         """Make again."""
-        self.edit(lambda file: f"made again: {what}" if (what := file.redo()) else "")
+        self._step("redo", "made again")
+
+    def _step(self, verb: str, words: str) -> None:
+        """The last edit of all open files, whichever is shown."""
+        session = self.view.host.session
+
+        def step(file: S) -> str:
+            made = session.undo() if verb == "undo" else session.redo()
+            if made is None or made.path is None:
+                return ""
+            return f"{words}: {made.what}" + ("" if made.path == file.path else f", in {made.path.name}")
+
+        self.edit(step)
 
     # The file
 
@@ -188,12 +200,12 @@ class Editor(Generic[S]):
 
     def _ask_disk(self, file: S) -> None:
         """The file is not what it was."""
-        if not file.dirty and file.path.exists():
+        found = file.on_disk()
+        if not file.dirty and found == "changed":
             answers = {"r": "read it again", "k": "keep what is shown"}
         else:
             answers = {"r": "read it again, edits are lost", "o": "overwrite it", "k": "keep editing"}
-        there = file.path.exists()
-        words = line("Somebody else has changed it since it was read here." if there else "It is gone.")
+        words = line("Somebody else has changed it since it was read here." if found == "changed" else f"It {found}.")
         self.asking = True
         ask = Ask(f"{file.path.name} has changed on the disk", [words, *self.diff_lines()], answers, unasked=True)
         self.view.ask(ask, lambda key: self._answer_disk(file, key))
