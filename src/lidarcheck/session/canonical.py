@@ -18,7 +18,8 @@ __all__ = ["canonical", "code_identity", "key_of"]
 
 
 def canonical(value: Any) -> Any:
-    """The value as JSON holds it: equal values alike, others different, the same in every process.
+    """The value as JSON holds it: equal values alike, others different, the same in every process. A path is the file
+    that it leads to, however it is spelled.
 
     `TypeError` for what has no such spelling, as a function.
     """
@@ -35,7 +36,7 @@ def canonical(value: Any) -> Any:
     if isinstance(value, bytes):
         return {"bytes": hashlib.sha256(value).hexdigest()}
     if isinstance(value, Path):
-        return {"path": os.fspath(value)}
+        return {"path": os.path.realpath(value)}
     if isinstance(value, np.ndarray):
         content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
         return {"array": [value.dtype.str, list(value.shape), content]}

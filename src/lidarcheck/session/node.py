@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import os
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +12,10 @@ from typing import Any
 from lidarcheck.session.canonical import key_of
 from lidarcheck.session.inputs import Inputs
 
-__all__ = ["Cancelled", "Derived", "Node", "Part", "ProgressCallback"]
+__all__ = ["Cancelled", "Derived", "Entry", "Node", "Part", "ProgressCallback", "function_of"]
+
+Entry = str
+"""A function as "package.module:function"; it is called with its arguments and `progress`, a `ProgressCallback`."""
 
 ProgressCallback = Callable[[int, int, str], object]
 """Gets (done, of, what now); raises `Cancelled` when nobody waits any more."""
@@ -18,6 +23,12 @@ ProgressCallback = Callable[[int, int, str], object]
 
 class Cancelled(Exception):
     """Somebody has stopped the work."""
+
+
+def function_of(entry: Entry) -> Any:
+    """The function of an entry."""
+    module, _, name = entry.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 @dataclass(frozen=True)
@@ -35,19 +46,33 @@ class Node:
     `name`, `version`: of the function; another version gives other results. `about`: which of several it is, as the
     measurement's name and the choices; what was computed last of it is shown until there is something newer. `files`:
     what it reads; the tables that a model among them names count by themselves. `choices`: all else that it depends
-    on. `compute` gets a progress callback and gives the value; it reads files through `lidarcheck.formats`.
+    on. `compute` gets a progress callback and gives the value; it reads files through `lidarcheck.formats`. One that a
+    worker process can compute has an `entry` and `arguments` in its place, which it depends on too.
+
+    `command`: what a user would type for the same; `facts`: what else there is to say of it, by name.
     """
 
     name: str
     version: int
     about: Hashable
     files: tuple[Path, ...]
-    compute: Callable[[ProgressCallback], Any] = field(compare=False)
+    compute: Callable[[ProgressCallback], Any] | None = field(default=None, compare=False)
     choices: Any = None
+    entry: Entry = ""
+    arguments: tuple[Any, ...] = ()
+    command: str = field(default="", compare=False)
+    facts: tuple[tuple[str, str], ...] = field(default=(), compare=False)
+
+    def made(self, on_progress: ProgressCallback) -> Any:
+        """Compute its value here."""
+        if self.compute is not None:
+            return self.compute(on_progress)
+        return function_of(self.entry)(*self.arguments, progress=on_progress)
 
     def needs(self, inputs: Inputs, *, wait: bool = True) -> Part:
         """Its part of the inputs; `wait` as for `Digests.of`."""
-        return Part(inputs.digests(inputs.with_named(self.files), wait=wait), self.choices)
+        choices = (self.choices, self.entry, self.arguments) if self.entry else self.choices
+        return Part(inputs.digests(inputs.with_named(self.files), wait=wait), choices)
 
     def key(self, inputs: Inputs, *, wait: bool = True) -> str:
         """What a value is kept by: two computations with the same key give the same."""
@@ -55,7 +80,8 @@ class Node:
 
     def key_of(self, part: Part) -> str:
         """The key of a value that is computed from such a part."""
-        return key_of(self.name, self.version, part)
+        files = [(os.path.realpath(path), digest) for path, digest in part.files]
+        return key_of(self.name, self.version, [files, part.choices])
 
     @property
     def identity(self) -> Hashable:

@@ -1,4 +1,4 @@
-"""Where the interface keeps what is its own: the project's `.lidarcheck/tui/`, out of version control."""
+"""Where the interface keeps what is its own: below the project's `.lidarcheck/`, out of version control."""
 
 from __future__ import annotations
 
@@ -9,22 +9,29 @@ from pathlib import Path
 from lidarcheck.errors import InputError
 from lidarcheck.trust.places import own_place
 
-__all__ = ["content_hash", "file_key", "make_own_directory", "own_directory", "own_file"]
+__all__ = ["content_hash", "file_key", "make_own_directory", "own_directory", "own_file", "own_place_in"]
+
+_NEEDED = {"tui": "what is edited would not survive a crash", "cache": "results are not there at the next start"}
 
 
-def own_directory(root: Path) -> Path:
-    """`.lidarcheck/tui/` of a project, whether it is there or not."""
-    return root / ".lidarcheck" / "tui"
+def own_directory(root: Path, name: str = "tui") -> Path:
+    """`.lidarcheck/tui/` of a project, or another there, whether it is there or not."""
+    return root / ".lidarcheck" / name
 
 
-def make_own_directory(root: Path) -> Path:
+def own_place_in(root: Path, name: str, file: str) -> Path:
+    """A path in such a directory; `InputError` where a link is in the way."""
+    return own_place(own_directory(root, name) / file, root)
+
+
+def make_own_directory(root: Path, name: str = "tui") -> Path:
     """The same, made if need be; `InputError` where that cannot be."""
-    directory = own_directory(root)
+    directory = own_directory(root, name)
     try:
         for made in (directory.parent, directory):  # and not the project's own, where somebody has removed it
             own_place(made, root).mkdir(exist_ok=True)
     except OSError as error:
-        fix = "what is edited would not survive a crash: make the project's directory writable"
+        fix = f"{_NEEDED[name]}: make the project's directory writable"
         raise InputError(f"cannot make the directory: {error.strerror}", file=directory, fix=fix) from error
     ignore = own_place(directory.parent / ".gitignore", root)
     if not ignore.exists():

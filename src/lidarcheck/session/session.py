@@ -8,16 +8,18 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from pathlib import Path
 
 from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.reading import reading
+from lidarcheck.session.describe import described
 from lidarcheck.session.inputs import Inputs
 from lidarcheck.session.node import Cancelled, Derived, Node, Part, ProgressCallback
 from lidarcheck.session.open_files import OpenFiles
 from lidarcheck.session.store import Store
+from lidarcheck.session.worker import Outcome, Ticket, Worker
 from lidarcheck.workers.identity import source_of_results
 
 __all__ = ["CURRENT", "FAILED", "FIRST_S", "OLD", "RENEWED_S", "SAVED", "Session"]
@@ -40,12 +42,14 @@ class Session(OpenFiles):
     `on_change`: is called, in any thread, when inputs or results may be others.
     """
 
-    def __init__(self, store: Store | None = None) -> None:
+    def __init__(self, store: Store | None = None, worker: Worker | None = None) -> None:
         super().__init__()
         self.store = store or Store()
+        self.worker = worker or Worker()
         self._last: dict[Hashable, str] = {}
         self._failed: dict[str, str] = {}
         self._running: dict[str, str] = {}
+        self._tickets: dict[str, Ticket] = {}
         self._kinds: set[str] = set()
         self._ended = threading.Event()
 
@@ -75,6 +79,22 @@ class Session(OpenFiles):
         word, derived = self.status(node)
         return derived if word == CURRENT else None
 
+    def known(self, node: Node, inputs: Inputs | None = None) -> Derived | None:
+        """What is kept of a node for such inputs, those of now if none are given; reads no large file."""
+        inputs = inputs or self.inputs()
+        kept = self.store.get(node.key(inputs, wait=False))
+        return kept if kept is not None and self._unchanged(kept.files, inputs) else None
+
+    def recalled(self, node: Node, inputs: Inputs) -> tuple[str, Part, Derived | None]:
+        """(key, part of the inputs, what is kept for them in memory or on the disk)."""
+        part = node.needs(inputs)
+        key = node.key_of(part)
+        kept = self.store.find(key, inputs.edit)
+        if kept is None or not self._unchanged(kept.files, inputs):
+            return key, part, None
+        self._last[node.identity] = key
+        return key, part, kept
+
     def compute(
         self, node: Node, on_progress: ProgressCallback = lambda _done, _of, _now: None, *, saved: bool = False
     ) -> Derived:
@@ -84,11 +104,8 @@ class Session(OpenFiles):
         `InputError` where a file was changed meanwhile: then nothing is known of either content.
         """
         inputs = self.saved() if saved else self.inputs()
-        part = node.needs(inputs)
-        key = node.key_of(part)
-        kept = self.store.get(key)
-        if kept is not None and self._unchanged(kept.files, inputs):
-            self._last[node.identity] = key
+        key, part, kept = self.recalled(node, inputs)
+        if kept is not None:
             return kept
         self._running[key] = ""
         try:
@@ -104,29 +121,99 @@ class Session(OpenFiles):
         finally:
             self._running.pop(key, None)
             self.on_change()
-        self._failed.pop(key, None)
-        self.store.put(made)
-        self._last[node.identity] = key
+        self._keep(node, made)
         self.on_change()
+        self.store.save(made)
         return made
 
+    def want(
+        self,
+        node: Node,
+        *,
+        lane: str = "",
+        priority: int = 0,
+        inputs: Inputs | None = None,
+        on_progress: ProgressCallback = lambda _done, _of, _now: None,
+        on_done: Callable[[Derived | None], object] = lambda _derived: None,
+    ) -> Ticket | None:
+        """Have the worker process compute a node that has an `entry`, from the inputs as they are now, or others.
+
+        None where it is known: then nothing is called. `on_done` gets what was made, or None where it has failed, as
+        `status` then says; asking again tries again. Lane and priority are as for `Worker.submit`. The digest of each
+        file that has changed is computed at once.
+        """
+        inputs = inputs or self.inputs()
+        key, part, kept = self.recalled(node, inputs)
+        ticket = self._tickets.get(key)
+        if kept is not None or (ticket is not None and ticket.live):
+            return None if kept is not None else ticket
+        self._running[key] = ""
+        self._tickets[key] = self.worker.submit(
+            node.entry,
+            node.arguments,
+            inputs.edited,
+            self._counted(key, on_progress, words=True),
+            lambda outcome: self._answered(node, part, inputs, outcome, on_done),
+            on_gone=lambda: self._ended_run(key),
+            lane=lane,
+            priority=priority,
+        )
+        self.on_change()
+        return self._tickets[key]
+
+    def _answered(
+        self, node: Node, part: Part, inputs: Inputs, outcome: Outcome, on_done: Callable[[Derived | None], object]
+    ) -> None:
+        """In the worker's thread: check and keep what it has computed."""
+        key, made = node.key_of(part), None
+        if outcome.failed:
+            self._failed[key] = outcome.failed
+        else:
+            try:
+                made = self._checked(node, part, inputs, outcome)
+                self._keep(node, made)
+            except LidarcheckError as error:
+                self._failed[key] = "; ".join(error.lines()).removeprefix("error: ")
+        self._ended_run(key)
+        on_done(made)
+        if made is not None:
+            self.store.save(made)
+
+    def _ended_run(self, key: str) -> None:
+        self._running.pop(key, None)
+        self._tickets.pop(key, None)
+        self.on_change()
+
+    def _keep(self, node: Node, made: Derived) -> None:
+        self._failed.pop(made.key, None)
+        self.store.put(made)
+        self._last[node.identity] = made.key
+
     def _made(self, node: Node, part: Part, inputs: Inputs, on_progress: ProgressCallback) -> Derived:
-        start, when, first = time.monotonic(), time.time(), node.name not in self._kinds
+        start = time.monotonic()
         with reading(inputs.edited) as read:
-            value = node.compute(on_progress)
+            value = node.made(on_progress)
+        outcome = Outcome(value, "", time.monotonic() - start, read.files, frozenset(read.taken))
+        return self._checked(node, part, inputs, outcome)
+
+    def _checked(self, node: Node, part: Part, inputs: Inputs, outcome: Outcome) -> Derived:
+        """What was computed, unless it was computed from something else than these inputs."""
+        when, first = time.time(), node.name not in self._kinds
         named = {os.path.realpath(path) for path in inputs.with_named(node.files)}
-        for name in sorted(named & inputs.edited.keys() - read.taken):
+        for name in sorted(named & inputs.edited.keys() - outcome.taken):
             raise InputError("has edits that are not saved, and is read from the disk", file=name, fix="save it first")
         changed = sorted(set(part.files) ^ set(node.needs(inputs).files))
         if changed:
             raise InputError("was changed while this was computed", file=changed[0][0], fix="compute it again")
-        files = {name: inputs.digest(name) for name in sorted(named | read.files.keys())}
+        files = {name: inputs.digest(name) for name in sorted(named | outcome.files.keys())}
         self._kinds.add(node.name)
-        return Derived(value, node.key_of(part), files, inputs.edit, time.monotonic() - start, when, first)
+        return Derived(outcome.value, node.key_of(part), files, inputs.edit, outcome.seconds, when, first)
 
-    def _counted(self, key: str, on_progress: ProgressCallback) -> ProgressCallback:
+    def _counted(self, key: str, on_progress: ProgressCallback, *, words: bool = False) -> ProgressCallback:
+        """Keeps how far it is for `status`; `words`: what is said is what is counted, as seeds."""
+
         def progress(done: int, of: int, now: str) -> None:
-            self._running[key] = f" {done}/{of}" if of > 1 else ""
+            self._running[key] = f" {done}/{of} {now if words else ''}".rstrip() if of > 1 else ""
             on_progress(done, of, now)
 
         return progress
@@ -134,6 +221,10 @@ class Session(OpenFiles):
     def is_cheap(self, derived: Derived) -> bool:
         """Whether it is computed again by itself when its inputs change."""
         return derived.seconds <= (FIRST_S if derived.first else RENEWED_S)
+
+    def describe(self, node: Node) -> list[str]:
+        """What a node's result was computed from, and what makes the same; see `described`."""
+        return described(self, node)
 
     # What belongs to what
 
@@ -183,8 +274,9 @@ class Session(OpenFiles):
             self.look()
 
     def close(self) -> None:
-        """End the watch."""
+        """End the watch and the worker process."""
         self._ended.set()
+        self.worker.close()
 
 
 def _changed(files: Mapping[str, str], inputs: Inputs, *, wait: bool = False) -> list[str]:

@@ -1,4 +1,4 @@
-"""Results by their keys, in memory: those that nobody looked at for longest go first."""
+"""Results by their keys, in memory: those that nobody looked at for longest go first. What took long is on the disk."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lidarcheck.session.disk_store import DiskStore
 from lidarcheck.session.node import Derived
 
 __all__ = ["STORE_BYTES", "Store", "size_of"]
@@ -20,22 +21,35 @@ STORE_BYTES = 256_000_000
 
 
 class Store:
-    """Keeps `Derived` up to a number of bytes; for any thread."""
+    """Keeps `Derived` up to a number of bytes; for any thread. `disk`: keeps what took long too."""
 
-    def __init__(self, most: int = STORE_BYTES) -> None:
-        self.most = most
+    def __init__(self, most: int = STORE_BYTES, disk: DiskStore | None = None) -> None:
+        self.most, self.disk = most, disk
         self.held = 0
         self._kept: OrderedDict[str, tuple[Derived, int]] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, key: str) -> Derived | None:
-        """What is kept under a key."""
+        """What is in memory under a key."""
         with self._lock:
             found = self._kept.get(key)
             if found is None:
                 return None
             self._kept.move_to_end(key)
             return found[0]
+
+    def find(self, key: str, edit: int = 0) -> Derived | None:
+        """The same, on the disk too; `edit`: the number of the session's last edit, for what is found there."""
+        found = self.get(key)
+        if found is None and self.disk is not None and (kept := self.disk.get(key)) is not None:
+            found = dataclasses.replace(kept, edit=edit)
+            self.put(found)
+        return found
+
+    def save(self, derived: Derived) -> None:
+        """Have the disk keep a result for the next start, where that is worth it."""
+        if self.disk is not None:
+            self.disk.put(derived)
 
     def put(self, derived: Derived) -> None:
         """Keep a result; alone, if it is larger than all that may be kept."""

@@ -19,8 +19,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from lidarcheck.permissions import given
-from lidarcheck.session.node import ProgressCallback
-from lidarcheck.session.worker_process import COMPILES, WARM, Entry, serve
+from lidarcheck.session.node import Entry, ProgressCallback
+from lidarcheck.session.worker_process import COMPILES, WARM, serve
 
 __all__ = ["Outcome", "Ticket", "Worker"]
 
@@ -57,6 +57,7 @@ class Ticket:
         self.deaths = 0
         self.on_progress: ProgressCallback | None = None
         self.on_done: Callable[[Outcome], object] | None = None
+        self.on_gone: Callable[[], object] | None = None
         self.told = threading.RLock()  # whoever gives a request up knows that no callback of it runs any more
 
 
@@ -77,7 +78,7 @@ class Worker:
         self._count = 0
         self._closed = False
         self._thread: threading.Thread | None = None
-        self._woken, self._wake = os.pipe()
+        self._woken = self._wake = -1
         # Of the worker's thread alone.
         self._process: multiprocessing.process.BaseProcess | None = None
         self._connection: Connection | None = None
@@ -100,6 +101,8 @@ class Worker:
         """Start the process now, so that it is warm when it is asked."""
         with self._lock:
             if self._thread is None and not self._closed:
+                self._woken, self._wake = os.pipe()
+                os.set_blocking(self._wake, False)
                 self._thread = threading.Thread(target=self._serve, name="worker", daemon=True)
                 self._thread.start()
 
@@ -111,19 +114,21 @@ class Worker:
         on_progress: ProgressCallback | None = None,
         on_done: Callable[[Outcome], object] | None = None,
         *,
+        on_gone: Callable[[], object] | None = None,
         lane: str = "",
         priority: int = 0,
     ) -> Ticket:
         """Have `function(*arguments, progress=...)` computed, `entry` being "package.module:function".
 
         `edited`: contents by real path, read in the place of these files. `on_progress` gets (done, of, what is
-        counted); `on_done` comes once, unless the ticket is cancelled or replaced: then nothing more does.
+        counted); `on_done` comes once, unless the ticket is cancelled or replaced: then `on_gone` does, and nothing
+        more.
         """
         with self._lock:
             self._count += 1
             work = (entry, arguments, dict(edited or {}))
             ticket = Ticket(self._count, lane, (priority, self._count), work)
-            ticket.on_progress, ticket.on_done = on_progress, on_done
+            ticket.on_progress, ticket.on_done, ticket.on_gone = on_progress, on_done, on_gone
             if self._closed:
                 ticket.live = False
                 return ticket
@@ -139,8 +144,10 @@ class Worker:
 
     def cancel(self, ticket: Ticket) -> None:
         """Nothing more is heard of a request; where it runs, it ends between two seeds."""
-        with ticket.told:
-            ticket.live = False
+        with ticket.told, _guarded():
+            was, ticket.live = ticket.live, False
+            if was and ticket.on_gone is not None:
+                ticket.on_gone()
         with self._lock:
             if ticket in self._waiting:
                 self._waiting.remove(ticket)
@@ -167,8 +174,9 @@ class Worker:
     # In the worker's thread
 
     def _rouse(self) -> None:
-        with contextlib.suppress(OSError):
-            os.write(self._wake, b"\0")
+        with self._lock, contextlib.suppress(BlockingIOError):  # it is roused enough
+            if self._wake >= 0:
+                os.write(self._wake, b"\0")
 
     def _serve(self) -> None:
         """Hand requests on and answers back, until `close`."""
@@ -192,8 +200,9 @@ class Worker:
             self._end_process()
             with self._lock:
                 self._closed = True
-            os.close(self._woken)
-            os.close(self._wake)
+                os.close(self._woken)
+                os.close(self._wake)
+                self._woken = self._wake = -1
 
     def _next(self) -> None:
         """Send what is to be computed next, and that what runs is no longer waited for."""

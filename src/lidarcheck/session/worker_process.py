@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import logging
 import os
 import pickle
@@ -20,25 +19,17 @@ from typing import Any
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.permissions import Permissions, grant
 from lidarcheck.reading import reading
-from lidarcheck.session.node import Cancelled, ProgressCallback
+from lidarcheck.session.node import Cancelled, Entry, ProgressCallback, function_of
 from lidarcheck.workers.parent import end_with_parent
 
-__all__ = ["COMPILES", "WARM", "Entry", "compile_kernels", "function_of", "serve"]
+__all__ = ["COMPILES", "WARM", "compile_kernels", "serve"]
 
-Entry = str
-"""A function as "package.module:function"; it is called with its arguments and `progress=callable(done, of, now)`."""
 COMPILES = "the sensor model is compiled, once on this machine"
 """Said in the place of progress."""
 WARM: tuple[tuple[Entry, tuple[Any, ...]], ...] = (("lidarcheck.session.worker_process:compile_kernels", ()),)
 _NICE = 5
 _EVERY_S = 0.05
 """How often progress is told."""
-
-
-def function_of(entry: Entry) -> Any:
-    """The function of an entry."""
-    module, _, name = entry.partition(":")
-    return getattr(importlib.import_module(module), name)
 
 
 def compile_kernels(progress: ProgressCallback) -> None:

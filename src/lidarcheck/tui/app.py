@@ -21,10 +21,12 @@ from textual.widgets import ContentSwitcher
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
 from lidarcheck.session.choice import Choice, Part
+from lidarcheck.session.disk_store import DiskStore
 from lidarcheck.session.model_choice import other_sensors
 from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state, save_state
+from lidarcheck.session.store import Store
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.everywhere import Everywhere
@@ -67,7 +69,7 @@ class LidarcheckApp(Everywhere):
         super().__init__()
         self.project = Project(root)
         self.reads = 0
-        self.session = Session()
+        self.session = Session(Store(disk=DiskStore(root)))
         self._told = False
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
