@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -32,15 +33,18 @@ from lidarcheck.model.stages import Surfaces
 from lidarcheck.workers import Shared, WorkerPool
 from lidarcheck.workers.threads import mapped
 
-__all__ = ["PARTS", "Scale", "excesses", "gap_of", "left_by"]
+__all__ = [
+    "EXPECTATION_SEEDS", "FIRST_EXPECTATION", "FIRST_GAP", "FIRST_GAP_FLOOR", "GAP_FLOORS", "GAP_SEEDS", "PARTS",
+    "Scale", "by_chance", "excesses", "gap_of", "left_by",
+]  # fmt: skip
 
 
 PARTS = (*FEATURES, "detected", "other echoes")
-_EXPECTATION_SEEDS = 6
+EXPECTATION_SEEDS = 6
 """Simulations of which each beam's expectation is the mean."""
-_SEEDS, _FLOORS = 4, 6
+GAP_SEEDS, GAP_FLOORS = 4, 6
 """Simulations that stand for a model, and those that tell how far its own are apart."""
-_FIRST_EXPECTATION, _FIRST_GAP, _FIRST_GAP_FLOOR, _FIRST_EXCESS, _FIRST_EXCESS_FLOOR = 9000, 9100, 9200, 9300, 9400
+FIRST_EXPECTATION, FIRST_GAP, FIRST_GAP_FLOOR, _FIRST_EXCESS, _FIRST_EXCESS_FLOOR = 9000, 9100, 9200, 9300, 9400
 """Where the seeds of each begin: no fit uses any of them, and no two share one."""
 _RESAMPLED = 16
 """Draws of all beams anew, of which an interval's ends are quantiles."""
@@ -65,19 +69,32 @@ class Scale:
     """Those of `FEATURES` that are compared."""
 
     @classmethod
-    def of(cls, frames: Sequence[Frame], model: Model, seed: int) -> Scale:
+    def of(cls, frames: Sequence[Frame], model: Model, seed: int) -> Self:
         """The scale of some frames, in the spreads of a model."""
         beams = beams_of([f.ideal for f in frames], model)
         surfaces = tuple(Surfaces(f.ideal) for f in frames)
         runs = mapped(
-            lambda k: observed(frames, surfaces, beams, model, (seed << 16) + _FIRST_EXPECTATION + k),
-            range(_EXPECTATION_SEEDS),
+            lambda k: observed(frames, surfaces, beams, model, (seed << 16) + FIRST_EXPECTATION + k),
+            range(EXPECTATION_SEEDS),
         )
+        return cls.on(frames, surfaces, beams, runs, model, seed)
+
+    @classmethod
+    def on(
+        cls,
+        frames: Sequence[Frame],
+        surfaces: Sequence[Surfaces],
+        beams: BeamTable,
+        runs: Sequence[Observations],
+        model: Model,
+        seed: int,
+    ) -> Self:
+        """The scale of some beams of the frames, of which `runs` say what the model shows with some seeds."""
         expected = expectation(beams, runs)
         found = [*divisions(beams, expected.log_area, {}), *fine_divisions(beams)]
         strata = tuple(d.bin for d in found if d.covariate in _STRATA)
         compared = tuple(j for j in range(4) if j != FEATURES.index("area") or amplitude_tells(frames, model))
-        return cls(tuple(frames), beams, expected, strata, seed, surfaces, compared)
+        return cls(tuple(frames), beams, expected, strata, seed, tuple(surfaces), compared)
 
     @functools.cached_property
     def shared(self) -> Shared[Scale]:
@@ -114,8 +131,8 @@ class Scale:
         A measurement that is nearer than the model's own simulations are to each other differs from it too: that model
         scatters more than the sensor.
         """
-        shown = self.simulated(model, _FIRST_EXCESS, _SEEDS, nuisance)
-        others = self.simulated(model, _FIRST_EXCESS_FLOOR, _FLOORS, nuisance)
+        shown = self.simulated(model, _FIRST_EXCESS, GAP_SEEDS, nuisance)
+        others = self.simulated(model, _FIRST_EXCESS_FLOOR, GAP_FLOORS, nuisance)
         noise = np.array([self.distance(other, shown, weight) for other in others])
         return np.abs(self.distance(self.measured, shown, weight) - noise.mean(axis=0)), noise
 
@@ -224,8 +241,8 @@ def excesses(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = No
 def left_by(scale: Scale, models: Sequence[Model], pool: WorkerPool | None = None) -> list[float]:
     """The gap beyond the noise that each of some models leaves which differ by little, as `gap_of` counts it; the noise
     of all is the last one's."""
-    own = scale.simulated(models[-1], _FIRST_GAP_FLOOR, _FLOORS)
-    tasks = ((scale.shared, model, _FIRST_GAP, _SEEDS) for model in models)
+    own = scale.simulated(models[-1], FIRST_GAP_FLOOR, GAP_FLOORS)
+    tasks = ((scale.shared, model, FIRST_GAP, GAP_SEEDS) for model in models)
     shown = [*(pool or WorkerPool()).map(Scale.simulated, tasks)]
     noise = np.mean([scale.distance(other, shown[-1]) for other in own], axis=0)
     return [float(np.abs(scale.distance(scale.measured, one) - noise).mean()) for one in shown]
@@ -257,14 +274,14 @@ def gap_of(
     # A measurement that is nearer than a model's own simulations are to each other differs from it too.
     parts = [noise + np.abs(one - own.mean(axis=0)) for one, own in zip(found, chance, strict=True)]
     totals = [_interval(one[0].mean(), [drawn.mean() for drawn in one[1:]]) for one in parts]
-    lowest = noise + _by_chance(chance[-1])
+    lowest = noise + by_chance(chance[-1])
     drawn = chance[-1].mean(axis=1) + (lowest - noise).mean()
     floor = _interval(float(lowest.mean()), list(drawn), centred=True)
     by_feature = {
         name: (float(parts[0][0, j]), float(parts[-1][0, j]), float(lowest[j])) for j, name in enumerate(PARTS)
     }
     waterfall = tuple((name, total) for (name, _), total in zip(stages[1:], totals[1:], strict=True))
-    again = np.abs(chance[-1] - noise).mean(axis=1) - _by_chance(chance[-1]).mean()
+    again = np.abs(chance[-1] - noise).mean(axis=1) - by_chance(chance[-1]).mean()
     span = _closed_span(parts[0].mean(axis=1), parts[-1].mean(axis=1), floor.value, again)
     named = named_by_kind(kinds[0][0], *kinds[-1])
     return Gap(totals[0], totals[-1], floor, by_feature, waterfall, span, by_kind=named)
@@ -285,7 +302,7 @@ def _closed_span(before: FloatArray, after: FloatArray, floor: float, again: Flo
     return max(low, -1.0), min(high, 1.0)
 
 
-def _by_chance(own: FloatArray) -> FloatArray:
+def by_chance(own: FloatArray) -> FloatArray:
     """How far one more draw is expected to be from the mean of some draws (n, n_parts), to either side; (n_parts,)."""
     n = len(own)
     # Draws are nearer to their own mean than another one is.
@@ -296,8 +313,8 @@ def _apart(scale: Scale, model: Model) -> tuple[FloatArray, FloatArray, FloatArr
     """The parts of the gap between the measurement and a model, as it is and with beams drawn anew, and those between
     the model's own simulations; shapes (1 + drawn, n_parts) and (n_floors, n_parts). Last both of the other echoes by
     their kinds, the second as a mean, (2, n_kinds, 3)."""
-    shown = scale.simulated(model, _FIRST_GAP, _SEEDS)
-    others = scale.simulated(model, _FIRST_GAP_FLOOR, _FLOORS)
+    shown = scale.simulated(model, FIRST_GAP, GAP_SEEDS)
+    others = scale.simulated(model, FIRST_GAP_FLOOR, GAP_FLOORS)
     chance = np.array([scale.distance(other, shown) for other in others])
     kinds = [apart_by_kind(scale.beams, one, shown) for one in (scale.measured, *others)]
     by_kind = np.array([kinds[0], np.mean(kinds[1:], axis=0)])

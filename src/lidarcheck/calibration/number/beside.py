@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
 from lidarcheck.calibration.number.frames import Frames
@@ -125,7 +127,7 @@ def _beside(data: Frames, i: int, bright: _Bright, edges: FloatArray, reach_m: f
     fired = np.unique(keys_of(data.frames[i].ideal.layer, data.frames[i].ideal.point))
     line, place, inside = bright.along.place(fired >> 32, fired & 0xFFFFFFFF)
     fired, line, place = fired[inside], line[inside], place[inside]
-    found: list[tuple[Keys, IndexArray, FloatArray, IndexArray, FloatArray]] = []
+    found: list[tuple[npt.NDArray[Any], ...]] = []
     for number, (low, high) in enumerate(edges):
         mine = np.flatnonzero((bright.at_m >= low) & (bright.at_m <= high))
         lines, which = np.unique(bright.line[mine], return_inverse=True)

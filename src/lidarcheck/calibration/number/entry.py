@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from lidarcheck.calibration.blooming.workflow import bare_of
-from lidarcheck.calibration.number.frames import Frames, key_of_files, read_frames
+from lidarcheck.calibration.number.frames import Frames, hash_of, key_of_files, read_frames
+from lidarcheck.calibration.number.light import Shown
 from lidarcheck.calibration.number.memo import Memo
 from lidarcheck.calibration.number.models import edited_model, said_of
 from lidarcheck.calibration.number.number import Number
 from lidarcheck.calibration.number.prepared import OnFrames
 from lidarcheck.calibration.number.request import SAMPLE_SEEDS, WHOLE_SEEDS, Request
+from lidarcheck.calibration.number.spread import Spread
+from lidarcheck.inference.wasserstein import FIRST_GAP, FIRST_GAP_FLOOR, GAP_FLOORS, GAP_SEEDS
 from lidarcheck.model.spec import Model
+from lidarcheck.reading import read_so_far, reading
 
 __all__ = ["expected", "sample", "whole"]
 
 ProgressCallback = Callable[[int, int, str], object]
 
+_Seen = TypeVar("_Seen")
+
 _FRAMES: Memo[Frames] = Memo(12)
 _PREPARED: Memo[OnFrames] = Memo(12)
-_NUMBERS: Memo[Number] = Memo(200)
-_FIRST = 9500
-"""Where the seeds begin: no fit uses any of them."""
+_SPREAD: Memo[Spread] = Memo(6)
+_NUMBERS: Memo[Number] = Memo(400)
+_FIRST_MISFIT = 9600
+"""Where the seeds of misfits begin: no fit uses any of them."""
+_VERIFY = 3
+"""What `explain` adds to twice its seed for the frames that verify."""
 
 
 def _ignore(_done: int, _of: int, _now: str) -> None:
@@ -38,43 +49,106 @@ def expected(request: Request, progress: ProgressCallback = _ignore) -> Number |
 def sample(request: Request, progress: ProgressCallback = _ignore) -> Number:
     """The number of the sample: of a table every line with a bright beam, of all else columns spread over the frame.
 
-    `progress` hears (seeds done, of, what) and may raise to stop it, between seeds.
+    `progress` hears (seeds done, of, what) and may raise to stop it, between seeds. `InputError` names the file that
+    gives no number, and why.
     """
-    start = time.monotonic()
-    model = edited_model(request)
-    found = _misfit(request, model, progress)
-    return replace(found, seconds=time.monotonic() - start)
+    return _timed(lambda: _misfit(request, progress) if request.kind == "misfit" else _gap(request, progress))
 
 
 def whole(request: Request, progress: ProgressCallback = _ignore) -> Number:
-    """The number of whole frames, for a report: `WHOLE_SEEDS` where the request leaves the sample's."""
+    """The number for a report: of a table with `WHOLE_SEEDS`, of all else on all columns, as `explain` measures it."""
+    if request.kind == "gap":
+        return _timed(lambda: _gap(request, progress, all_columns=True))
     seeds = WHOLE_SEEDS if request.seeds == SAMPLE_SEEDS else request.seeds
     return sample(replace(request, seeds=seeds), progress)
 
 
-def _misfit(request: Request, model: Model, progress: ProgressCallback) -> Number:
+def _timed(compute: Callable[[], Number]) -> Number:
+    start = time.monotonic()
+    return replace(compute(), seconds=time.monotonic() - start)
+
+
+def _misfit(request: Request, progress: ProgressCallback) -> Number:
+    model = edited_model(request)
     prepared = _prepared(request, model)
-    seeds = [(request.seed << 16) + _FIRST + k for k in range(request.seeds)]
+    seeds = [(request.seed << 16) + _FIRST_MISFIT + k for k in range(request.seeds)]
 
     def make() -> Number:
-        shown, seen = prepared.shown(model, seeds), []
-        for k in range(len(seeds)):
-            progress(k, len(seeds), "seeds")
-            seen.append(shown.seen(k))
-        words = f"{len(prepared.beside):,} beams x {len(seeds)}".replace(",", " ")
-        return prepared.misfit.number(seen, simulated=shown.alike, sample=words)
+        shown = prepared.shown(model, seeds)
+        words = _sample_words(len(prepared.beside), len(seeds))
+        return prepared.misfit.number(_all(shown, len(seeds), progress), simulated=shown.alike, sample=words)
 
     return _NUMBERS.get((prepared.misfit.scale, said_of(model), *seeds), make)
 
 
+def _gap(request: Request, progress: ProgressCallback, *, all_columns: bool = False) -> Number:
+    model = edited_model(request)
+    spread = _spread(request, model, all_columns=all_columns)
+    first = spread.scale.seed << 16
+    seeds = [first + FIRST_GAP + k for k in range(GAP_SEEDS if all_columns else request.seeds)]
+    others = [first + FIRST_GAP_FLOOR + k for k in range(GAP_FLOORS if all_columns else 0)]
+
+    def make() -> Number:
+        shown = spread.shown(model, [*seeds, *others])
+        seen = _all(shown, len(seeds) + len(others), progress)
+        words = _sample_words(len(spread.scale.beams), len(seeds))
+        return spread.number(seen[: len(seeds)], seen[len(seeds) :], simulated=shown.alike, sample=words)
+
+    return _NUMBERS.get((spread.key, said_of(model), *seeds), make)
+
+
+def _sample_words(beams: int, seeds: int) -> str:
+    return f"{beams:,} beams x {seeds}".replace(",", " ")
+
+
+def _all(shown: Shown[_Seen], seeds: int, progress: ProgressCallback) -> Sequence[_Seen]:
+    """What all seeds show; between them whoever listens may stop it."""
+    found = []
+    for k in range(seeds):
+        progress(k, seeds, "seeds")
+        found.append(shown.of(k))
+    progress(seeds, seeds, "seeds")
+    return found
+
+
 def _prepared(request: Request, model: Model) -> OnFrames:
-    key = key_of_files((*request.measured, *request.ideal), request.placement, repr(model.sensor.beams), model.sensor)
-    about = (request.axis, request.distance_m, request.material)
-
-    def read() -> Frames:
-        return read_frames(request, model.sensor, key)
-
+    key = _key(request, model)
     bare, bright = bare_of(model, request.axis)
-    return _PREPARED.get(
-        (key, about, said_of(bare), bright), lambda: OnFrames.of(_FRAMES.get(key, read), model, request)
-    )
+    about = (request.axis, request.distance_m, request.material, bright, said_of(bare))
+
+    def prepare() -> OnFrames:
+        return OnFrames.of(_frames(request, model, key), model, request)
+
+    return _PREPARED.get((key, about), prepare)
+
+
+def _spread(request: Request, model: Model, *, all_columns: bool) -> Spread:
+    key, start = _key(request, model), _start_of(request, model)
+    seed = request.seed if request.case is None else 2 * request.seed + _VERIFY
+
+    def prepare() -> Spread:
+        return Spread.of(_frames(request, model, key), start, seed, all_columns=all_columns)
+
+    return _SPREAD.get((key, said_of(start), seed, all_columns), prepare)
+
+
+def _start_of(request: Request, model: Model) -> Model:
+    """The model whose spreads count: that of the session's start, or as it is now where nothing was edited."""
+    if not request.start:
+        return model
+    now = read_so_far()
+    before = {os.path.realpath(path): content for path, content in request.start.items()}
+    with reading({**(now.edited if now else {}), **before}):
+        return edited_model(request)
+
+
+def _key(request: Request, model: Model) -> str:
+    """A hash of the measured files and of how they are read, which no number of the sensor changes."""
+    case = () if request.case is None else tuple(sorted(request.case.rglob("*")))
+    sensor = model.sensor
+    how = (sensor.variant, [feature.name for feature in sensor.features], hash_of(sensor.beams))
+    return key_of_files((*request.measured, *request.ideal, *case), request.placement, how, request.kind)
+
+
+def _frames(request: Request, model: Model, key: str) -> Frames:
+    return _FRAMES.get(key, lambda: read_frames(request, model.sensor, key))

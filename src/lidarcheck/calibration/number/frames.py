@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from lidarcheck.calibration.number.request import Request
+from lidarcheck.cases.case import load_case
 from lidarcheck.cases.frame import Frame
 from lidarcheck.cases.partners import beside
 from lidarcheck.cases.source import FrameFile, each_frame, ideal_of, scan_of
+from lidarcheck.cases.split import split_frames
 from lidarcheck.errors import InputError
 from lidarcheck.formats.table import counted
 from lidarcheck.inference.observed.echo_view import EchoView, Slot
@@ -20,7 +25,7 @@ from lidarcheck.model.stages import Surfaces
 from lidarcheck.reading import state_of_file
 from lidarcheck.sensor import Sensor
 
-__all__ = ["Frames", "key_of_files", "read_frames", "seen_slots"]
+__all__ = ["Frames", "hash_of", "key_of_files", "read_frames", "seen_slots"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +39,18 @@ class Frames:
     name: str
 
 
+def hash_of(value: Any) -> str:
+    """A hash of numbers, arrays and dataclasses of them, by what they hold."""
+    digest = hashlib.sha256(type(value).__name__.encode())
+    if isinstance(value, np.ndarray):
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value) and not isinstance(value, type):
+        digest.update("".join(hash_of(getattr(value, f.name)) for f in fields(value)).encode())
+    else:
+        digest.update(repr(value).encode())
+    return digest.hexdigest()
+
+
 def key_of_files(paths: Sequence[Path], *more: object) -> str:
     """A hash of files by their names, sizes and times, and of what else is said."""
     states = [(str(path), state_of_file(path)) for path in paths]
@@ -42,6 +59,10 @@ def key_of_files(paths: Sequence[Path], *more: object) -> str:
 
 def read_frames(request: Request, sensor: Sensor, key: str = "") -> Frames:
     """The frames of a request; `InputError` names the file that cannot be used, or has no ideal scan."""
+    if request.case is not None:
+        case = load_case(request.case)
+        verified = split_frames(case.frames).verify.look()
+        return Frames(verified, tuple(Surfaces(frame.ideal) for frame in verified), key, str(request.case))
     groups = each_frame(request.measured)
     files = [frame for group in groups for frame in group]
     partners = _partners(request, groups)
@@ -49,7 +70,7 @@ def read_frames(request: Request, sensor: Sensor, key: str = "") -> Frames:
     for number, (file, other) in enumerate(zip(files, partners, strict=True)):
         scan = scan_of(file, request.placement, sensor)
         check_variant(scan, sensor, str(file))
-        ideal, scan = judged_beams(ideal_of(other, sensor), scan)
+        ideal, scan = judged_beams(ideal_of(other, sensor), scan.take((scan.layer >= 0) & (scan.point >= 0)))
         found.append(Frame(number, ideal, scan, 0.1 * number))
     surfaces = {id(frame.ideal): Surfaces(frame.ideal) for frame in found}
     return Frames(tuple(found), tuple(surfaces[id(f.ideal)] for f in found), key, str(files[0]))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
+from lidarcheck.arrays import BoolArray, FloatArray
+from lidarcheck.calibration.number.frames import Frames
+from lidarcheck.calibration.number.models import said_of
 from lidarcheck.cases.frame import Frame
 from lidarcheck.model.chain import echoes_of, read_out, simulate_frames
 from lidarcheck.model.estimates import drawn, is_estimate
-from lidarcheck.model.external.around import alone
 from lidarcheck.model.light import light_of
 from lidarcheck.model.sharing import serially
 from lidarcheck.model.spec import Model
@@ -21,7 +23,9 @@ from lidarcheck.model.stages import Run, Surfaces, of_stage, run_of
 from lidarcheck.scan import Haze, Light, Scan, light_of_beams
 from lidarcheck.sensor import Program
 
-__all__ = ["Keys", "Lit", "keys_of", "lit", "scans_of"]
+__all__ = ["Keys", "Lights", "Lit", "Shown", "keys_of", "lights_of", "lit"]
+
+_Seen = TypeVar("_Seen")
 
 Keys = npt.NDArray[np.int64]
 
@@ -55,13 +59,13 @@ class Lit:
         light, run = self.of_seed[min(k, len(self.of_seed) - 1)]
         run = replace(run, seed=self.seeds[k])
         effects = of_stage("readout", run.model.effects)
-        how = {"seed": run.seed, "frame": run.frame, "threads": 1, "run": run}
+        how: dict[str, Any] = {"seed": run.seed, "frame": run.frame, "threads": 1, "run": run}
         scan = echoes_of(light, run.sensor, rounded=not effects, **how)
         return read_out(scan, run, effects) if effects else scan
 
 
-def lit(frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], keys: Keys | None = None) -> Lit:
-    """The light of the beams `keys`, ascending, of a frame; of all where None.
+def lit(frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], keys: Keys) -> Lit:
+    """The light of the beams `keys`, ascending, of a frame.
 
     Light of other beams may reach these, so that the whole frame's is found first and then cut.
     """
@@ -72,18 +76,46 @@ def lit(frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], ke
     return Lit(tuple((_cut(light, keys), run) for light, run in found), tuple(seeds))
 
 
-def scans_of(
-    frames: Sequence[Frame], surfaces: Sequence[Surfaces], model: Model, seeds: Iterable[int]
-) -> Iterable[list[Scan]]:
-    """What somebody else's program, which gets whole frames, shows with each seed."""
-    numbers, ideals = [f.number for f in frames], [s.ideal for s in surfaces]
-    for seed in seeds:
-        yield simulate_frames(ideals, model, seed=seed, frames=numbers, surfaces=surfaces)
+@dataclass(frozen=True)
+class Shown(Generic[_Seen]):
+    """What a model shows with each of some seeds, made when it is asked for, in order; `alike`: a hash of all that it
+    depends on."""
+
+    alike: str
+    of: Callable[[int], _Seen]
 
 
-def is_handed_light(model: Model, frame: Frame) -> bool:
-    """Whether a program's answer depends on the light alone that effects before it make."""
-    return not isinstance(model.sensor, Program) or not alone(model, frame.ideal)
+@dataclass(frozen=True)
+class Lights:
+    """What some beams of several frames get. `scans`: the echoes of all frames with the k-th seed."""
+
+    alike: str
+    scans: Callable[[int], Sequence[Scan]]
+
+
+def lights_of(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[Keys]) -> Lights:
+    """The light of the beams `keys` of each frame, and their echoes; somebody else's program gets whole frames."""
+    if isinstance(model.sensor, Program):
+        return _around(data, model, seeds, keys)
+    pairs = zip(data.frames, data.surfaces, keys, strict=True)
+    found = [lit(frame, surfaces, model, seeds, some) for frame, surfaces, some in pairs]
+    return Lights(_hash([one.alike for one in found]), lambda k: [one.scan(k) for one in found])
+
+
+def _around(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[Keys]) -> Lights:
+    """Of somebody else's program, whose echoes may depend on all that the model says."""
+    numbers, ideals = [f.number for f in data.frames], [s.ideal for s in data.surfaces]
+
+    def scans(k: int) -> list[Scan]:
+        whole = simulate_frames(ideals, model, seed=seeds[k], frames=numbers, surfaces=data.surfaces)
+        pairs = zip(whole, keys, strict=True)
+        return [scan.take(np.isin(keys_of(scan.layer, scan.point), some)) for scan, some in pairs]
+
+    return Lights(_hash([said_of(model), *map(str, seeds)]), scans)
+
+
+def _hash(words: Sequence[str]) -> str:
+    return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +148,8 @@ def _light(frame: Frame, surfaces: Surfaces, model: Model, seed: int, drew: list
     return light, replace(run, sensor=sensor)
 
 
-def _cut(light: Light, keys: Keys | None) -> Light:
+def _cut(light: Light, keys: Keys) -> Light:
     """The light of some beams, with what the air scatters into them."""
-    if keys is None:
-        return light
     mask = np.isin(keys_of(light.layer, light.point), keys)
     part = light_of_beams(light, mask)
     return part if light.haze is None else replace(part, haze=_cut_haze(light.haze, mask))
@@ -132,8 +162,8 @@ def _cut_haze(haze: Haze, mask: BoolArray) -> Haze:
     return replace(haze, first_row=first, row_end_m=haze.row_end_m[rows], row_share=haze.row_share[rows])
 
 
-def _columns(light: Light) -> list[FloatArray | IndexArray]:
-    columns = [light.layer, light.point, light.background_per_ns, light.first_pulse]
+def _columns(light: Light) -> list[npt.NDArray[Any]]:
+    columns: list[npt.NDArray[Any]] = [light.layer, light.point, light.background_per_ns, light.first_pulse]
     columns += [light.pulse_range_m, light.pulse_signal]
     haze = light.haze
     if haze is not None:

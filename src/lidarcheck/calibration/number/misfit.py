@@ -50,9 +50,16 @@ def means_of(seen: Sequence[Seen], cell: IndexArray, cells: int) -> Means:
     hit = np.concatenate([one.hit for one in seen])
     value = np.concatenate([one.value for one in seen])
     every = np.tile(cell, len(seen))
-    n, hits = np.bincount(every, minlength=cells), np.bincount(every, hit, cells)
-    total = np.column_stack([np.bincount(every, hit * column, cells) for column in value.T] or [np.zeros((cells, 0))])
-    return Means(n.astype(np.float64), hits / np.maximum(n, 1), hits, total / np.maximum(hits, 1.0)[:, None])
+    n, hits = _sums(every, np.ones(len(every)), cells), _sums(every, hit.astype(np.float64), cells)
+    total = np.zeros((cells, value.shape[1]))
+    for j, column in enumerate(value.T):
+        total[:, j] = _sums(every, np.where(hit, column, 0.0), cells)
+    return Means(n, hits / np.maximum(n, 1.0), hits, total / np.maximum(hits, 1.0)[:, None])
+
+
+def _sums(number: IndexArray, value: FloatArray, count: int) -> FloatArray:
+    """Of the values of each number, shape (count,)."""
+    return np.asarray(np.bincount(number, value, count), dtype=np.float64)
 
 
 class Misfit:
@@ -129,7 +136,7 @@ class Misfit:
         spread = [np.maximum(np.sqrt(share * (1.0 - share)), _LEAST_SHARE_SD)]
         for j, slot in enumerate(self.slots):
             off = np.where(self.seen.hit, self.seen.value[:, j] - m.value[self.cell, j], 0.0)
-            squares = np.bincount(self.cell, off**2, cells)
+            squares = _sums(self.cell, off**2, cells)
             spread.append(np.maximum(self._pooled(squares, np.maximum(m.hits - 1.0, 0.0), m.value[:, j]), slot.floor))
         return np.column_stack(spread)
 
@@ -200,7 +207,7 @@ class Misfit:
         total = self._influence(self.seen, m, slope)
         for one in seen:
             total = total - self._influence(one, shown, slope)
-        return np.bincount(block, total, int(block.max()) + 1)
+        return _sums(block, total, int(block.max()) + 1)
 
     def _influence(self, seen: Seen, means: Means, slope: FloatArray) -> FloatArray:
         """What each beam of one side adds, shape (n,); `means`: over all beams of that side."""

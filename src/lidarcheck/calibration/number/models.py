@@ -35,10 +35,9 @@ def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:
     if not any(isinstance(effect, kind) for effect in model.effects):
         return model.with_(make(kind.name, {"lut": curve}))
 
-    def edited(effect: Any) -> Any:
-        return replace(effect, lut=curve) if isinstance(effect, kind) else effect
-
-    return replace(model, effects=tuple(edited(effect) for effect in model.effects))
+    table: Any = {"lut": curve}  # which every effect of that role has
+    effects = (replace(effect, **table) if isinstance(effect, kind) else effect for effect in model.effects)
+    return replace(model, effects=tuple(effects))
 
 
 def said_of(model: Model) -> str:

@@ -30,7 +30,8 @@ class Number:
     was simulated, in words, `7 200 beams x 8`. `left_out` (blocks,): the value without each block of columns, all that
     it takes to judge any two numbers of one `scale`; `blocks`: what these are, in words. `scale`: a hash of what was
     measured, of the sample and of the spreads that the value counts in. `simulated`: a hash of the light of all beams
-    and of what sees it: numbers that agree in it are the same. `exact`: simulated, not expected. `about`: what is said
+    and of what sees it: numbers that agree in it are the same. `noise`: what was taken off a gap as the model's own:
+    `explain` prints the sum of both. `exact`: simulated, not expected. `about`: what is said
     beside it.
     """
 
@@ -43,13 +44,14 @@ class Number:
     blocks: str
     scale: str
     simulated: str
+    noise: float = 0.0
     exact: bool = True
     seconds: float = field(default=0.0, compare=False)
     about: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """As the JSON of `lidarcheck gap` has it."""
-        names = ("kind", "value", "floor", "sample", "blocks", "scale", "simulated", "about")
+        names = ("kind", "value", "floor", "noise", "sample", "blocks", "scale", "simulated", "about")
         return {**{name: getattr(self, name) for name in names}, "unit": "sd of one beam", "parts": dict(self.parts)}
 
 

@@ -22,20 +22,22 @@ class Request:
 
     `model`, `lut`, `settings`: files; the table of `lut` stands in the place of the model's own along `axis`, and
     `settings` say where the target stands where no ideal scan does. `measured`: scans of one scene, or one profile;
-    `ideal`: one for each scan, or one for all, empty where there is none. `distance_m`, `material`: the target's, None
-    for the only one. `start`: the contents, by path, of files that are edited, as the session found them: a gap counts
-    in the spreads of the model that these make.
+    `ideal`: one for each scan, or one for all, empty where there is none; `case`: the directory of a case in the place
+    of both, its frames that verify. `distance_m`, `material`: the target's, None for the only one. `start`: the
+    contents, by path, of files that are edited, as the session found them: a gap counts in the spreads of the model
+    that these make.
     """
 
     kind: Kind
     model: Path
-    measured: tuple[Path, ...]
+    measured: tuple[Path, ...] = ()
     ideal: tuple[Path, ...] = ()
     axis: Axis = "vertical"
     lut: Path | None = None
     settings: Path | None = None
     distance_m: float | None = None
     material: int | None = None
+    case: Path | None = None
     seeds: int = SAMPLE_SEEDS
     seed: int = 0
     placement: Placement = AS_IT_IS
@@ -44,4 +46,6 @@ class Request:
     @property
     def files(self) -> tuple[Path, ...]:
         """Every file that it names; tables that the model names come on top."""
-        return tuple(p for p in (self.model, self.lut, self.settings, *self.measured, *self.ideal) if p is not None)
+        return tuple(
+            p for p in (self.model, self.lut, self.settings, self.case, *self.measured, *self.ideal) if p is not None
+        )
