@@ -45,7 +45,7 @@ class Request:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file that it names; tables that the model names come on top."""
+        """Every file that it names; tables that the model names, and frames that the case names, come on top."""
         return tuple(
             p for p in (self.model, self.lut, self.settings, self.case, *self.measured, *self.ideal) if p is not None
         )
