@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
-from lidarcheck.session.pairing import ideal_of, labels_of, measured_in, numbers_in, partner_of
+from lidarcheck.session.pairing import ideal_of, is_simulated, labels_of, measured_in, numbers_in, partner_of
 from lidarcheck.session.project import Entry, Project
 
 if TYPE_CHECKING:
@@ -78,8 +78,15 @@ def measurements(project: Project) -> list[Measurement]:
         return entry.path.resolve() not in own and not any(place in entry.path.parents for place in taken)
 
     found += [_profile(entry) for entry in project.of("profile", sound=False) if is_free(entry)]
-    found += _scans(project, [entry for entry in measured_in(project, sound=False) if is_free(entry)])
+    found += _scans(project, [entry for entry in _measured(project) if is_free(entry)])
     return sorted(found, key=lambda one: (str(Path(one.name).parent), numbers_in(one.name)))
+
+
+def _measured(project: Project) -> list[Entry]:
+    """The scans that are not simulated by their names; where all of a folder are, those."""
+    found = measured_in(project, sound=False)
+    folders = {entry.path.parent for entry in found}
+    return [*found, *(e for e in project.of("scan") if is_simulated(e) and e.path.parent not in folders)]
 
 
 def _cases(project: Project) -> list[Measurement]:

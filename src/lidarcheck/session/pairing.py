@@ -9,11 +9,13 @@ from typing import NamedTuple
 
 from lidarcheck.session.project import Entry, Project
 
-__all__ = ["Labels", "ideal_of", "is_simulated", "labels_of", "measured_in", "numbers_in", "partner_of"]
+__all__ = ["NUMBER_AND_RANGE", "Labels", "ideal_of", "is_simulated", "labels_of", "measured_in", "numbers_in", "partner_of"]
 
 _WORDS = re.compile(r"ideal|postpro|scan|measured|real|at|[^a-z0-9.]+")
 _SIMULATED = re.compile(r"(?<![a-z])(?:sim|simulated|simulation)(?![a-z])")
 _MERGED = re.compile(r"(?<![a-z])merged(?![a-z])")
+NUMBER_AND_RANGE = re.compile(r"^(\d+)_\d+(?:\.\d+)?m(?![a-z])", re.IGNORECASE)
+"""A scan's name that counts and says its range: `1_25m`."""
 _LABELS = re.compile(r"(?<![a-z])(?:car|van|truck|smart|slim)(?![a-z])")
 _VEHICLES, _VARIANTS = ("car", "van", "truck"), ("SMART", "SLIM")
 
@@ -56,10 +58,16 @@ def labels_of(entry: Entry) -> Labels:
 
 
 def ideal_of(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
-    """The ideal scan whose name differs by such words only: `real_69.txt` and `ideal_69.txt`."""
+    """The ideal scan whose name differs by such words only: `real_69.txt` and `ideal_69.txt`; of `1_25m` also `1_ideal`
+    beside it."""
     key = _key(scan)
     alike = [entry for entry in ideals if key and _key(entry) == key]
     alike.sort(key=lambda entry: entry.path.parent != scan.path.parent)
+    number = NUMBER_AND_RANGE.match(scan.path.stem)
+    if not alike and number is not None:
+        beside = [entry for entry in ideals if entry.path.parent == scan.path.parent]
+        same = [entry for entry in beside if entry.path.stem.startswith(f"{number[1]}_")]
+        alike = same if len(same) == 1 else []
     return alike[0].path if alike else None
 
 

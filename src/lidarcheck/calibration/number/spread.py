@@ -26,7 +26,7 @@ from lidarcheck.model.spec import Model
 __all__ = ["Spread"]
 
 MOST_BEAMS = 20_800
-"""So many beams of a frame are looked at, by whole columns: every 24th of the reference sensors."""
+"""So many beams are looked at, by whole columns: every 24th of one frame of the reference sensors."""
 _BLOCKS = 12
 """Blocks of neighbouring columns, each of which is left out in turn."""
 _FLOORS = 4
@@ -45,7 +45,7 @@ class Spread:
     @classmethod
     def of(cls, data: Frames, start: Model, seed: int, *, all_columns: bool = False) -> Spread:
         """The columns of some frames, or all of them, in the strata and spreads of a model."""
-        keys = tuple(_spread(data, i, all_columns=all_columns) for i in range(len(data.frames)))
+        keys = tuple(_spread(data, None if all_columns else MOST_BEAMS))
         whole = beams_of([frame.ideal for frame in data.frames], start)
         mine = np.zeros(len(whole), dtype=bool)
         for i, some in enumerate(keys):
@@ -111,9 +111,16 @@ def _seen(
     return Shown(lights.alike, lambda k: observations_of(beams, lights.scans(k)))
 
 
-def _spread(data: Frames, i: int, *, all_columns: bool) -> Keys:
-    """The beams of columns spread over a frame, as many as are looked at."""
-    fired = np.unique(keys_of(data.frames[i].ideal.layer, data.frames[i].ideal.point))
-    columns, of = np.unique(fired & 0xFFFFFFFF, return_inverse=True)
-    step = 1 if all_columns else max(round(len(fired) / MOST_BEAMS), 1)
-    return fired[(np.arange(len(columns)) % step == step // 2)[of]] if step > 1 else fired
+def _spread(data: Frames, most: int | None) -> list[Keys]:
+    """The beams of columns spread over each frame, `most` in all; of each frame other columns."""
+    fired = [np.unique(keys_of(frame.ideal.layer, frame.ideal.point)) for frame in data.frames]
+    if most is None:
+        return fired
+    step = max(round(sum(map(len, fired)) / most), 1)
+    found = []
+    for i, keys in enumerate(fired):
+        columns, of = np.unique(keys & 0xFFFFFFFF, return_inverse=True)
+        first = (step // 2 + i * step // len(fired)) % step
+        # A frame of few columns gives one at least.
+        found.append(keys[(np.arange(len(columns)) % step == min(first, len(columns) - 1))[of]])
+    return found

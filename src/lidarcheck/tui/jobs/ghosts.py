@@ -15,7 +15,7 @@ from lidarcheck.errors import InputError, LidarcheckError
 from lidarcheck.figures.data import Page, Section
 from lidarcheck.session.model_choice import chosen_model, models_of_sensor, sensor_of_models
 from lidarcheck.session.node import ProgressCallback
-from lidarcheck.session.pairing import ideal_of, labels_of, numbers_in
+from lidarcheck.session.pairing import NUMBER_AND_RANGE, ideal_of, labels_of, numbers_in
 from lidarcheck.session.project import Entry, Project
 from lidarcheck.tui.jobs.job import Computed, Job
 
@@ -32,7 +32,6 @@ _KIND = "ghosts"
 GHOST = with_role("ghost").name
 """The effect that is fitted."""
 _SIGN = re.compile(r"(?<![a-z])(?:sign|ghost)s?(?![a-z])", re.IGNORECASE)
-_NUMBER_AND_RANGE = re.compile(r"^(\d+)_\d+(?:\.\d+)?m(?![a-z])", re.IGNORECASE)
 _NOT = re.compile(r"_ghosts$|(?<![a-z])sim(?:ulated|ulation)?(?![a-z])", re.IGNORECASE)
 
 
@@ -77,21 +76,11 @@ def sign_scans(project: Project) -> list[SignScan]:
     """Scans with sign or ghost in their name or directory, and those called as 1_25m, in order of the numbers there."""
     ideals = project.of("ideal")
     found = [
-        SignScan(entry.name, entry.path, _ideal(entry, ideals), project.inside(entry.fault))
+        SignScan(entry.name, entry.path, ideal_of(entry, ideals), project.inside(entry.fault))
         for entry in project.of("scan", sound=False)
-        if not _NOT.search(entry.path.stem) and (_SIGN.search(entry.name) or _NUMBER_AND_RANGE.match(entry.path.stem))
+        if not _NOT.search(entry.path.stem) and (_SIGN.search(entry.name) or NUMBER_AND_RANGE.match(entry.path.stem))
     ]
     return sorted(found, key=lambda scan: numbers_in(scan.name))
-
-
-def _ideal(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
-    """By its name; of `1_25m` also `1_ideal` beside it."""
-    number = _NUMBER_AND_RANGE.match(scan.path.stem)
-    path = ideal_of(scan, ideals)
-    if path is not None or number is None:
-        return path
-    same = [e.path for e in ideals if e.path.parent == scan.path.parent and e.path.stem.startswith(f"{number[1]}_")]
-    return same[0] if len(same) == 1 else None
 
 
 def sign_model(project: Project, scans: Sequence[SignScan], wanted: str) -> Entry | None:
