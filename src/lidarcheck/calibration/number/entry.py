@@ -9,9 +9,11 @@ from dataclasses import replace
 from typing import TypeVar
 
 from lidarcheck.calibration.blooming.workflow import bare_of
+from lidarcheck.calibration.number.expectation import expected_means, moved
 from lidarcheck.calibration.number.frames import Frames, hash_of, key_of_files, read_frames
-from lidarcheck.calibration.number.light import Shown
+from lidarcheck.calibration.number.light import Lights
 from lidarcheck.calibration.number.memo import Memo
+from lidarcheck.calibration.number.misfit import Means
 from lidarcheck.calibration.number.models import edited_model, said_of
 from lidarcheck.calibration.number.number import Number
 from lidarcheck.calibration.number.prepared import OnFrames
@@ -20,6 +22,7 @@ from lidarcheck.calibration.number.spread import Spread
 from lidarcheck.inference.wasserstein import FIRST_GAP, FIRST_GAP_FLOOR, GAP_FLOORS, GAP_SEEDS
 from lidarcheck.model.spec import Model
 from lidarcheck.reading import read_so_far, reading
+from lidarcheck.scan import Scan
 
 __all__ = ["expected", "sample", "whole"]
 
@@ -31,6 +34,8 @@ _FRAMES: Memo[Frames] = Memo(12)
 _PREPARED: Memo[OnFrames] = Memo(12)
 _SPREAD: Memo[Spread] = Memo(6)
 _NUMBERS: Memo[Number] = Memo(400)
+_LAST: Memo[tuple[Number, Means, Lights]] = Memo(12)
+"""What was simulated last, by the scale of its number: the number, what was seen, and the light."""
 _FIRST_MISFIT = 9600
 """Where the seeds of misfits begin: no fit uses any of them."""
 _VERIFY = 3
@@ -43,7 +48,21 @@ def _ignore(_done: int, _of: int, _now: str) -> None:
 
 def expected(request: Request, progress: ProgressCallback = _ignore) -> Number | None:
     """The number without noise, without a simulation; None where nothing can be expected without one."""
-    return None
+    if request.kind != "misfit":
+        return None
+    start = time.monotonic()
+    model = edited_model(request)
+    prepared = _prepared(request, model)
+    lights = prepared.lights(model, _seeds(request))
+    after = expected_means(prepared.misfit, lights)
+    if after is None:
+        return None
+    last, shown, of = _LAST.held(prepared.misfit.scale) or (None, after, lights)
+    before = expected_means(prepared.misfit, of)
+    means = after if last is None or before is None else moved(shown, before, after)
+    floor = float("nan") if last is None else last.floor
+    found = prepared.misfit.expected(means, floor=floor, simulated=lights.alike)
+    return replace(found, seconds=time.monotonic() - start)
 
 
 def sample(request: Request, progress: ProgressCallback = _ignore) -> Number:
@@ -71,14 +90,21 @@ def _timed(compute: Callable[[], Number]) -> Number:
 def _misfit(request: Request, progress: ProgressCallback) -> Number:
     model = edited_model(request)
     prepared = _prepared(request, model)
-    seeds = [(request.seed << 16) + _FIRST_MISFIT + k for k in range(request.seeds)]
+    seeds = _seeds(request)
 
     def make() -> Number:
-        shown = prepared.shown(model, seeds)
+        lights = prepared.lights(model, seeds)
+        seen = _all(lights, len(seeds), prepared.seen, progress)
         words = _sample_words(len(prepared.beside), len(seeds))
-        return prepared.misfit.number(_all(shown, len(seeds), progress), simulated=shown.alike, sample=words)
+        found = prepared.misfit.number(seen, simulated=lights.alike, sample=words)
+        _LAST.put(prepared.misfit.scale, (found, prepared.misfit.means(seen), lights))
+        return found
 
     return _NUMBERS.get((prepared.misfit.scale, said_of(model), *seeds), make)
+
+
+def _seeds(request: Request) -> list[int]:
+    return [(request.seed << 16) + _FIRST_MISFIT + k for k in range(request.seeds)]
 
 
 def _gap(request: Request, progress: ProgressCallback, *, all_columns: bool = False) -> Number:
@@ -89,10 +115,10 @@ def _gap(request: Request, progress: ProgressCallback, *, all_columns: bool = Fa
     others = [first + FIRST_GAP_FLOOR + k for k in range(GAP_FLOORS if all_columns else 0)]
 
     def make() -> Number:
-        shown = spread.shown(model, [*seeds, *others])
-        seen = _all(shown, len(seeds) + len(others), progress)
+        lights = spread.lights(model, [*seeds, *others])
+        seen = _all(lights, len(seeds) + len(others), spread.seen, progress)
         words = _sample_words(len(spread.scale.beams), len(seeds))
-        return spread.number(seen[: len(seeds)], seen[len(seeds) :], simulated=shown.alike, sample=words)
+        return spread.number(seen[: len(seeds)], seen[len(seeds) :], simulated=lights.alike, sample=words)
 
     return _NUMBERS.get((spread.key, said_of(model), *seeds), make)
 
@@ -101,12 +127,14 @@ def _sample_words(beams: int, seeds: int) -> str:
     return f"{beams:,} beams x {seeds}".replace(",", " ")
 
 
-def _all(shown: Shown[_Seen], seeds: int, progress: ProgressCallback) -> Sequence[_Seen]:
+def _all(
+    lights: Lights, seeds: int, see: Callable[[Sequence[Scan]], _Seen], progress: ProgressCallback
+) -> Sequence[_Seen]:
     """What all seeds show; between them whoever listens may stop it."""
     found = []
     for k in range(seeds):
         progress(k, seeds, "seeds")
-        found.append(shown.of(k))
+        found.append(see(lights.scans(k)))
     progress(seeds, seeds, "seeds")
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -53,7 +54,7 @@ def hash_of(value: Any) -> str:
 
 def key_of_files(paths: Sequence[Path], *more: object) -> str:
     """A hash of files by their names, sizes and times, and of what else is said."""
-    states = [(str(path), state_of_file(path)) for path in paths]
+    states = [(os.path.realpath(path), state_of_file(path)) for path in paths]
     return hashlib.sha256(repr((states, more)).encode()).hexdigest()
 
 

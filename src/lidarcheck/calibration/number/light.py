@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,7 @@ from lidarcheck.model.stages import Run, Surfaces, of_stage, run_of
 from lidarcheck.scan import Haze, Light, Scan, light_of_beams
 from lidarcheck.sensor import Program
 
-__all__ = ["Keys", "Lights", "Lit", "Shown", "keys_of", "lights_of", "lit"]
-
-_Seen = TypeVar("_Seen")
+__all__ = ["Keys", "Lights", "Lit", "keys_of", "lights_of", "lit"]
 
 Keys = npt.NDArray[np.int64]
 
@@ -77,20 +75,13 @@ def lit(frame: Frame, surfaces: Surfaces, model: Model, seeds: Sequence[int], ke
 
 
 @dataclass(frozen=True)
-class Shown(Generic[_Seen]):
-    """What a model shows with each of some seeds, made when it is asked for, in order; `alike`: a hash of all that it
-    depends on."""
-
-    alike: str
-    of: Callable[[int], _Seen]
-
-
-@dataclass(frozen=True)
 class Lights:
-    """What some beams of several frames get. `scans`: the echoes of all frames with the k-th seed."""
+    """What some beams of several frames get. `scans`: the echoes of all frames with the k-th seed; `first`: the light
+    with the first seed and the run that it comes from, of each frame, empty for somebody else's program."""
 
     alike: str
     scans: Callable[[int], Sequence[Scan]]
+    first: tuple[tuple[Light, Run], ...] = ()
 
 
 def lights_of(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[Keys]) -> Lights:
@@ -99,7 +90,8 @@ def lights_of(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[K
         return _around(data, model, seeds, keys)
     pairs = zip(data.frames, data.surfaces, keys, strict=True)
     found = [lit(frame, surfaces, model, seeds, some) for frame, surfaces, some in pairs]
-    return Lights(_hash([one.alike for one in found]), lambda k: [one.scan(k) for one in found])
+    first = tuple(one.of_seed[0] for one in found)
+    return Lights(_hash([one.alike for one in found]), lambda k: [one.scan(k) for one in found], first)
 
 
 def _around(data: Frames, model: Model, seeds: Sequence[int], keys: Sequence[Keys]) -> Lights:

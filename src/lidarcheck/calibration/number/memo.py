@@ -20,7 +20,16 @@ class Memo(Generic[_Value]):
     def get(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
         """The value of a key, made where it is not held."""
         value = self._held.pop(key) if key in self._held else make()
+        self.put(key, value)
+        return value
+
+    def put(self, key: Hashable, value: _Value) -> None:
+        """Hold a value, in the place of an older one."""
+        self._held.pop(key, None)
         self._held[key] = value
         while len(self._held) > self.most:
             del self._held[next(iter(self._held))]
-        return value
+
+    def held(self, key: Hashable) -> _Value | None:
+        """The value of a key, None where it is not held."""
+        return self._held.get(key)

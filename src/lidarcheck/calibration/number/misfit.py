@@ -70,7 +70,7 @@ class Misfit:
         pairs = np.column_stack([beside.target, np.round(beside.offset, 6)])
         self.cells, cell = np.unique(pairs, axis=0, return_inverse=True)
         self.cell: IndexArray = cell.ravel()
-        self.measured = means_of([seen], self.cell, len(self.cells))
+        self.measured = self.means([seen])
         self.spread = self._spreads()
         shown = self.measured.hits > 0
         self.beams = float(self.measured.n[shown].sum()) or float(len(beside))
@@ -92,9 +92,13 @@ class Misfit:
         """The root of the mean square over all that is compared."""
         return float(np.sqrt(self.squares(shown, measured).mean()))
 
+    def means(self, seen: Sequence[Seen]) -> Means:
+        """What is seen in each cell, with all seeds together."""
+        return means_of(seen, self.cell, len(self.cells))
+
     def number(self, seen: Sequence[Seen], *, simulated: str, sample: str) -> Number:
         """The number of what a model shows with some seeds."""
-        shown = means_of(seen, self.cell, len(self.cells))
+        shown = self.means(seen)
         value, parts = self.value(shown), np.sqrt(self.squares(shown))
         return Number(
             "misfit", value, self._floor(seen), dict(zip(self.names, parts.tolist(), strict=True)), sample,
@@ -125,8 +129,7 @@ class Misfit:
             return float("nan")
         found = []
         for k, one in enumerate(seen):
-            others = means_of([*seen[:k], *seen[k + 1 :]], self.cell, len(self.cells))
-            found.append(self.squares(others, means_of([one], self.cell, len(self.cells))).mean())
+            found.append(self.squares(self.means([*seen[:k], *seen[k + 1 :]]), self.means([one])).mean())
         return float(np.sqrt(np.mean(found)))
 
     def _spreads(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import Any
 
@@ -18,15 +19,16 @@ __all__ = ["edited_model", "said_of"]
 
 def edited_model(request: Request) -> Model:
     """The model, with the table of `lut` along the axis; `InputError` names the file with a fault."""
-    model = load_model(request.model)
+    model = load_model(os.path.realpath(request.model))
     if request.lut is None:
         return model
-    lut = load_lut(request.lut)
+    file = os.path.realpath(request.lut)
+    lut = load_lut(file)
     table = lut.tables.get(request.axis)
     if table is None:
         what = f"the file has no {request.axis} table"
         raise InputError(what, file=request.lut, fix=f"it has {', '.join(lut.tables)}")
-    return _with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), str(request.lut)))
+    return _with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), file))
 
 
 def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:

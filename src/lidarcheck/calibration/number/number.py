@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -49,10 +50,23 @@ class Number:
     seconds: float = field(default=0.0, compare=False)
     about: str = ""
 
+    @property
+    def key(self) -> str:
+        """A hash of all that it was computed from, the same wherever that is done."""
+        return hashlib.sha256(repr((self.kind, self.scale, self.simulated, self.sample)).encode()).hexdigest()
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The ends of its 90 % interval, by what other columns and other measurements would give."""
+        half = _half_width(self.left_out)
+        return max(self.value - half, 0.0), self.value + half
+
     def to_dict(self) -> dict[str, Any]:
-        """As the JSON of `lidarcheck gap` has it."""
-        names = ("kind", "value", "floor", "noise", "sample", "blocks", "scale", "simulated", "about")
-        return {**{name: getattr(self, name) for name in names}, "unit": "sd of one beam", "parts": dict(self.parts)}
+        """As the JSON of `lidarcheck gap` has it; what nobody knows is null."""
+        names = ("kind", "value", "floor", "noise", "sample", "blocks", "scale", "simulated", "key", "about")
+        ends = {name: _known(end) for name, end in zip(("low", "high"), self.interval, strict=True)}
+        own = {name: getattr(self, name) for name in names}
+        return {**own, "floor": _known(self.floor), **ends, "unit": "sd of one beam", "parts": dict(self.parts)}
 
 
 @dataclass(frozen=True)
@@ -71,8 +85,13 @@ class Step:
 
     def to_dict(self) -> dict[str, float | str | None]:
         """As the JSON of `lidarcheck gap` has it; ends that nobody knows are null."""
-        ends = {name: value if np.isfinite(value) else None for name, value in (("low", self.low), ("high", self.high))}
-        return {"difference": self.difference, **ends, "word": self.word}
+        return {
+            "difference": self.difference, "low": _known(self.low), "high": _known(self.high), "word": self.word,
+        }  # fmt: skip
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def judged(before: Number, after: Number) -> Step:
@@ -115,8 +134,7 @@ def in_words(steps: Mapping[str, Step]) -> str:
     words: dict[str, list[str]] = {}
     for name, step in steps.items():
         words.setdefault(step.word, []).append(name)
-    said = sorted(words, key=("better", "worse").index) if words.keys() <= {"better", "worse"} else list(words)
-    said.sort(key=lambda word: {"better": 0, "worse": 1}.get(word, 2))
+    said = sorted(words, key=lambda word: {"better": 0, "worse": 1}.get(word, 2))
     if len(said) == 1:
         return said[0]
     return ", ".join(f"{word} at {' and '.join(words[word])}" for word in said)

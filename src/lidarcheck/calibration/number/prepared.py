@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from lidarcheck.calibration.blooming.workflow import bare_of
 from lidarcheck.calibration.number.beside import Beside, beside_targets
 from lidarcheck.calibration.number.frames import Frames, seen_slots
-from lidarcheck.calibration.number.light import Shown, lights_of
+from lidarcheck.calibration.number.light import Lights, lights_of
 from lidarcheck.calibration.number.misfit import Misfit
 from lidarcheck.calibration.number.request import Request
 from lidarcheck.calibration.number.seen import Seen, seen_in
 from lidarcheck.inference.observed.echo_view import EchoView, Slot
 from lidarcheck.model.spec import Model
+from lidarcheck.scan import Scan
 
 __all__ = ["OnFrames"]
 
@@ -40,8 +41,10 @@ class OnFrames:
         seen = seen_in([f.measured for f in data.frames], beside, slots, reach_m)
         return cls(data, beside, slots, reach_m, Misfit(beside, slots, seen, data.key))
 
-    def shown(self, model: Model, seeds: Sequence[int]) -> Shown[Seen]:
-        """What a model shows of them with these seeds."""
-        keys = [self.beside.beams(i) for i in range(len(self.data.frames))]
-        lights = lights_of(self.data, model, seeds, keys)
-        return Shown(lights.alike, lambda k: seen_in(lights.scans(k), self.beside, self.slots, self.reach_m))
+    def lights(self, model: Model, seeds: Sequence[int]) -> Lights:
+        """What the beams get with a model."""
+        return lights_of(self.data, model, seeds, [self.beside.beams(i) for i in range(len(self.data.frames))])
+
+    def seen(self, scans: Sequence[Scan]) -> Seen:
+        """What is seen of the beams in scans of all frames."""
+        return seen_in(scans, self.beside, self.slots, self.reach_m)

@@ -15,13 +15,14 @@ import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.calibration.number.frames import Frames
-from lidarcheck.calibration.number.light import Keys, Shown, keys_of, lights_of
+from lidarcheck.calibration.number.light import Keys, Lights, keys_of, lights_of
 from lidarcheck.calibration.number.models import said_of
 from lidarcheck.calibration.number.number import Number
-from lidarcheck.inference.observed.beam_table import BeamTable, beams_of
+from lidarcheck.inference.observed.beam_table import beams_of
 from lidarcheck.inference.observed.observations import Observations, observations_of
 from lidarcheck.inference.wasserstein import EXPECTATION_SEEDS, FIRST_EXPECTATION, PARTS, Scale, by_chance
 from lidarcheck.model.spec import Model
+from lidarcheck.scan import Scan
 
 __all__ = ["Spread"]
 
@@ -52,8 +53,8 @@ class Spread:
             mine |= (whole.frame == i) & np.isin(keys_of(whole.layer, whole.point), some)
         beams = whole if mine.all() else whole.without(~mine)
         seeds = [(seed << 16) + FIRST_EXPECTATION + k for k in range(EXPECTATION_SEEDS)]
-        seen = _seen(data, keys, beams, start, seeds)
-        runs = [seen.of(k) for k in range(len(seeds))]
+        lights = lights_of(data, start, seeds, keys)
+        runs = [observations_of(beams, lights.scans(k)) for k in range(len(seeds))]
         scale = Scale.on(data.frames, data.surfaces, beams, runs, start, seed)
         key = hashlib.sha256(repr((data.key, said_of(start), seed, all_columns)).encode()).hexdigest()
         return cls(data, keys, scale, key)
@@ -61,11 +62,15 @@ class Spread:
     @cached_property
     def measured(self) -> Observations:
         """What was measured of these columns."""
-        return observations_of(self.scale.beams, [f.measured for f in self.data.frames])
+        return self.seen([f.measured for f in self.data.frames])
 
-    def shown(self, model: Model, seeds: Sequence[int]) -> Shown[Observations]:
-        """What a model shows of these columns with these seeds."""
-        return _seen(self.data, self.keys, self.scale.beams, model, seeds)
+    def lights(self, model: Model, seeds: Sequence[int]) -> Lights:
+        """What these columns get with a model."""
+        return lights_of(self.data, model, seeds, self.keys)
+
+    def seen(self, scans: Sequence[Scan]) -> Observations:
+        """What is seen of them in scans of all frames."""
+        return observations_of(self.scale.beams, scans)
 
     def number(
         self, seen: Sequence[Observations], others: Sequence[Observations], *, simulated: str, sample: str
@@ -102,13 +107,6 @@ class Spread:
         column = self.scale.beams.column
         columns = int(column.max()) + 1
         return np.asarray(column * min(_BLOCKS, columns) // columns)
-
-
-def _seen(
-    data: Frames, keys: Sequence[Keys], beams: BeamTable, model: Model, seeds: Sequence[int]
-) -> Shown[Observations]:
-    lights = lights_of(data, model, seeds, keys)
-    return Shown(lights.alike, lambda k: observations_of(beams, lights.scans(k)))
 
 
 def _spread(data: Frames, most: int | None) -> list[Keys]:
