@@ -162,6 +162,8 @@ def _spread(request: Request, model: Model, *, all_columns: bool) -> Spread:
 
 def _start_of(request: Request, model: Model) -> Model:
     """The model whose spreads count: that of the session's start, or as it is now where nothing was edited."""
+    if request.scale is not None:
+        return edited_model(replace(request, model=request.scale))
     if not request.start:
         return model
     now = read_so_far()

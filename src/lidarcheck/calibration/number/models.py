@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from lidarcheck.calibration.number.request import Request
-from lidarcheck.effects.base import Curve
+from lidarcheck.effects.base import Curve, Effect
 from lidarcheck.effects.finding import make, with_role
 from lidarcheck.errors import InputError
 from lidarcheck.formats.lut import Axis, load_lut
@@ -43,5 +43,12 @@ def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:
 
 
 def said_of(model: Model) -> str:
-    """All that a model says: two that say the same show the same."""
-    return repr((model.sensor, model.effects, sorted(model.materials.items()), model.external))
+    """All that a model says, wherever its tables are kept: two that say the same show the same."""
+    effects = [_placeless(effect) for effect in model.effects]
+    return repr((model.sensor, effects, sorted(model.materials.items()), model.external))
+
+
+def _placeless(effect: Effect) -> Effect:
+    """The effect with its tables as if they were no file's."""
+    tables: Any = {f.name: getattr(effect, f.name) for f in fields(effect)}
+    return replace(effect, **{n: replace(t, file="") for n, t in tables.items() if isinstance(t, Curve)})

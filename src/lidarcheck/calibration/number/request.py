@@ -25,7 +25,7 @@ class Request:
     `ideal`: one for each scan, or one for all, empty where there is none; `case`: the directory of a case in the place
     of both, its frames that verify. `distance_m`, `material`: the target's, None for the only one. `start`: the
     contents, by path, of files that are edited, as the session found them: a gap counts in the spreads of the model
-    that these make.
+    that these make; `scale`: the model in whose spreads it counts, where that is another file.
     """
 
     kind: Kind
@@ -42,6 +42,7 @@ class Request:
     seed: int = 0
     placement: Placement = AS_IT_IS
     start: Mapping[str, bytes] = field(default_factory=dict)
+    scale: Path | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -74,6 +74,22 @@ CALIBRATION_COMMANDS: tuple[Command, ...] = (
         ),
     ),
     Command(
+        "gap",
+        "calibration.gap",
+        "PROJECT ... [OPTIONS]",
+        "Say how far measurements and model are apart, and whether an edit helped.",
+        "PROJECT is a directory with measurements and their ideal scans, a model and tables, or a case; scans may be "
+        "named one by one, with --ideal. Prints for each measurement the misfit of the bloom beside bright targets, "
+        "which tells of blooming tables, and the gap, which tells of all else, in standard deviations of one beam, "
+        "with its 90 % interval and what a model that is right would leave. With --before, a model or a table as it "
+        "was, says of each number whether it is better, worse or the same.",
+        (
+            "lidarcheck gap project --at 69 --json -",
+            "lidarcheck gap project --lut edited.ini --before vertical.ini",
+            "lidarcheck gap real.pcd --ideal ideal.txt --model M.toml --whole",
+        ),
+    ),
+    Command(
         "ghosts find",
         "calibration.ghosts",
         "SCAN ... [OPTIONS]",
