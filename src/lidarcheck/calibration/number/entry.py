@@ -162,14 +162,12 @@ def _spread(request: Request, model: Model, *, all_columns: bool) -> Spread:
 
 def _start_of(request: Request, model: Model) -> Model:
     """The model whose spreads count: that of the session's start, or as it is now where nothing was edited."""
-    if request.scale is not None:
-        return edited_model(replace(request, model=request.scale))
-    if not request.start:
+    if request.scale is None and not request.start:
         return model
     now = read_so_far()
     before = {os.path.realpath(path): content for path, content in request.start.items()}
     with reading({**(now.edited if now else {}), **before}):
-        return edited_model(request)
+        return edited_model(replace(request, model=request.scale or request.model))
 
 
 def _key(request: Request, model: Model) -> str:
