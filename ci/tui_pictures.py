@@ -21,7 +21,7 @@ from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.screens.blooming.screen import Blooming
 from lidarcheck.tui.screens.explain.screen import Explain
 from lidarcheck.tui.screens.goldens.screen import Goldens
-from lidarcheck.tui.screens.overview import Overview
+from lidarcheck.tui.screens.overview.screen import Overview
 from lidarcheck.tui.screens.pages.screen import PageView
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -29,11 +29,14 @@ from lidarcheck.session.state import load_state, save_state
 from lidarcheck.session.store import Store
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
+from lidarcheck.tui.context import context_line
+from lidarcheck.tui.engine import Process
 from lidarcheck.tui.everywhere import Everywhere
 from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
+from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.screens import later_screens
-from lidarcheck.tui.screens.overview import Overview
+from lidarcheck.tui.screens.overview.screen import Overview
 from lidarcheck.tui.screens.shared.view import View, bindings
 from lidarcheck.tui.widgets.dialogs import Ask
 from lidarcheck.tui.widgets.lines import line
@@ -46,7 +49,9 @@ _HANGUP = 129
 
 
 class LidarcheckApp(Everywhere):
-    """The interface on one project; a `host.Host`. `check` stands in for the harness's in tests."""
+    """The interface on one project; a `host.Host`. `check` stands in for the harness's in tests; without a `worker` no
+    number is computed.
+    """
 
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[Any]] = bindings("")
@@ -65,14 +70,18 @@ class LidarcheckApp(Everywhere):
             super().__init__()
             self.do, self.arguments = do, arguments
 
-    def __init__(self, root: Path, *, theme: str = "", screen: str = "", check: Any = None) -> None:
+    def __init__(
+        self, root: Path, *, theme: str = "", screen: str = "", check: Any = None, worker: Process | None = None
+    ) -> None:
         super().__init__()
         self.project = Project(root)
         self.reads = 0
         self.session = Session(Store(disk=DiskStore(root)))
         self._told = False
+        self._worker = worker
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
+        self.numbers = Numbers(self.project, self.session, self.choice, worker, self.set_timer, self.soon, self.say)
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()
@@ -83,8 +92,8 @@ class LidarcheckApp(Everywhere):
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
 
     def compose(self) -> ComposeResult:
-        """A bar above, the screens, the log, and two bars below; over all of it the box of dialogs."""
-        yield self.bars.top
+        """Two bars above, the screens, the log, and two bars below; over all of it the box of dialogs."""
+        yield from (self.bars.top, self.bars.context)
         with self._switcher:
             yield from self._views
         yield from (self.bars.log, self.bars.below, self.bars.keys, self.overlay)
@@ -102,6 +111,7 @@ class LidarcheckApp(Everywhere):
             self.show_screen(screen)
         self._listen()
         self.choice.on_change = self._choice_changed
+        self.numbers.engine.on_change = self._numbers_changed
         self.session.on_change = self._inputs_changed
         self.session.watch()
         self.read_project()
@@ -114,12 +124,26 @@ class LidarcheckApp(Everywhere):
 
     def _tell(self) -> None:
         self._told = False
+        self.numbers.inputs_changed()
         for view in self.views():
             view.inputs_changed()
+        self.show_context()
 
     def _choice_changed(self, _part: Part) -> None:
+        """Every screen is a view of one choice."""
+        self.numbers.ask()
         for view in self.views():
             view.choice_changed()
+        self.show_context()
+
+    def _numbers_changed(self) -> None:
+        self.view.numbers_changed()
+        self.show_context()
+
+    def show_context(self) -> None:
+        """The second line, as it is now."""
+        width = self.size.width
+        self.bars.context.show([self.view.context_line(width) or context_line(self.numbers.context(), width)])
 
     def _listen(self) -> None:
         """End well when told to, and at once when the terminal is gone."""
@@ -163,6 +187,8 @@ class LidarcheckApp(Everywhere):
         cut = "; there are more, which are not looked at" if project.cut else ""
         self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
         self.files_changed()
+        self.numbers.project_read(project)
+        self._numbers_changed()
         if self._awaited:
             self.show_screen(self._awaited)
         self.reads += 1
@@ -198,6 +224,7 @@ class LidarcheckApp(Everywhere):
 
     def _bars(self) -> None:
         self.bars.show(self.view.NAME, self.project, self.size.width)
+        self.show_context()
 
     def progress(self, text: str, screen: str) -> None:
         """What a run of a screen says while it runs; empty when it has ended."""
@@ -249,6 +276,8 @@ class LidarcheckApp(Everywhere):
         """Keep the state, let workers end."""
         logging.getLogger("lidarcheck").removeHandler(self._warnings)
         self.session.close()
+        if self._worker is not None:
+            self._worker.close()
         for view in self.views():
             view.closing()
         save_state(self.state, self.project.root)
@@ -262,6 +291,8 @@ class LidarcheckApp(Everywhere):
 
 def run(root: Path, *, theme: str = "", screen: str = "", mouse: bool = True) -> int:
     """Run the interface on a project until the user leaves; the exit code."""
-    app = LidarcheckApp(root, theme=theme, screen=screen)
+    from lidarcheck.session.worker import Worker
+
+    app = LidarcheckApp(root, theme=theme, screen=screen, worker=Worker())
     code = app.run(mouse=mouse)
     return app.return_code or 0 if code is None else code

@@ -22,13 +22,15 @@ _READ_S = 4.0
 
 
 class Bars:
-    """Three lines and a pane. `status`: what was said last, and whether it is bad.
+    """Four lines and a pane. `context`: filled by `context.context_line`; `status`: what was said last, and whether it
+    is bad.
 
     `sensor`: what the project's models are of, besides the built-in SPAD arrays.
     """
 
     def __init__(self) -> None:
-        self.top, self.below, self.keys = (Lines(id=name, bar=True) for name in ("top", "status", "keys"))
+        names = ("top", "context", "status", "keys")
+        self.top, self.context, self.below, self.keys = (Lines(id=name, bar=True) for name in names)
         self.log = Lines("Log", label="l", id="log", folds=True)
         self.said: deque[tuple[str, bool]] = deque(maxlen=_KEPT_LINES)
         self.status: tuple[str, bool] = ("reading the project ...", False)

@@ -17,6 +17,7 @@ from lidarcheck.session.state import State
 from lidarcheck.tui.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.help import help_lines
+from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.palette import Palette
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
@@ -36,6 +37,7 @@ class Everywhere(App[int]):
     state: State
     bars: Bars
     overlay: Overlay
+    numbers: Numbers
 
     @abstractmethod
     def views(self) -> Sequence[View]:
@@ -127,6 +129,11 @@ class Everywhere(App[int]):
         for pane in [*self.view.panes(), self.bars.log]:
             if key == pane.label:
                 pane.focus()
+
+    def action_baseline(self) -> None:
+        """Numbers are compared with what is set now."""
+        on = self.numbers.engine.set_baseline()
+        self.say("baseline: numbers are compared with what is set now" if on else "no baseline: with the last step")
 
     def action_next_pane(self, by: int) -> None:
         """The focus goes round."""

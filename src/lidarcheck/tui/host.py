@@ -10,6 +10,7 @@ from lidarcheck.session.choice import Choice
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
+from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.overlay import Dialog
 
 __all__ = ["STOPS", "Host"]
@@ -22,13 +23,15 @@ T = TypeVar("T")
 
 class Host(Protocol):
     """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start;
-    `session`: what belongs to what; `choice`: what all screens look at.
+    `session`: what belongs to what; `choice`: what all screens look at; `numbers`: how far measurements and models are
+    apart.
     """
 
     project: Project
     state: State
     session: Session
     choice: Choice
+    numbers: Numbers
 
     def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
         """Show a dialog over the screen; `then` gets its answer, None where it was left."""

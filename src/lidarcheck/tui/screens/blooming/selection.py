@@ -6,6 +6,7 @@ from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.choice import FEATURES
+from lidarcheck.tui.jobs.measured import bloom_model
 from lidarcheck.tui.jobs.profiles import Choice, Dataset, datasets_of, retros_of, variant_of
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
 from lidarcheck.tui.screens.blooming.table import TableEditor
@@ -50,19 +51,10 @@ class Selection:
         wanted = choice.of("measurement")
         kept = min(self.dataset, max(len(names) - 1, 0))
         self.dataset = names.index(wanted) if wanted in names else kept
-        models = [entry.name for entry in project.of("model")]
-        model = choice.of("model")
-        model = model if model in models else self._likely(models)
-        self.model = next((entry.path for entry in project.of("model") if entry.name == model), None)
+        chosen = next((entry for entry in project.of("model") if entry.name == choice.of("model")), None)
+        model = chosen or bloom_model(project)
+        self.model = None if model is None else model.path
         self._find_settings()
-
-    def _likely(self, models: list[str]) -> str:
-        """Of the models that have a retro-reflector the one whose variant the settings are for, else the first."""
-        paths = {entry.name: entry.path for entry in self.view.host.project.of("model")}
-        able = [name for name in models if _retros(paths[name])]
-        names = " ".join(entry.name.upper() for entry in self.view.host.project.of("settings"))
-        alike = [name for name in able if any(v in names and v in name.upper() for v in ("SLIM", "SMART"))]
-        return next(iter([*alike, *able, *models]), "")
 
     def _find_settings(self) -> None:
         variant = ""

@@ -11,7 +11,7 @@ from textual.containers import Vertical
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.tui.actions import ACTIONS
 from lidarcheck.tui.host import Host
-from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Lines
+from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Line, Lines
 
 __all__ = ["MOVES", "View", "bindings"]
 
@@ -61,6 +61,13 @@ class View(Vertical):
     def inputs_changed(self) -> None:
         """A file was edited, saved or changed on the disk, or something was computed."""
 
+    def numbers_changed(self) -> None:
+        """A number of a measurement, or what is known of it, is another."""
+
+    def context_line(self, _width: int) -> Line | None:
+        """What the second line says on this screen; None for what it says of the measurement that is looked at."""
+        return None
+
     def closing(self) -> None:
         """The app ends."""
 
@@ -76,6 +83,10 @@ class View(Vertical):
         """Where the cursor is in a list that was made anew: on the name that was selected last, else about at `at`."""
         wanted = self.host.state.selected.get(self.NAME, "")
         return names.index(wanted) if wanted in names else min(at, max(len(names) - 1, 0))
+
+    def action_distance(self, by: int) -> None:
+        """The next distance of what is looked at."""
+        self.host.numbers.go(by)
 
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""

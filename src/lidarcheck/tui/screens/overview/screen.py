@@ -1,4 +1,4 @@
-"""Overview: scenarios with their verdicts, the KPIs of one of them, and files that have faults."""
+"""Overview: what is measured with its number, what each edit did, scenarios with verdicts and KPIs, files at fault."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
+from textual import events
 from textual.app import ComposeResult
+from textual.containers import Vertical
 
 from lidarcheck.formats.table import counted
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.project import Entry
 from lidarcheck.session.session import OLD, SAVED, Session
 from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, run_scenarios
+from lidarcheck.tui.jobs.measured import Measurement
+from lidarcheck.tui.screens.overview.measured import detail, edit_lines, measured_lines, screen_of, summary
 from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
 from lidarcheck.tui.screens.shared.view import MOVES, View, bindings
@@ -24,6 +28,8 @@ from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["Overview"]
 
+_NOTHING = "no scan or profile was measured here: see docs/own-recording.md"
+_WIDE, _TALL = 120, 30
 _ROLES: dict[str, Role] = {"fell out": "bad", "fault": "bad", "changed": "edited", "holds": "good"}
 
 
@@ -32,6 +38,13 @@ class Overview(View):
 
     NAME = "overview"
     WORDS: ClassVar[dict[str, str]] = {
+        "measured": "Every measurement with its number: how far what was measured is from what the model shows, in "
+        "standard deviations of one beam. Of an edit of blooming tables that is the misfit of the target's profile, "
+        "of all else the gap that explain prints. 'edit': what the last step changed, 'start': what has changed since "
+        "the interface was started. r computes the number again, R whole frames of all with 64 seeds, Enter goes to "
+        "the screen that shows the measurement, n and p to the next distance, B makes what is set now the baseline.",
+        "edits": "The edits of this session, the last one first, with the number after each and its change; from 120 "
+        "columns on the change at each distance.",
         "scenarios": "Every scenario with the verdict of its last run against its golden, and files that have a fault. "
         "'changed' moved within what does not matter; 'fell out' fails the gate. Behind it stands whether that is of "
         "what is set: OLD, where the scenario, its golden, the model or a table has changed since; 'saved model', "
@@ -41,6 +54,17 @@ class Overview(View):
         "tolerance, the smallest change that would be caught, and the absolute limits.",
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
+    DEFAULT_CSS = """
+    Overview #lists { layout: vertical; height: 1fr; }
+    Overview #measured { height: 10; }
+    Overview #edits { height: 4; dock: bottom; }
+    Overview #kpis { height: 9; dock: bottom; display: none; }
+    Overview.verdicts #measured { height: 6; }
+    Overview.verdicts #edits { display: none; }
+    Overview.verdicts #kpis { display: block; }
+    Overview.wide #lists { layout: grid; grid-size: 2; grid-gutter: 0 1; grid-columns: 80 1fr; }
+    Overview.wide #lists Lines { height: 1fr; dock: none; display: block; }
+    """
 
     def __init__(self, runs: Runs, check: Check | None = None) -> None:
         super().__init__(id=self.NAME)
@@ -53,9 +77,39 @@ class Overview(View):
         self.states: dict[str, str] = {}
 
     def compose(self) -> ComposeResult:
-        """The scenarios above, the KPIs of one below."""
-        yield Lines("Scenarios", label="s", id="scenarios")
-        yield Lines("KPIs", label="k", id="kpis", folds=True)
+        """Measurements, scenarios, and below these the edits, or the KPIs of a scenario."""
+        with Vertical(id="lists"):
+            yield Lines("Measured", label="s", id="measured")
+            yield Lines("Edits", label="h", id="edits")
+            yield Lines("Scenarios", label="c", id="scenarios")
+            yield Lines("KPIs", label="k", id="kpis", folds=True)
+
+    def on_mount(self) -> None:
+        """Lines are as long as there is room."""
+        for name in ("measured", "edits"):
+            self.query_one(f"#{name}", Lines).when_resized = self._draw_numbers
+
+    def on_resize(self, event: events.Resize) -> None:
+        """All four side by side, or the KPIs in the place of the edits while scenarios are looked at."""
+        self.set_class(event.size.width >= _WIDE and event.size.height >= _TALL, "wide")
+
+    def on_descendant_focus(self, _event: events.DescendantFocus) -> None:
+        """Where there is room for one of both, the edits go with measurements and the KPIs with scenarios."""
+        focused = self.app.focused
+        self.set_class(focused is not None and focused.id in ("scenarios", "kpis"), "verdicts")
+
+    def panes(self) -> list[Lines]:
+        """Those that are seen; the others can be jumped to."""
+        order = ("measured", "scenarios", "kpis", "edits")
+        return [self.query_one(f"#{name}", Lines) for name in order]
+
+    def _is_on(self, name: str) -> bool:
+        return self.query_one(f"#{name}", Lines).has_focus
+
+    @property
+    def on_scenarios(self) -> bool:
+        """Whether keys are for scenarios: they, or their KPIs, have the focus."""
+        return self._is_on("scenarios") or self._is_on("kpis")
 
     @property
     def running(self) -> bool:
@@ -88,6 +142,43 @@ class Overview(View):
         self.states = _states(self.host.session, self.runs.last)
         self.draw()
 
+    def choice_changed(self) -> None:
+        """The cursor goes to what is looked at."""
+        self.numbers_changed()
+
+    def numbers_changed(self) -> None:
+        """A number, or what is known of it, is another."""
+        if self.is_mounted:
+            self._draw_numbers()
+
+    def measured(self) -> list[Measurement]:
+        """The measurements, those without a number last."""
+        numbers = self.host.numbers
+        return sorted(numbers.measured, key=lambda one: numbers.asked(one).request is None)
+
+    @property
+    def seen(self) -> Measurement | None:
+        """The measurement under the cursor: the one that all screens look at."""
+        return self.host.numbers.seen
+
+    def _draw_numbers(self) -> None:
+        """Measurements and edits."""
+        pane, numbers, order = self.query_one("#measured", Lines), self.host.numbers, self.measured()
+        if not pane.size.width:
+            return
+        edits = self.query_one("#edits", Lines)
+        title, lines = edit_lines(numbers, edits.size.width, several=self.has_class("wide"))
+        edits.show(lines, title=title)
+        if not order or self.seen is None:
+            pane.show([line(f"  {_NOTHING}", "dim")], title="Measured: nothing")
+            return
+        at = order.index(self.seen)
+        listed, (did, mean) = measured_lines(numbers, order, at, pane.size.width), summary(numbers, order)
+        shown = [*listed.lines, detail(numbers, self.seen), line(f" {mean}", "dim")]
+        models = counted(len(self.host.project.of("model")), "model")
+        words = f"Measured: {counted(len(order), 'set')}, {models}{f'; {did}' if did else ''}"
+        pane.show(shown, title=words, cursor=listed.rows[at])
+
     def entries(self) -> list[Entry]:
         """What the list shows: scenarios, then other files with faults."""
         return [
@@ -101,7 +192,8 @@ class Overview(View):
         return "not run" if outcome is None else outcome.verdict
 
     def draw(self) -> None:
-        """Both panes."""
+        """All panes."""
+        self._draw_numbers()
         entries = self.entries()
         self.at = max(min(self.at, len(entries) - 1), 0)
         lines = [self._line(entry) for entry in entries]
@@ -145,7 +237,7 @@ class Overview(View):
             return
         outcome = self.runs.last.get(entry.path.stem) if entry.kind == "scenario" and not entry.fault else None
         if outcome is None:
-            words = self.host.inside(entry.fault) if entry.fault else "not run yet: r runs it, a all"
+            words = self.host.inside(entry.fault) if entry.fault else "not run yet: r runs it, R all"
             pane.show([line(f" {words}", "bad" if entry.fault else "dim")], title=entry.name)
             return
         room = name_room(pane.size.width)
@@ -160,15 +252,52 @@ class Overview(View):
     # Actions
 
     def action_move(self, key: str) -> None:
-        """The cursor; in the KPIs the keys scroll."""
-        if self.query_one("#kpis", Lines).has_focus:
-            self.query_one("#kpis", Lines).scroll_by_key(key)
+        """The cursor; in the KPIs and the edits the keys scroll."""
+        for name in ("kpis", "edits"):
+            if self._is_on(name):
+                self.query_one(f"#{name}", Lines).scroll_by_key(key)
+                return
+        if self._is_on("scenarios"):
+            rows = max(self.query_one("#scenarios", Lines).rows, 1)
+            self.at = cursor_after(key, self.at, len(self.entries()), rows)
+            if self.entries():
+                self.host.state.selected[self.NAME] = self.entries()[self.at].name
+            self.draw()
             return
-        rows = max(self.query_one("#scenarios", Lines).rows, 1)
-        self.at = cursor_after(key, self.at, len(self.entries()), rows)
-        if self.entries():
-            self.host.state.selected[self.NAME] = self.entries()[self.at].name
-        self.draw()
+        order = self.measured()
+        if self.seen is not None:
+            at = cursor_after(key, order.index(self.seen), len(order), max(self.query_one("#measured", Lines).rows, 1))
+            self.host.choice.choose_measured(order[at].files[0], self.host.project)
+
+    # Numbers
+
+    def action_go(self) -> None:
+        """The screen that shows the measurement; in the scenarios run the one under the cursor."""
+        if self.on_scenarios:
+            self.action_run_one()
+        elif self.seen is not None:
+            self.host.show_screen(screen_of(self.seen))
+
+    def action_renew(self) -> None:
+        """The number of the measurement under the cursor; in the scenarios run the one under the cursor."""
+        numbers, seen = self.host.numbers, self.seen
+        if self.on_scenarios:
+            self.action_run_one()
+        elif seen is None:
+            self.say("nothing is measured here")
+        elif not numbers.engine.renew(numbers.asked(seen)):
+            self.say(f"{seen.words}: {self.host.inside(numbers.known(seen).state) or 'no number is computed here'}")
+
+    def action_all(self) -> None:
+        """Whole frames of all measurements; in the scenarios run all of them."""
+        if self.on_scenarios:
+            self.action_run_all()
+            return
+        count = self.host.numbers.engine.run_all()
+        words = "whole frames, 64 seeds; x stops" if count else "nothing to compute"
+        self.say(f"{counted(count, 'number')}: {words}" if count else words)
+
+    # Scenarios
 
     def action_run_one(self) -> None:
         """Run the scenario under the cursor."""
@@ -204,8 +333,11 @@ class Overview(View):
         self.say(how or "the run has ended", bad=how.startswith("error"))
 
     def action_stop(self) -> None:
-        """Stop the run."""
-        self._run.stop()
+        """Stop the run, and the numbers that are computed."""
+        if self.host.numbers.engine.stop() and not self.running:
+            self.say("numbers: stopped; r computes one again")
+        else:
+            self._run.stop()
 
     def action_only_fallen(self) -> None:
         """What fell out or has a fault, or everything again."""

@@ -1,0 +1,133 @@
+"""The number follows each edit by itself, says what it is of, and is never called current when it is not."""
+
+import pytest
+
+from lidarcheck.tui.app import LidarcheckApp
+from number_kit import ROW, FakeWorker, second_line
+from tui_kit import drive, fake_check, make_project, on_blooming, sees, status, text_of, until
+
+AT_ROW = ("home", *["down"] * ROW)
+
+
+@pytest.fixture
+def project(tmp_path):
+    return make_project(tmp_path / "project")
+
+
+def run(project, do, size=(80, 24), seconds=0.1):
+    worker = FakeWorker()
+    worker.seconds = seconds
+
+    async def on_it(app, pilot):
+        app.choice.choose("lut", "a_lut.ini")
+        app.choice.choose("measurement", "measured/sign_69m.csv")
+        view = await on_blooming(app, pilot)
+        await until(pilot, lambda: worker.waiting, lambda: text_of(app))
+        assert worker.answer() >= 2
+        await sees(app, pilot, "misfit")
+        await do(app, pilot, view, worker)
+
+    drive(LidarcheckApp(project, check=fake_check, worker=worker), on_it, size)
+    assert worker.closed
+
+
+def line_of(app):
+    return second_line(text_of(app))
+
+
+def test_a_number_follows_an_edit_and_its_undo(project):
+    async def do(app, pilot, view, worker):
+        number, line = line_of(app)
+        assert line.startswith("a_lut.ini SLIM | profile 69 m 1/2 | misfit ")
+        await pilot.press("right", *AT_ROW, *"600", "enter")
+        # At once what is expected, with a tilde; the old number is not called current.
+        await until(pilot, lambda: ("expected", "sign_69m.csv", 0) in worker.asked)
+        assert "current" not in line_of(app)[1]
+        worker.answer(how="expected")
+        await until(pilot, lambda: line_of(app)[0] == "~2.60", lambda: text_of(app))
+        await until(pilot, lambda: any(t[0] == "sample" for t in worker.waiting))
+        worker.tell(5, 8)
+        await sees(app, pilot, "computing 5/8 seeds")
+        worker.answer("69m")
+        await until(pilot, lambda: line_of(app)[0] == "2.60", lambda: text_of(app))
+        line = line_of(app)[1]
+        assert "*1" in line
+        assert "better" in line
+        assert "start" in line
+        assert "not yet known at 157 m" in status(app)
+        worker.answer("157m")
+        await until(pilot, lambda: "better at 69 m, worse at 157 m" in status(app), lambda: status(app))
+        # What is only looked at changes nothing that it is compared with.
+        await pilot.press("f2", "f5", "n", "p", "down", "up")
+        assert line_of(app)[1] == line
+        # Undo finds the number again, without a simulation.
+        asked = len(worker.asked)
+        await pilot.press("u")
+        await until(pilot, lambda: line_of(app)[0] == number, lambda: text_of(app))
+        await pilot.pause(0.3)
+        assert len(worker.asked) == asked
+
+    run(project, do)
+
+
+def test_a_newer_edit_takes_the_place_of_an_older_one(project):
+    async def do(app, pilot, view, worker):
+        await pilot.press("right", *AT_ROW, "right_square_bracket")
+        await until(pilot, lambda: len([t for t in worker.waiting if t[0] == "sample"]) == 2)
+        first = list(worker.waiting)
+        await pilot.press("right_square_bracket")
+        await until(pilot, lambda: all(ticket not in worker.waiting for ticket in first))
+        await until(pilot, lambda: len([t for t in worker.waiting if t[0] == "sample"]) == 2)
+        worker.answer()
+        await until(pilot, lambda: "better" in line_of(app)[1], lambda: text_of(app))
+        # Both nudges are one step: the number before is that of the start.
+        known = app.numbers.known(app.numbers.seen)
+        assert known.before == known.start
+        assert known.step == known.since_start
+        # A baseline is what is compared with until it is taken away.
+        await pilot.press("B")
+        await until(pilot, lambda: "better" not in line_of(app)[1], lambda: text_of(app))
+        await pilot.press("left_square_bracket")
+        await until(pilot, lambda: worker.waiting)
+        await pilot.pause(0.2)
+        worker.answer()
+        await until(pilot, lambda: "worse" in line_of(app)[1], lambda: text_of(app))
+        assert app.numbers.known(app.numbers.seen).before == known.number
+
+    run(project, do, (120, 36))
+
+
+def test_what_is_dear_or_fails_says_so_and_r_renews_it(project):
+    async def do(app, pilot, view, worker):
+        # The first one has read and prepared besides: it is computed once more, and was no quicker.
+        await pilot.press("right", *AT_ROW, "right_square_bracket")
+        await until(pilot, lambda: [t for t in worker.waiting if t[0] == "sample"])
+        worker.answer()
+        await until(pilot, lambda: not app.numbers.engine.busy and "better" in line_of(app)[1], lambda: text_of(app))
+        edit = app.session.edits
+        await pilot.press("right_square_bracket")
+        worker.answer(how="expected")
+        await until(pilot, lambda: f"OLD, of edit {edit}" in line_of(app)[1], lambda: text_of(app))
+        await pilot.pause(0.2)
+        assert not [t for t in worker.waiting if t[0] == "sample"]
+        await pilot.press("f2", "r")
+        await until(pilot, lambda: [t for t in worker.waiting if t[0] == "sample"])
+        worker.answer(how="sample", failed="the disk is full")
+        await until(pilot, lambda: "failed: the disk is full" in line_of(app)[1], lambda: text_of(app))
+
+    run(project, do, (120, 36), seconds=3.0)
+
+
+def test_a_distance_chosen_on_one_screen_is_chosen_on_all(project):
+    async def do(app, pilot, view, worker):
+        await pilot.press("n")
+        await sees(app, pilot, "157 m 2/2")
+        assert app.choice.of("measurement") == "measured/sign_157m.csv"
+        await pilot.press("f2")
+        await sees(app, pilot, "> profile measured..gn_157m")
+        await pilot.press("p")
+        await sees(app, pilot, "> profile measured/sign_69m ")
+        await pilot.press("f5")
+        await sees(app, pilot, "69.0 m, 1/2 measured/sign_69m.c")
+
+    run(project, do)
