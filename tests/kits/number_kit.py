@@ -2,65 +2,91 @@
 
 import os
 import re
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lidarcheck.calibration.number.number import Number
 from lidarcheck.formats.lut import load_lut
 from lidarcheck.reading import reading
-from lidarcheck.session.worker import Outcome
+from lidarcheck.session.worker import Outcome, Worker
 
 ROW = 3
 
 
-class FakeWorker:
-    """`asked`: what waits for an answer, as (how, request, edited); `seconds`: how long each is said to have taken."""
+@dataclass
+class Asked:
+    how: str
+    request: Any
+    edited: dict
+    on_progress: Any
+    on_done: Any
+    on_gone: Any
+    priority: int
+    live: bool = True
+
+    @property
+    def file(self):
+        return self.request.measured[0].name
+
+
+class FakeWorker(Worker):
+    """`waiting`: what has no answer yet; `asked`: all that was asked for, as (how, file, priority); `seconds`: how
+    long each is said to have taken.
+    """
 
     def __init__(self):
+        super().__init__()
         self.waiting, self.asked, self.seconds, self.closed = [], [], 0.1, False
 
-    def submit(self, entry, arguments, edited, on_progress, on_done, *, lane, priority):
-        how = entry.rpartition(":")[2]
-        ticket = [how, arguments[0], dict(edited), on_progress, on_done, priority]
+    def submit(self, entry, arguments, edited, on_progress, on_done, *, on_gone, lane, priority):
+        ticket = Asked(entry.rpartition(":")[2], arguments[0], dict(edited), on_progress, on_done, on_gone, priority)
         self.waiting.append(ticket)
-        self.asked.append((how, arguments[0].measured[0].name, priority))
+        self.asked.append((ticket.how, ticket.file, priority))
         return ticket
 
     def cancel(self, ticket):
         if ticket in self.waiting:
             self.waiting.remove(ticket)
+            ticket.live = False
+            ticket.on_gone()
 
     def close(self):
         self.closed = True
 
+    def samples(self):
+        return [ticket for ticket in self.waiting if ticket.how == "sample"]
+
     def answer(self, of="", how="", failed=""):
         """Answer all that waits, of a measurement and of a kind where these are given; how many."""
-        found = [t for t in self.waiting if of in t[1].measured[0].name and how in t[0]]
-        for ticket in sorted(found, key=lambda t: t[5]):
+        found = [ticket for ticket in self.waiting if of in ticket.file and how in ticket.how]
+        for ticket in sorted(found, key=lambda ticket: ticket.priority):
             if ticket in self.waiting:
                 self.waiting.remove(ticket)
-                value = None if failed else number_of(*ticket[:3])
-                ticket[4](Outcome(value, failed, self.seconds))
+                ticket.live = False
+                with reading(ticket.edited) as read:
+                    value = None if failed else number_of(ticket.how, ticket.request)
+                ticket.on_done(Outcome(value, failed, self.seconds, dict(read.files), frozenset(read.taken)))
         return len(found)
 
     def tell(self, done, of):
         """How far all that waits is."""
         for ticket in self.waiting:
-            ticket[3](done, of, "seeds")
+            ticket.on_progress(done, of, "seeds")
 
 
-def number_of(how, request, edited):
+def number_of(how, request):
     """Better the more of the table's row is there at 69 m, and worse at all other distances."""
-    with reading(edited):
-        y = load_lut(request.lut).tables[request.axis].rows()[ROW].scaled if request.lut else 500
+    y = load_lut(request.lut).tables[request.axis].rows()[ROW].scaled if request.lut else 500
     sign = 1 if "69m" in request.measured[0].name else -1
     value = 3.0 - sign * (y - 400) / 500
     left_out = value + 0.001 * np.array([1.0, -1.0, 0.0])
     exact = how != "expected"
     parts = {"PEAK": value, "AREA": value, "WIDTH": value}
     sample = f"7 200 beams x {request.seeds}"
-    return Number(request.kind, value, 0.4, parts, sample, left_out, "columns", os.fspath(request.measured[0]),
-                  str(value), exact, 0.1)  # fmt: skip
+    name = os.fspath(request.measured[0])
+    return Number(request.kind, value, 0.4, parts, sample, left_out, "columns", name, str(value), exact=exact)
 
 
 def second_line(text):

@@ -45,7 +45,7 @@ def test_a_number_follows_an_edit_and_its_undo(project):
         assert "current" not in line_of(app)[1]
         worker.answer(how="expected")
         await until(pilot, lambda: line_of(app)[0] == "~2.60", lambda: text_of(app))
-        await until(pilot, lambda: any(t[0] == "sample" for t in worker.waiting))
+        await until(pilot, lambda: worker.samples())
         worker.tell(5, 8)
         await sees(app, pilot, "computing 5/8 seeds")
         worker.answer("69m")
@@ -73,11 +73,11 @@ def test_a_number_follows_an_edit_and_its_undo(project):
 def test_a_newer_edit_takes_the_place_of_an_older_one(project):
     async def do(app, pilot, view, worker):
         await pilot.press("right", *AT_ROW, "right_square_bracket")
-        await until(pilot, lambda: len([t for t in worker.waiting if t[0] == "sample"]) == 2)
+        await until(pilot, lambda: len(worker.samples()) == 2)
         first = list(worker.waiting)
         await pilot.press("right_square_bracket")
         await until(pilot, lambda: all(ticket not in worker.waiting for ticket in first))
-        await until(pilot, lambda: len([t for t in worker.waiting if t[0] == "sample"]) == 2)
+        await until(pilot, lambda: len(worker.samples()) == 2)
         worker.answer()
         await until(pilot, lambda: "better" in line_of(app)[1], lambda: text_of(app))
         # Both nudges are one step: the number before is that of the start.
@@ -101,7 +101,7 @@ def test_what_is_dear_or_fails_says_so_and_r_renews_it(project):
     async def do(app, pilot, view, worker):
         # The first one has read and prepared besides: it is computed once more, and was no quicker.
         await pilot.press("right", *AT_ROW, "right_square_bracket")
-        await until(pilot, lambda: [t for t in worker.waiting if t[0] == "sample"])
+        await until(pilot, lambda: worker.samples())
         worker.answer()
         await until(pilot, lambda: not app.numbers.engine.busy and "better" in line_of(app)[1], lambda: text_of(app))
         edit = app.session.edits
@@ -109,9 +109,9 @@ def test_what_is_dear_or_fails_says_so_and_r_renews_it(project):
         worker.answer(how="expected")
         await until(pilot, lambda: f"OLD, of edit {edit}" in line_of(app)[1], lambda: text_of(app))
         await pilot.pause(0.2)
-        assert not [t for t in worker.waiting if t[0] == "sample"]
+        assert not worker.samples()
         await pilot.press("f2", "r")
-        await until(pilot, lambda: [t for t in worker.waiting if t[0] == "sample"])
+        await until(pilot, lambda: worker.samples())
         worker.answer(how="sample", failed="the disk is full")
         await until(pilot, lambda: "failed: the disk is full" in line_of(app)[1], lambda: text_of(app))
 

@@ -27,10 +27,10 @@ from lidarcheck.session.project import Project, read_project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state, save_state
 from lidarcheck.session.store import Store
+from lidarcheck.session.worker import Worker
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.context import context_line
-from lidarcheck.tui.engine import Process
 from lidarcheck.tui.everywhere import Everywhere
 from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
@@ -71,17 +71,18 @@ class LidarcheckApp(Everywhere):
             self.do, self.arguments = do, arguments
 
     def __init__(
-        self, root: Path, *, theme: str = "", screen: str = "", check: Any = None, worker: Process | None = None
+        self, root: Path, *, theme: str = "", screen: str = "", check: Any = None, worker: Worker | None = None
     ) -> None:
         super().__init__()
         self.project = Project(root)
         self.reads = 0
-        self.session = Session(Store(disk=DiskStore(root)))
+        self.session = Session(Store(disk=DiskStore(root)), worker)
         self._told = False
-        self._worker = worker
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
-        self.numbers = Numbers(self.project, self.session, self.choice, worker, self.set_timer, self.soon, self.say)
+        self.numbers = Numbers(
+            self.project, self.session, self.choice, self.set_timer, self.soon, self.say, on=worker is not None
+        )
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()
@@ -276,8 +277,6 @@ class LidarcheckApp(Everywhere):
         """Keep the state, let workers end."""
         logging.getLogger("lidarcheck").removeHandler(self._warnings)
         self.session.close()
-        if self._worker is not None:
-            self._worker.close()
         for view in self.views():
             view.closing()
         save_state(self.state, self.project.root)
@@ -291,8 +290,6 @@ class LidarcheckApp(Everywhere):
 
 def run(root: Path, *, theme: str = "", screen: str = "", mouse: bool = True) -> int:
     """Run the interface on a project until the user leaves; the exit code."""
-    from lidarcheck.session.worker import Worker
-
     app = LidarcheckApp(root, theme=theme, screen=screen, worker=Worker())
     code = app.run(mouse=mouse)
     return app.return_code or 0 if code is None else code

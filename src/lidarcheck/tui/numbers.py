@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from lidarcheck.session.choice import Choice
+from lidarcheck.session.choice import PARTS, Choice
+from lidarcheck.session.measurements import Measurement
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.tui.context import Context, step_words
-from lidarcheck.tui.engine import Asked, Engine, Known, Process
-from lidarcheck.tui.jobs.measured import Measurement, measurements, request_of, set_of
+from lidarcheck.tui.engine import Asked, Engine, Known
+from lidarcheck.tui.jobs.measured import Measured
 
 __all__ = ["Numbers"]
 
@@ -26,50 +27,59 @@ class Numbers:
         project: Project,
         session: Session,
         choice: Choice,
-        worker: Process | None,
         later: Callable[..., Any],
         soon: Callable[..., object],
         say: Callable[[str], object],
+        *,
+        on: bool,
     ) -> None:
-        self.engine = Engine(session, worker, later, soon)
+        self.engine = Engine(session, later, soon, on=on)
         self.engine.on_number = self._arrived
-        self.project = project
-        self.measured: list[Measurement] = []
+        self.measured = Measured(project)
+        self.began = time.time()
         self._asked: dict[str, Asked] = {}
+        self._asked_with: object = None
         self._session, self._choice, self._say = session, choice, say
         self._said = ""
-        self.began = time.time()
+
+    @property
+    def project(self) -> Project:
+        """The project as it was read last."""
+        return self.measured.project
 
     # What happens
 
     def project_read(self, project: Project) -> None:
         """The project was read."""
-        self.project = project
-        self.measured = measurements(project)
+        self.measured = Measured(project)
         self.ask()
 
     def inputs_changed(self) -> None:
         """Files were edited, saved, read again or changed on the disk."""
-        self.engine.look()
         self.ask()
+        self.engine.look()
 
     def ask(self) -> None:
         """Have the numbers asked for that belong to what is chosen."""
-        self._asked = {one.name: self._asked_of(one) for one in self.measured}
+        tables = self.of_tables
+        parts = (self.measured, tables, *(self._choice.of(part) for part in PARTS if part != "feature"))
+        if parts == self._asked_with:
+            return
+        self._asked_with = parts
+        self._asked = {one.name: self._asked_of(one, tables=tables) for one in self.measured.all}
         seen = self.seen
-        first = [self._asked[seen.name]] if seen is not None else []
-        near = [] if seen is None else [self._asked[one.name] for one in set_of(self.measured, seen)]
-        self.engine.ask(list(dict.fromkeys([*first, *near, *self._asked.values()])))
+        first = [] if seen is None else [self._asked[one.name] for one in [seen, *self.measured.set_of(seen)]]
+        self.engine.ask(list(dict.fromkeys([*first, *self._asked.values()])))
 
-    def _asked_of(self, one: Measurement) -> Asked:
-        request = request_of(self.project, one, self._choice, tables=self.of_tables)
+    def _asked_of(self, one: Measurement, *, tables: bool) -> Asked:
+        request = self.measured.request(one, self._choice, tables=tables)
         return Asked(one.name, None, request) if isinstance(request, str) else Asked(one.name, request)
 
     @property
     def of_tables(self) -> bool:
         """Whether the last edit was one of tables; before the first one, whether there are tables."""
-        made = self.engine.steps.made
-        return not made[-1].file.endswith(".toml") if made else bool(self._choice.of("lut"))
+        last = self._session.step(self._session.edit)
+        return bool(self._choice.of("lut")) if last.path is None else last.path.suffix != ".toml"
 
     def _arrived(self, _asked: Asked) -> None:
         """A number has come: say what the last edit did, if it was not said so before."""
@@ -83,54 +93,52 @@ class Numbers:
     @property
     def seen(self) -> Measurement | None:
         """The measurement that is looked at: the one that is chosen, else the first that has a number."""
-        path = self._choice.measured(self.project)
-        found = next((one for one in self.measured if path in one.files), None)
-        return found or next((one for one in self.measured if not one.none), next(iter(self.measured), None))
+        name, path, every = self._choice.of("measurement"), self._choice.measured(self.project), self.measured.all
+        found = next((one for one in every if one.name == name or path in one.files), None)
+        return found or next((one for one in every if not one.why), next(iter(every), None))
 
     def asked(self, one: Measurement) -> Asked:
         """What is asked of a measurement."""
-        return self._asked.get(one.name) or self._asked_of(one)
+        return self._asked.get(one.name) or self._asked_of(one, tables=self.of_tables)
 
     def known(self, one: Measurement) -> Known:
         """What is known of its number."""
         return self.engine.known(self.asked(one))
 
+    def choose(self, one: Measurement) -> None:
+        """Look at a measurement, on every screen."""
+        if not self._choice.choose_measured(one.files[0], self.project) and one is not self.seen:
+            self._choice.choose("measurement", one.name)
+
     def go(self, by: int) -> None:
         """Look at the next distance of the set, or the one before."""
         seen = self.seen
-        if seen is None:
-            return
-        others = set_of(self.measured, seen)
-        self._choice.choose_measured(others[(others.index(seen) + by) % len(others)].files[0], self.project)
+        if seen is not None:
+            others = self.measured.set_of(seen)
+            self.choose(others[(others.index(seen) + by) % len(others)])
 
     def words(self) -> str:
         """What the last edit did to what is seen and to the others of its set; empty before that is known."""
-        seen, made = self.seen, self.engine.steps.made
-        if seen is None or not made:
+        seen, edit, where = self.seen, self._session.edit, self.measured.where
+        if seen is None or not edit:
             return ""
-        others = [one for one in set_of(self.measured, seen) if one is not seen and self.asked(one).request is not None]
-        known = [(_distance(one), self.known(one)) for one in others]
+        others = [one for one in self.measured.set_of(seen) if one is not seen and self.asked(one).request is not None]
+        known = [(where(one), self.known(one)) for one in others]
         pending = next((k.state.removeprefix("computing ") for _, k in known if k.state.startswith("computing ")), "")
-        return step_words(f"edit {made[-1].number}", self.known(seen), _distance(seen), known, pending)
+        return step_words(f"edit {edit}", self.known(seen), where(seen), known, pending)
 
     def context(self) -> Context:
         """What the second line says."""
-        seen, tables = self.seen, self._choice.of("lut").rpartition("/")[2]
-        file = tables if self.of_tables or not self.engine.steps.made else self.engine.steps.made[-1].file
+        seen, last = self.seen, self._session.step(self._session.edit)
+        file = self._choice.of("lut").rpartition("/")[2] if last.path is None else last.path.name
         unsaved = self._session.unsaved()
         if seen is None:
             model = self._choice.of("model").rpartition("/")[2]
             return Context(file, unsaved, model.removesuffix("-"), "no measurement" if self.project.entries else "")
-        asked, others = self.asked(seen), set_of(self.measured, seen)
-        place = f"{others.index(seen) + 1}/{len(others)}"
+        asked, others, words = self.asked(seen), self.measured.set_of(seen), self.measured.words(seen)
+        place, known = f"{others.index(seen) + 1}/{len(others)}", self.engine.known(asked)
         if asked.request is None:
-            return Context(file, unsaved, "", seen.words, place, "", self.engine.known(asked))
-        after = (self.engine.after(asked, made) for made in self.engine.steps.made)
-        start = self.engine.known(asked).start
-        course = (*([] if start is None else [start.value]), *(one.value for one in after if one is not None))
-        model = asked.request.model.name
-        return Context(file, unsaved, model, seen.words, place, asked.request.kind, self.engine.known(asked), course)
-
-
-def _distance(one: Measurement) -> str:
-    return one.words if one.distance_m is None else f"{one.distance_m:g} m"
+            return Context(file, unsaved, "", words, place, "", known)
+        after = [one.value for edit in self.engine.edits if (one := self.engine.after(asked, edit)) is not None]
+        course = (*([] if known.start is None else [known.start.value]), *reversed(after))
+        return Context(file, unsaved, asked.request.model.name, words, place, asked.request.kind, known, course)

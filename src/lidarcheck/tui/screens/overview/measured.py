@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.figures.words import squeezed
+from lidarcheck.session.measurements import Measurement
 from lidarcheck.session.session import CURRENT
 from lidarcheck.tui.context import number_text, step_text, value_text
 from lidarcheck.tui.engine import Known
-from lidarcheck.tui.jobs.measured import Measurement, set_of
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.lines import Line, is_old, line, printable
 from lidarcheck.tui.widgets.themes import Role
@@ -24,7 +24,8 @@ _KIND, _DISTANCE, _STATE, _NUMBER = 7, 7, 20, 7
 _NAME = (16, 40)
 _AT_ONCE = 3
 """Distances that the pane of edits has columns for."""
-_OF_KIND = {"profile": "blooming", "sign": "blooming", "hall": "noise", "scene": "scenes"}
+_OF_KIND = {"profile": "blooming", "sign": "blooming", "frames": "noise", "case": "explain"}
+_OF_KIND |= dict.fromkeys(("car", "van", "truck"), "histograms")
 
 
 class Listed(NamedTuple):
@@ -34,9 +35,9 @@ class Listed(NamedTuple):
     rows: list[int]
 
 
-def screen_of(one: Measurement) -> str:
-    """The screen that shows a measurement best."""
-    return _OF_KIND.get(one.kind, "histograms")
+def screen_of(kind: str) -> str:
+    """The screen that shows measurements of a kind best."""
+    return _OF_KIND.get(kind, "scenes")
 
 
 def measured_lines(numbers: Numbers, order: Sequence[Measurement], at: int, width: int) -> Listed:
@@ -52,7 +53,7 @@ def measured_lines(numbers: Numbers, order: Sequence[Measurement], at: int, widt
             last = head
             lines.append(_head(head, room))
         rows.append(len(lines))
-        lines.append(_line(one, numbers.engine.known(asked), number == at, room))
+        lines.append(_line(one, numbers.measured.kind(one), numbers.engine.known(asked), number == at, room))
     return Listed(lines, rows)
 
 
@@ -61,7 +62,7 @@ def _head(number: str, room: int) -> Line:
     return line(f"{words}{number or 'number':>{_NUMBER}}{'edit':>{_NUMBER}}{'start':>{_NUMBER}}", "dim")
 
 
-def _line(one: Measurement, known: Known, here: bool, room: int) -> Line:
+def _line(one: Measurement, kind: str, known: Known, here: bool, room: int) -> Line:
     state = known.state or "not yet known"
     name = squeezed(printable(one.name.rpartition(".")[0] or one.name), room, "..")
     where = "-" if one.distance_m is None else f"{one.distance_m:g} m"
@@ -73,7 +74,7 @@ def _line(one: Measurement, known: Known, here: bool, room: int) -> Line:
         "-" if start is None else f"{start.difference:+.2f}",
     ]
     return (
-        (f"{'>' if here else ' '} {one.kind:{_KIND}} {name:{room}} {where:>{_DISTANCE + 1}} ", "text"),
+        (f"{'>' if here else ' '} {kind:{_KIND}} {name:{room}} {where:>{_DISTANCE + 1}} ", "text"),
         (f"{squeezed(printable(state), _STATE, '..'):{_STATE}} ", "edited" if is_old(known.state) else "dim"),
         ("".join(f"{value:>{_NUMBER}}" for value in values), look),
     )
@@ -84,7 +85,7 @@ def summary(numbers: Numbers, order: Sequence[Measurement]) -> tuple[str, str]:
     known = [(one, numbers.known(one)) for one in order]
     words: dict[str, int] = {}
     for one, what in known:
-        if numbers.asked(one).request is not None and numbers.engine.steps.made:
+        if numbers.asked(one).request is not None and numbers.engine.edits:
             step = what.step.word if what.state == CURRENT and what.step is not None else "not yet known"
             words[step] = words.get(step, 0) + 1
     seen = numbers.seen
@@ -116,11 +117,15 @@ def edit_lines(numbers: Numbers, width: int, *, several: bool) -> tuple[str, lis
     seen, engine = numbers.seen, numbers.engine
     if seen is None:
         return "Edits", []
+    edits = engine.edits[::-1]
     columns = _near(numbers, seen) if several else [seen]
     values = [[engine.known(numbers.asked(one)).start for one in columns]]
-    values += [[engine.after(numbers.asked(one), made) for one in columns] for made in engine.steps.made]
+    values += [[engine.after(numbers.asked(one), made) for one in columns] for made in edits]
     read = f"as read {time.strftime('%H:%M', time.localtime(numbers.began))}"
-    said = [(0, read, ""), *((made.number, made.what, made.file) for made in engine.steps.made)]
+    said = [
+        (0, read, ""),
+        *((edit.number, f"{edit.about} {edit.what}".strip(), edit.path.name) for edit in edits if edit.path),
+    ]
     lines: list[Line] = []
     for at, (number, what, file) in enumerate(said):
         steps = [_step(values[at][i], values[at - 1][i] if at else None) for i in range(len(columns))]
@@ -130,7 +135,9 @@ def edit_lines(numbers: Numbers, width: int, *, several: bool) -> tuple[str, lis
         else:
             lines.append(_of_one(number, what, [number_text(values[at][0]), steps[0]], file, width))
     if several:
-        heads = "".join(f"{one.words.partition(' ')[2].replace(' m', 'm')[:_NUMBER]:>{_NUMBER}}" for one in columns)
+        heads = "".join(
+            f"{numbers.measured.where(one).replace(' m', 'm')[: _NUMBER - 1]:>{_NUMBER}}" for one in columns
+        )
         return heads, lines[::-1]
     return f"Edits{' ' * max(width - 43, 1)}number{'step':>{_NUMBER + 1}}  file", lines[::-1]
 
@@ -141,7 +148,7 @@ def _step(now: Number | None, before: Number | None) -> str:
 
 def _near(numbers: Numbers, seen: Measurement) -> list[Measurement]:
     """The distances of the set that have numbers, three at most, that which is seen among them."""
-    able = [one for one in set_of(numbers.measured, seen) if numbers.asked(one).request is not None] or [seen]
+    able = [one for one in numbers.measured.set_of(seen) if numbers.asked(one).request is not None] or [seen]
     first = max(min(able.index(seen) - 1 if seen in able else 0, len(able) - _AT_ONCE), 0)
     return able[first : first + _AT_ONCE]
 

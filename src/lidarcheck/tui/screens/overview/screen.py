@@ -14,11 +14,11 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 
 from lidarcheck.formats.table import counted
+from lidarcheck.session.measurements import Measurement
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.project import Entry
 from lidarcheck.session.session import OLD, SAVED, Session
 from lidarcheck.tui.jobs.checks import Check, Outcome, Runs, run_scenarios
-from lidarcheck.tui.jobs.measured import Measurement
 from lidarcheck.tui.screens.overview.measured import detail, edit_lines, measured_lines, screen_of, summary
 from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
 from lidarcheck.tui.screens.shared.kpi_lines import kpi_heading, kpi_lines, moved, name_room
@@ -154,7 +154,7 @@ class Overview(View):
     def measured(self) -> list[Measurement]:
         """The measurements, those without a number last."""
         numbers = self.host.numbers
-        return sorted(numbers.measured, key=lambda one: numbers.asked(one).request is None)
+        return sorted(numbers.measured.all, key=lambda one: numbers.asked(one).request is None)
 
     @property
     def seen(self) -> Measurement | None:
@@ -267,7 +267,7 @@ class Overview(View):
         order = self.measured()
         if self.seen is not None:
             at = cursor_after(key, order.index(self.seen), len(order), max(self.query_one("#measured", Lines).rows, 1))
-            self.host.choice.choose_measured(order[at].files[0], self.host.project)
+            self.host.numbers.choose(order[at])
 
     # Numbers
 
@@ -276,7 +276,7 @@ class Overview(View):
         if self.on_scenarios:
             self.action_run_one()
         elif self.seen is not None:
-            self.host.show_screen(screen_of(self.seen))
+            self.host.show_screen(screen_of(self.host.numbers.measured.kind(self.seen)))
 
     def action_renew(self) -> None:
         """The number of the measurement under the cursor; in the scenarios run the one under the cursor."""
@@ -286,7 +286,8 @@ class Overview(View):
         elif seen is None:
             self.say("nothing is measured here")
         elif not numbers.engine.renew(numbers.asked(seen)):
-            self.say(f"{seen.words}: {self.host.inside(numbers.known(seen).state) or 'no number is computed here'}")
+            state = self.host.inside(numbers.known(seen).state) or "no number is computed here"
+            self.say(f"{numbers.measured.words(seen)}: {state}")
 
     def action_all(self) -> None:
         """Whole frames of all measurements; in the scenarios run all of them."""
