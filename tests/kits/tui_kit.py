@@ -18,6 +18,8 @@ from lidarcheck.model.files.model_file import save_model
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.widgets import dialogs
 
+# Plots are made of what the terminal shows: in tests one with UTF-8, whatever the machine has.
+os.environ |= {"LC_ALL": "C.UTF-8", "TERM": "xterm-256color"}
 dialogs.UNASKED_S = 0.0  # tests answer at once; the one of it sets it again
 # After each key textual's pilot sleeps until the process is idle. It is the thread of the keys that has to be: what
 # computes beside it is waited for with `until`, by the tests that are about it.

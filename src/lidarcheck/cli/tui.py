@@ -29,6 +29,13 @@ def tui(
         Literal["dark", "light", "high-contrast", "plain"] | None,
         Parameter(help="dark, light, high-contrast, or plain: the terminal's own 16 colours; by default the last one."),
     ] = None,
+    marks: Annotated[
+        Literal["braille", "blocks", "ascii", "char"] | None,
+        Parameter(
+            help="What plots are made of: braille, blocks, ascii, or char, a character a cell; by default the last, "
+            "at first what the terminal shows. Without UTF-8 they are ascii."
+        ),
+    ] = None,
     no_mouse: Annotated[bool, Flag, Parameter(help="Leave the mouse to the terminal, to select text with.")] = False,
     max_rows: MaxRows | None = None,
     quiet: Quiet = False,
@@ -47,7 +54,7 @@ def tui(
     # Short turns for threads: a key is answered while a simulation runs.
     sys.setswitchinterval(0.001)
     try:
-        return run(root, theme=theme or "", screen=screen or "", mouse=not no_mouse)
+        return run(root, theme=theme or "", screen=screen or "", marks=marks or "", mouse=not no_mouse)
     finally:
         hush(quiet)
 

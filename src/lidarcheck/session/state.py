@@ -20,6 +20,7 @@ class State:
 
     screen: str = ""
     theme: str = ""
+    marks: str = ""
     log: bool = False
     selected: dict[str, str] = field(default_factory=dict)
 
@@ -31,6 +32,7 @@ def load_state(root: Path) -> State:
         found: Any = json.loads((own_directory(root) / "state.json").read_text(encoding="utf-8"))
         if isinstance(found, dict):
             state.screen, state.theme = str(found.get("screen", "")), str(found.get("theme", ""))
+            state.marks = str(found.get("marks", ""))
             state.log = found.get("log") is True
             selected = found.get("selected")
             if isinstance(selected, dict):

@@ -35,6 +35,7 @@ from lidarcheck.tui.everywhere import Everywhere
 from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
 from lidarcheck.tui.numbers import Numbers
+from lidarcheck.tui.plots.marks import level_of
 from lidarcheck.tui.screens import later_screens
 from lidarcheck.tui.screens.overview.screen import Overview
 from lidarcheck.tui.screens.shared.view import View, bindings
@@ -51,6 +52,8 @@ _HANGUP = 129
 class LidarcheckApp(Everywhere):
     """The interface on one project; a `host.Host`. `check` stands in for the harness's in tests; without a `worker` no
     number is computed.
+
+    `marks`: what plots are made of, one of `plots.marks.MARKS`; by default as last, else what the terminal can show.
     """
 
     ENABLE_COMMAND_PALETTE = False
@@ -71,7 +74,14 @@ class LidarcheckApp(Everywhere):
             self.do, self.arguments = do, arguments
 
     def __init__(
-        self, root: Path, *, theme: str = "", screen: str = "", check: Any = None, worker: Worker | None = None
+        self,
+        root: Path,
+        *,
+        theme: str = "",
+        screen: str = "",
+        marks: str = "",
+        check: Any = None,
+        worker: Worker | None = None,
     ) -> None:
         super().__init__()
         self.project = Project(root)
@@ -83,6 +93,7 @@ class LidarcheckApp(Everywhere):
         self.numbers = Numbers(
             self.project, self.session, self.choice, self.set_timer, self.soon, self.say, on=worker is not None
         )
+        self.marks = level_of(marks or self.state.marks, os.environ)
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()
@@ -288,8 +299,8 @@ class LidarcheckApp(Everywhere):
             self.overlay.draw()
 
 
-def run(root: Path, *, theme: str = "", screen: str = "", mouse: bool = True) -> int:
+def run(root: Path, *, theme: str = "", screen: str = "", marks: str = "", mouse: bool = True) -> int:
     """Run the interface on a project until the user leaves; the exit code."""
-    app = LidarcheckApp(root, theme=theme, screen=screen, worker=Worker())
+    app = LidarcheckApp(root, theme=theme, screen=screen, marks=marks, worker=Worker())
     code = app.run(mouse=mouse)
     return app.return_code or 0 if code is None else code

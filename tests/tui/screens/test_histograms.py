@@ -113,22 +113,28 @@ def test_the_project_is_grouped_and_what_is_missing_is_said(bench):
     assert source_of(groups["car SMART"], others, "") == FILES
 
 
-def test_three_distances_at_once_where_there_is_room(bench):
+def test_features_side_by_side_where_there_is_room(bench):
     async def do(app, pilot, view):
         await computed(pilot, view)
-        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app) and "car at 22 m, PEAK" in text_of(app))
+        for feature in ("PEAK", "AREA", "WIDTH"):
+            await sees(app, pilot, f"10 m, {feature} ▆ real ┌┐ sim")
         await sees(app, pilot, "Left out: car_50m_SMART_real.txt.")
         await sees(app, pilot, "car_50m_SMART_real.txt:2: 'Z' is 'x', not a number")
         await pilot.press("n")
-        await sees(app, pilot, "car at 28 m, PEAK")
+        await sees(app, pilot, "22 m, PEAK")
+        # At 80 columns one plot, and the numbers of all three.
         await pilot.resize_terminal(80, 24)
-        await pilot.press("p")
-        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app) and "car at 16 m, PEAK" in text_of(app))
-        await misses(app, pilot, "car at 22 m, PEAK")
+        view.turned = 0
+        view.draw()
+        await sees(app, pilot, "10 m, PEAK")
+        await misses(app, pilot, "10 m, AREA")
+        await sees(app, pilot, "KS  by chance")
+        numbers = view.query_one("#numbers").text.splitlines()
+        assert [row.split()[0].strip(">") for row in numbers] == ["PEAK", "AREA", "WIDTH"]
         for feature in ("AREA", "WIDTH"):
-            await pilot.press("n", "n")
-            await sees(app, pilot, f"car at 10 m, {feature}")
-        await pilot.press("n", "n")
+            await pilot.press("n", "n", "n", "n")
+            await sees(app, pilot, f"10 m, {feature}")
+        await pilot.press("n", "n", "n", "n")
         await sees(app, pilot, "car at 10 m, points: from above")
         await pilot.press("p", "v")
         await says(app, pilot, "drawn as: qq")
@@ -197,10 +203,10 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
         await says(app, pilot, "b shows both vehicles beside each other first")
         await pilot.press("b")
         await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
-        await until(pilot, lambda: "at 10 m: from above" in text_of(app) and "at 10 m: from the side" in text_of(app))
+        await until(pilot, lambda: "from above" in text_of(app) and "from the side" in text_of(app))
         await pilot.press("n", "v")
         await says(app, pilot, "seen from above and from the side")
-        await sees(app, pilot, "car SMART at 16 m: from above")
+        assert view.board.tiles()[0].chart.key[0] == "car SMART at 16 m"
         await pilot.press("minus", "minus", "plus", "right_square_bracket")
         await sees(app, pilot, "X 0.25 m, Y -3.25 m (suggested 0 and -3), 2 of 4")
         await pilot.press("o")
@@ -217,7 +223,7 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
         await pilot.press("ctrl+u", *"car.doc", "enter")
         await says(app, pilot, "car.doc")
         await pilot.press("b")
-        await sees(app, pilot, "car at 10 m, PEAK")
+        await sees(app, pilot, "10 m, PEAK")
         await pilot.press("R")
         await until(pilot, lambda: app.reads == 2)
         assert [job.name for job in view.listed] == ["car SMART", "van SLIM", "truck SMART"]
@@ -245,7 +251,7 @@ def test_the_source_is_chosen_and_kept_and_going_back_computes_nothing(bench):
         await until(pilot, lambda: view.running is None)
         await pilot.press("m")
         await says(app, pilot, "car SMART: simulated files (1 of 3)")
-        await until(pilot, lambda: "car at 10 m, PEAK" in text_of(app))
+        await until(pilot, lambda: "10 m, PEAK" in text_of(app))
         assert view.running is None
         await pilot.press("m")
         await on_vehicle(pilot, view, "truck SMART")

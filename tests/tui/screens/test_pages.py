@@ -11,7 +11,7 @@ from lidarcheck.session.own_files import content_hash
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.app import LidarcheckApp
-from lidarcheck.tui.screens.pages.lines import figure_lines, room_for, word_lines
+from lidarcheck.tui.screens.pages.lines import word_lines
 from lidarcheck.tui.widgets.lines import Lines
 from page_kit import FakeView, page_of, put_in
 from tui_kit import apart_from_key, as_stored, drive, says, sees, text_of, until
@@ -53,12 +53,12 @@ def test_a_page_is_computed_once_and_kept(project):
         await sees(app, pilot, "not computed yet: r computes it")
         await computed(pilot, view)
         await says(app, pilot, "one: All is well with one.")
-        await until(pilot, lambda: "Figures 1 of 4" in text_of(app) and "one, PEAK" in text_of(app))
+        await until(pilot, lambda: "1/4 one" in text_of(app) and "one, PEAK" in text_of(app))
         assert "current" in shown(view, "jobs")
         await until(pilot, lambda: "current" in text_of(app).splitlines()[6], lambda: text_of(app))
         await pilot.press("down")
         await sees(app, pilot, "what two is")
-        assert "two_b.txt: left out" in shown(view, "figures")
+        await until(pilot, lambda: "two_b.txt: left out" in shown(view, "figures"))
         await pilot.press("up")
         await sees(app, pilot, "one, PEAK")
         await pilot.press("r")
@@ -106,13 +106,13 @@ def test_figures_are_turned_and_drawn_in_other_ways(project):
             await says(app, pilot, f"drawn as: {kind}")
             await sees(app, pilot, words)
         await pilot.press("v", "n", "right")
-        await sees(app, pilot, "Figures 3 of 4")
+        await sees(app, pilot, "3/4 ")
         await pilot.press("n")
         await sees(app, pilot, "points: from above")
         await pilot.press("v")
         await sees(app, pilot, "points: from the side")
         await pilot.press("p", "left")
-        await sees(app, pilot, "Figures 2 of 4")
+        await sees(app, pilot, "2/4 ")
         await sees(app, pilot, "one, AREA")
 
     fakes(project, do)
@@ -124,13 +124,13 @@ def test_words_and_tables_or_figures_and_both_where_there_is_room(project):
         await pilot.press("t")
         await sees(app, pilot, "All is well with one.")
         assert app.focused.id == "words"
-        assert not view.query_one("#figures").display
+        assert not view.board.display
         await pilot.resize_terminal(160, 50)
-        await until(pilot, lambda: view.query_one("#figures").display)
+        await until(pilot, lambda: view.board.display)
         await sees(app, pilot, "one, PEAK")
         await sees(app, pilot, "a long column 7")
         await pilot.resize_terminal(80, 24)
-        await until(pilot, lambda: not view.query_one("#figures").display)
+        await until(pilot, lambda: not view.board.display)
         await pilot.press("t")
         await sees(app, pilot, "one, PEAK")
         assert app.focused.id == "figures"
@@ -341,17 +341,6 @@ def test_groups_are_packed_side_by_side(project, size, most):
         await as_stored(app, pilot, f"pages_{size[0]}x{size[1]}")
 
     fakes(project, do, size)
-
-
-def test_figures_are_as_wide_as_can_be_read():
-    figures = [(figure, "histogram") for figure in page_of("one").figures()[:3]]
-    for room, beside, height in (((79, 15), 1, 30), ((80, 15), 2, 20), ((160, 30), 3, 30), ((10, 3), 1, 30)):
-        lines = figure_lines(figures, room)
-        assert len(lines) == height
-        titles = [sum(f"one, {name}" in "".join(t for t, _ in parts) for name in ("PEAK", "AREA")) for parts in lines]
-        assert max(titles) == min(beside, 2)
-    assert figure_lines(figures, (0, 10)) == figure_lines([], (80, 20)) == []
-    assert [room_for(room, 3) for room in ((80, 15), (160, 15), (80, 30), (0, 0))] == [2, 3, 3, 1]
 
 
 def test_a_wide_table_goes_on_below():

@@ -27,8 +27,6 @@ LEAST = (24, 6)
 _LABELS = (5, 10)
 """Columns of the ticks' texts upward: so many at least, so that they stay where they are, and at most."""
 _STRIP_ROWS, _ROWS_WITH_STRIP = 3, 4
-_LABEL = 12
-"""Letters of the x axis's label below which it is left out beside the readout."""
 _BELOW = 3
 """Lines below the data: the axis, its ticks, and label and readout."""
 _PLAIN_FRAME = str.maketrans("┌┐└┘┤├┬┴┼─│", "+++++++++-|")
@@ -168,17 +166,18 @@ def _points(chart: Chart, look: Look) -> list[tuple[float, float]]:
 
 
 def _label_line(chart: Chart, look: Look, axes: tuple[Axis, Axis], strip: Strip | None, width: int) -> Line:
-    """The x axis's label and the readout; without a cursor the words of the strip. The label gives way."""
+    """The x axis's label and the readout; without a cursor the words of the strip. The label gives way, unit first."""
     scale = "" if axes[0].transform.scale == "lin" else f", {axes[0].transform.scale}"
     label = f"{chart.x_label}{scale}"
+    labels = (f"{label}; up: {chart.y_label}" if chart.y_label else label, label, chart.x_label.partition(" [")[0])
     entries = reading_words(chart, look, (axes[0].transform, axes[1].transform))
     while len(entries) > 1 and len(", ".join(entries)) > width - 1:
         entries.pop()
     words = ", ".join(entries) or (strip.words if strip else "")
     room = width - len(words) - 3
     if not words:
-        return line(f" {squeezed(label, width - 1, '..')}", "dim")
-    shown = f" {squeezed(label, room, '..')}  " if room >= min(len(label), _LABEL) else " "
+        return line(next((f" {one}" for one in labels if len(one) < width), ""), "dim")
+    shown = next((f" {one}  " for one in labels if len(one) <= room), " ")
     return (*line(shown, "dim"), *line(words[: width - len(shown)]))
 
 

@@ -28,8 +28,8 @@ __all__ = ["BOTH", "Cells", "cells_of_traces", "letter_of", "sample_of"]
 Letters = npt.NDArray[np.str_]
 BOTH = "@"
 """The ASCII mark of a cell that two traces share."""
-_EVERY = 6
-"""An `o` stands in every so many columns of an open trace."""
+_EVERY, _FIRST = 6, 3
+"""An `o` stands in every so many columns of an open trace, the first in this one: in none where dots of another are."""
 _LETTERS = {"solid": "#", "open": "o", "dots": ".", "dashes": "-", "points": "#", "filled": "#", "outline": "|"}
 _PATTERNS: dict[str, Pattern] = {"open": DASHED, "dashes": DASHED, "dots": DOTTED}
 _EIGHTHS = np.array(list(" ▁▂▃▄▅▆▇█"))
@@ -70,11 +70,11 @@ def sample_of(trace: Trace, level: Level) -> str:
         return "_|" if trace.form == "outline" else letter_of(trace)
     if trace.form in ("filled", "outline"):
         return "▆" if trace.form == "filled" else "┌┐"
-    if trace.form == "points" and trace.letter:
-        return trace.letter
+    if trace.form == "points":
+        return trace.letter or {"braille": "⠶", "blocks": "▘", "half": "▀"}[level]
     dots = curve_dots(np.array([0.0, 1.9]), np.array([0.6, 0.6]), (2, 1), _PATTERNS.get(trace.form, SOLID))
     sample = "".join(glyphs(dots, level)[0])
-    return f"{letter_of(trace)}{sample[1]}" if trace.form == "open" else sample
+    return f"{letter_of(trace)}{sample[1]}" if trace.form == "open" else sample.rstrip()
 
 
 def cells_of_traces(traces: list[Trace], axes: tuple[Axis, Axis], level: Level) -> Cells:
@@ -120,10 +120,10 @@ def _letter_cells(letters: Letters, main: list[_Layer], count: IndexArray, level
         if level in LETTERS or layer.alone:
             letters[own] = layer.letter
         elif layer.open:
-            marked = own[:, ::_EVERY]
+            marked = own[:, _FIRST::_EVERY]
             # One a column: where the curve is steep, the highest.
             marked = marked & (np.cumsum(marked, axis=0) == 1)
-            letters[:, ::_EVERY][marked] = layer.letter
+            letters[:, _FIRST::_EVERY][marked] = layer.letter
 
 
 def _places(x: FloatArray, y: FloatArray, axes: tuple[Axis, Axis]) -> tuple[FloatArray, FloatArray]:

@@ -9,6 +9,7 @@ from typing import Any, cast
 from rich.cells import cell_len
 from textual import events
 
+from lidarcheck.figures.words import squeezed
 from lidarcheck.tui.plots.chart import Chart
 from lidarcheck.tui.plots.draw import Drawn, drawn, legend
 from lidarcheck.tui.plots.look import Look
@@ -32,6 +33,7 @@ class PlotPane(Lines):
         self.drawn: Drawn | None = None
         self.looks: dict[Hashable, Look] = {}
         self._shown_s = float("-inf")
+        self._before = ""
         self._timer: Any = None
 
     @property
@@ -46,9 +48,9 @@ class PlotPane(Lines):
             return Look()
         return self.looks.setdefault(self.chart.key, Look())
 
-    def plot(self, chart: Chart, *, state: str = "") -> None:
-        """Show a chart; `state` as of `show`."""
-        self.chart, self.state = chart, state
+    def plot(self, chart: Chart, *, state: str = "", before: str = "") -> None:
+        """Show a chart; `state` as of `show`, `before`: what stands before its title."""
+        self.chart, self.state, self._before = chart, state, before
         self.look.active = min(self.look.active, max(len(chart.traces) - 1, 0))
         self.draw_now()
 
@@ -75,7 +77,7 @@ class PlotPane(Lines):
         self._shown_s = time.monotonic()
         self.drawn = drawn(self.chart, self.look, (self.size.width, self.rows), self.level)
         lines = [line(" no room for a plot here", "dim")] if self.drawn is None else self.drawn.lines
-        super().show(lines, title=self.chart.title, state=self.state)
+        super().show(lines, title=f"{self._before}{self.chart.title}", state=self.state)
 
     def _heading(self) -> Line:
         """The title, how far it is zoomed, and the legend: what has no room of it is left out."""
@@ -85,7 +87,7 @@ class PlotPane(Lines):
         words = printable(f"{'>' if self.has_focus else ' '}{label}{self._title}{self._zoom_words()}")
         room = max(self.size.width - (cell_len(printable(self._short_state)) + 1 if self.state else 0), 0)
         if cell_len(words) > room:
-            words = f"{words[: max(room - 2, 0)]}.."[:room]
+            words = squeezed(words, room, "..")[:room]
         marks = legend(self.chart, self.look, self.level, room - cell_len(words) - 1)
         rest = room - cell_len(words) - sum(cell_len(text) for text, _ in marks)
         look = line(words, "focus" if self.has_focus else "title")
@@ -100,5 +102,6 @@ class PlotPane(Lines):
 
     def on_resize(self, event: events.Resize) -> None:
         """Another size, another drawing; zoom and cursor stay."""
-        self.draw_now()
+        if self.chart is not None:
+            self.draw_now()
         super().on_resize(event)

@@ -11,7 +11,15 @@ from lidarcheck.tui.plots.look import moved_cursor, seen_traces
 from lidarcheck.tui.plots.mouse import PlotMouse
 from lidarcheck.tui.plots.readout import Reading, read
 
-__all__ = ["PLOT_KEYS", "Plot"]
+__all__ = ["PLOT_KEYS", "PLOT_WORDS", "Plot"]
+
+PLOT_WORDS = (
+    "Left and Right read the data from point to point, Up and Down from curve to curve, Space sets a second cursor; "
+    "+ and - zoom about the cursor, < and > X alone, Shift and arrows move what is seen, 0 shows all; X and Y change "
+    "the axes' scales, 1 to 8 hide curves. The wheel zooms at the pointer, a box that is drawn is zoomed to, the "
+    "right button moves what is seen."
+)
+"""The keys and the mouse in a plot, for help."""
 
 PLOT_KEYS: tuple[tuple[str, str, str, str], ...] = (
     ("left,h", "cursor(-1)", "", "readout: the data point before"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,6 @@ __all__ = ["Tick", "own_ticks", "spread_ticks", "ticks_across", "ticks_up"]
 
 Tick = tuple[float, str]
 """Where it stands, transformed, and its text."""
-_APART = 2
-"""Blanks between the texts of two ticks."""
 _DECADES = 12
 
 
@@ -32,15 +31,10 @@ def ticks_across(axis: Axis) -> list[Tick]:
 
 
 def ticks_up(axis: Axis) -> list[Tick]:
-    """Round numbers for an axis upward: one a row, and a row between them."""
-    most = max(axis.cells // 2, 2)
-    found = _round(axis, most)
-    rows: dict[int, Tick] = {}
-    for tick in found:
-        row = round((tick[0] - axis.span[0]) / (axis.span[1] - axis.span[0]) * max(axis.cells - 1, 1))
-        if not any(abs(row - other) < 2 for other in rows):
-            rows[row] = tick
-    return list(rows.values())
+    """Round numbers for an axis upward, with a row between them; of decades the first and the last one in any case."""
+    if axis.transform.scale == "lin":
+        return _with_room(axis, _round(axis, max(axis.cells // 2, 2)), _LINES)
+    return _with_room(axis, _round(axis, max(axis.cells, 2)), _LINES)
 
 
 def _round(axis: Axis, most: int) -> list[Tick]:
@@ -65,25 +59,40 @@ def _about_linear(low: float, high: float) -> bool:
 
 
 def spread_ticks(axis: Axis, candidates: Sequence[Tick]) -> list[Tick]:
-    """Of the ticks that are seen as many as have room for their texts, ordered along the axis.
+    """Of the ticks that are seen as many as have room for their texts side by side, ordered along the axis.
 
     The first and the last one come first, then zero, then always the one that is furthest from those there are.
     """
+    return _with_room(axis, candidates, _SIDE_BY_SIDE)
+
+
+class _Room(NamedTuple):
+    """How texts of ticks take room along their axis."""
+
+    apart: int
+    lines: bool
+
+
+_SIDE_BY_SIDE, _LINES = _Room(2, False), _Room(1, True)
+"""Beside each other, two blanks between them; below each other, a line between them."""
+
+
+def _with_room(axis: Axis, candidates: Sequence[Tick], room: _Room) -> list[Tick]:
     low, high = axis.span
     last = max(axis.cells - 1, 1)
     seen = [tick for tick in candidates if low - 1e-9 <= tick[0] <= high + 1e-9]
     if not seen:
         return []
-    column = np.array([round((at - low) / (high - low) * last) for at, _ in seen], dtype=np.int64)
-    wide = np.array([len(text) for _, text in seen], dtype=np.int64)
-    start = np.clip(column - wide // 2, 0, np.maximum(axis.cells - wide, 0))
-    order = np.argsort(column, kind="stable")
+    cell = np.array([round((at - low) / (high - low) * last) for at, _ in seen], dtype=np.int64)
+    wide = np.array([1 if room.lines else len(text) for _, text in seen], dtype=np.int64)
+    start = np.clip(cell - wide // 2, 0, np.maximum(axis.cells - wide, 0))
+    order = np.argsort(cell, kind="stable")
     zero = [i for i, (_, text) in enumerate(seen) if text == "0"]
     chosen: list[int] = []
 
     def fits(one: int) -> bool:
         return all(
-            start[one] >= start[other] + wide[other] + _APART or start[other] >= start[one] + wide[one] + _APART
+            start[one] >= start[other] + wide[other] + room.apart or start[other] >= start[one] + wide[one] + room.apart
             for other in chosen
         )
 
@@ -94,7 +103,7 @@ def spread_ticks(axis: Axis, candidates: Sequence[Tick]) -> list[Tick]:
     while left:
         left = [one for one in left if fits(one)]
         if left:
-            best = max(left, key=lambda one: (min(abs(int(column[one] - column[other])) for other in chosen), -one))
+            best = max(left, key=lambda one: (min(abs(int(cell[one] - cell[other])) for other in chosen), -one))
             chosen.append(best)
             left.remove(best)
-    return [seen[i] for i in sorted(chosen, key=lambda one: (column[one], one))]
+    return [seen[i] for i in sorted(chosen, key=lambda one: (cell[one], one))]

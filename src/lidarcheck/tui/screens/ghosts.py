@@ -57,11 +57,11 @@ class Ghosts(PageView):
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """Distributions and courses of a section together, clouds one by one."""
-        most = 4 if self.has_class("wide") else 2
+        most = self.board.room(4)
         found: list[tuple[Figure, ...]] = []
         for section in page.sections:
             for kind, figures in groupby(section.figures, type):
-                found += together(list(figures), 1 if kind is Cloud else most if kind is Distribution else 2)
+                found += together(list(figures), 1 if kind is Cloud else most if kind is Distribution else min(most, 2))
         return found
 
     def more_files(self, made: Computed, kind: str) -> Mapping[str, Writer]:

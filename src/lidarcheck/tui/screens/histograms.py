@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from textual import events
+from textual.app import ComposeResult
+
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.jobs.vehicles import Group, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.pages.export import file_name
-from lidarcheck.tui.screens.pages.lines import room_for, together
+from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
-from lidarcheck.tui.widgets.lines import Lines
+from lidarcheck.tui.widgets.lines import Line, Lines, line
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.vehicles.compare import AtDistance, VehicleComparison
@@ -24,6 +28,10 @@ if TYPE_CHECKING:
 __all__ = ["Histograms"]
 
 _AT_ONCE, _STEP_M = 3, 0.25
+_ACROSS_FROM = 120
+"""Columns from which on a distance's features stand side by side."""
+_NUMBERS_FROM = 18
+"""Rows of the screen from which on there are numbers below a plot."""
 
 
 class Histograms(PageView):
@@ -41,14 +49,19 @@ class Histograms(PageView):
         "jobs": "The vehicles that were measured, by kind and variant as their names say. r compares all distances of "
         "one: with the simulated files, or with what a model makes of the ideal scans; m chooses. What is left out "
         "stands in the panes below.",
-        "figures": "PEAK, AREA and WIDTH, real against simulated, on log scales, three distances at once where there "
-        "is room; n and p go on to other distances and features, then to the points. b shows both vehicles beside each "
-        "other, the centroids laid onto each other and moved apart: + and - move the simulated one to the left and to "
-        "the right, ] and [ forward and backward, s as suggested, o writes both as one cloud.",
+        "figures": "PEAK, AREA and WIDTH on log scales: real filled, simulated an outline, as shares; below, their "
+        "ratio, o where chance allows it and ! where not. From 120 columns on the three are side by side, a row a "
+        "distance; n and p go on to other distances and features, then to the points. b shows both vehicles beside "
+        "each other, the centroids laid onto each other and moved apart: + and - move the simulated one to the left "
+        "and to the right, ] and [ forward and backward, s as suggested, o writes both as one cloud.",
+        "numbers": "How far real and simulated are apart at the distance that is seen: the Kolmogorov-Smirnov "
+        "distance, what it passes by chance in one case of twenty, and in words.",
         "words": "The numbers of all distances, and how each vehicle was found.",
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("histograms"), *MOVES]
     DEFAULT_CSS = """
+    Histograms #numbers { height: 4; display: none; }
+    Histograms.one #numbers { display: block; }
     Histograms.wide #words { dock: bottom; width: 1fr; height: 16; }
     """
 
@@ -72,19 +85,37 @@ class Histograms(PageView):
         """What a group is compared with: as chosen, else the likeliest."""
         return source_of(group, self.host.project.of("model"), self.host.choice.of("model"))
 
+    def compose(self) -> ComposeResult:
+        """Below the plots, where there is room for one of them, the numbers of all features."""
+        yield from super().compose()
+        yield Lines("Numbers", label="n", id="numbers")
+
+    def on_resize(self, event: events.Resize) -> None:
+        """One plot and numbers, or features side by side."""
+        super().on_resize(event)
+        self.set_class(event.size.width < _ACROSS_FROM and event.size.height >= _NUMBERS_FROM, "one")
+
+    def _draw_page(self) -> None:
+        """The numbers as well."""
+        super()._draw_page()
+        pane, page = self.query_one("#numbers", Lines), self.page
+        shown = [] if page is None or not self.has_class("one") else self.shown(page)[1]
+        title, lines = number_lines(self.result, shown[0][0] if shown else None)
+        pane.show(lines, title=title, state=self.state if lines else "")
+
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
-        """Feature after feature, so many distances at once as can be read; then the points."""
+        """A distance's features side by side, so many distances below each other as can be read; where there is no
+        room for that one large plot at a time, feature after feature, and the numbers of all. Then the points.
+        """
         from lidarcheck.figures.data import Distribution
 
-        figures = page.figures()
-        names = [figure.quantity if isinstance(figure, Distribution) else "" for figure in figures]
-        pane = self.query_one("#figures", Lines)
-        most = room_for((pane.size.width, pane.rows), _AT_ONCE)
-        by_feature = [
-            [figure for figure, own in zip(figures, names, strict=True) if own == name]
-            for name in sorted(dict.fromkeys(names), key=lambda name: not name)
-        ]
-        return [group for own in by_feature for group in together(own, most)]
+        bars = [figure for figure in page.figures() if isinstance(figure, Distribution)]
+        others = [(figure,) for figure in page.figures() if not isinstance(figure, Distribution)]
+        names = list(dict.fromkeys(figure.quantity for figure in bars))
+        if self.board.room(len(names), len(names)) >= len(names) > 1 and self.size.width >= _ACROSS_FROM:
+            down = max(self.board.room(len(names) * _AT_ONCE, len(names)) // len(names), 1)
+            return [*together(bars, len(names) * down), *others]
+        return [*((figure,) for name in names for figure in bars if figure.quantity == name), *others]
 
     def shown(self, page: Page) -> tuple[str, list[tuple[Figure, str]]]:
         """The histograms, or both vehicles from above and from the side."""
@@ -95,9 +126,7 @@ class Histograms(PageView):
 
         at, placed = found
         cloud = Cloud(self._at_words(at), {"real": at.cuts[0].xyz_m, "simulated": placed.moved_m})
-        (x, y), (_, suggested) = placed.offset_m, placed.suggested_m
-        title = f"X {x:g} m, Y {y:g} m (suggested 0 and {suggested:g}), {self.distance + 1} of {len(self.result)}"
-        return title, [(cloud, "top"), (cloud, "side")]
+        return "", [(cloud, "top"), (cloud, "side")]
 
     # Both beside each other
 
@@ -137,7 +166,16 @@ class Histograms(PageView):
             self.say("r computes it first")
             return
         self.side_by_side = not self.side_by_side
+        self._say_place()
         self.draw()
+
+    def _say_place(self) -> None:
+        """Where the simulated vehicle is beside the real one."""
+        found = self._beside_now()
+        if found is not None:
+            (x, y), (_, suggested) = found[1].offset_m, found[1].suggested_m
+            at = f"{self.distance + 1} of {len(self.result)}"
+            self.say(f"X {x:g} m, Y {y:g} m (suggested 0 and {suggested:g}), {at}")
 
     def action_turn(self, by: int) -> None:
         """Other figures, or another distance."""
@@ -145,6 +183,7 @@ class Histograms(PageView):
             super().action_turn(by)
         else:
             self.distance += by
+            self._say_place()
             self.draw()
 
     def action_kind(self) -> None:
@@ -161,13 +200,14 @@ class Histograms(PageView):
             x, y = found[1].offset_m
             moved = (round(x + forward * _STEP_M, 6), round(y + left * _STEP_M, 6))
             self.offsets[self.job.name, self.distance] = moved
-            self.say(f"X {moved[0]:g} m, Y {moved[1]:g} m")
+            self._say_place()
             self.draw()
 
     def action_suggested(self) -> None:
         """The offset that the vehicle's size suggests."""
         if self._looked_at() is not None and self.job is not None:
             self.offsets.pop((self.job.name, self.distance), None)
+            self._say_place()
             self.draw()
 
     # Choices and files
@@ -210,6 +250,26 @@ class Histograms(PageView):
         from lidarcheck.figures.files.vehicle_sheet import SHEET
 
         return {SHEET: partial(_write_sheet, made.result, kind)}
+
+
+def number_lines(distances: Sequence[AtDistance], figure: Figure | None) -> tuple[str, list[Line]]:
+    """A title and a line for each feature at the distance of a histogram: how far real and simulated are apart."""
+    from lidarcheck.figures.data import Distribution
+
+    if not isinstance(figure, Distribution):
+        return "Numbers", []
+    at = next((one for one in distances if f" at {one.distance_m:.0f} m, " in figure.title), None)
+    if at is None:
+        return "Numbers", []
+    lines: list[Line] = []
+    for name, gap in at.features.items():
+        chance = at.ks_chance[name]
+        off = 100.0 * (gap.mean_simulated / gap.mean_measured - 1.0) if gap.mean_measured else math.nan
+        apart = "within chance" if gap.ks <= chance else f"mean {off:+.1f} %, more than by chance"
+        pointer = ">" if name == figure.quantity else " "
+        words = f"{pointer}{name:9}{gap.ks:7.3f}{chance:10.3f}  {apart}"
+        lines.append(line(words, "text" if gap.ks <= chance else "edited"))
+    return f"{at.distance_m:.0f} m      KS  by chance", lines
 
 
 def _write_sheet(result: VehicleComparison, kind: str, path: Path) -> str:

@@ -11,6 +11,7 @@ from textual.containers import Horizontal
 from lidarcheck.session.model_choice import chosen_model
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.noise import NoisePage, halls_of, noise_jobs
+from lidarcheck.tui.plots.board import PlotBoard
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PAGE_ROWS, PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
@@ -23,6 +24,8 @@ __all__ = ["Noise"]
 
 _ALL = "noise.all"
 _TALL_FROM = 40
+_OF_A_PANEL = 3
+"""Figures of each panel: amplitude, distance, walk."""
 
 
 class Noise(PageView):
@@ -59,7 +62,7 @@ class Noise(PageView):
         yield Lines("Panels", label="p", id="panels")
         with Horizontal():
             yield Lines("Words", label="w", id="words")
-            yield Lines("Figures", label="f", id="figures")
+            yield PlotBoard()
 
     def on_mount(self) -> None:
         """What was seen last; the base's own is called besides, by Textual."""
@@ -76,7 +79,24 @@ class Noise(PageView):
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """A panel's figures together; of all panels so many as can be read."""
         assert isinstance(page, NoisePage)
-        return together(page.over_all, 4 if self.has_class("wide") else 1) if self.all else list(page.own)
+        if self.all:
+            return together(page.over_all, self.board.room(4))
+        return [group for own in page.own for group in together(own, self._room)]
+
+    @property
+    def _room(self) -> int:
+        """How many figures of a panel are seen at once."""
+        return self.board.room(_OF_A_PANEL)
+
+    def _panel(self, page: NoisePage) -> int:
+        """The number of the panel that is looked at."""
+        parts = [number for number, own in enumerate(page.own) for _ in together(own, self._room)]
+        at = self._elsewhere if self.all else self.turned
+        return parts[min(at, len(parts) - 1)] if parts else 0
+
+    def _go_to(self, page: NoisePage, panel: int) -> None:
+        """Look at the first figures of a panel."""
+        self.turned = sum(len(together(own, self._room)) for own in page.own[:panel])
 
     def draw(self) -> None:
         """The panels as well."""
@@ -86,7 +106,7 @@ class Noise(PageView):
             pane.show([line("  none found yet", "dim")] if self.listed else [], title="Panels")
             return
         last = len(page.panels.rows) - 1
-        at = min(self._elsewhere if self.all else self.turned, last)
+        at = min(self._panel(page), last)
         title = "Panels, figures of all of them (a: of one)" if self.all else f"Panel {at + 1} of {last + 1}"
         pane.show(_panel_lines(page.panels, at), title=title, cursor=at + 1)
 
@@ -97,7 +117,8 @@ class Noise(PageView):
         elif isinstance(self.page, NoisePage):
             if self.all:
                 self.action_over_all()
-            self.turned = cursor_after(key, self.turned, len(self.page.own), PAGE_ROWS)
+            page = self.page
+            self._go_to(page, cursor_after(key, self._panel(page), len(page.own), PAGE_ROWS))
             self.draw()
 
     def action_over_all(self) -> None:

@@ -10,11 +10,10 @@ from lidarcheck.session.pairing import labels_of
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.scenes import Effects, offers_of, scene_jobs
-from lidarcheck.tui.screens.pages.lines import room_for, together
+from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.choose import Choose
-from lidarcheck.tui.widgets.lines import Lines
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
@@ -57,8 +56,7 @@ class Scenes(PageView):
         """The maps first, so many at once as can be read, then all else."""
         from lidarcheck.figures.data import Grid
 
-        pane = self.query_one("#figures", Lines)
-        most = room_for((pane.size.width, pane.rows), _AT_ONCE)
+        most = self.board.room(_AT_ONCE)
         maps = [figure for figure in page.figures() if isinstance(figure, Grid)]
         others = [figure for figure in page.figures() if not isinstance(figure, Grid)]
         return [*together(maps, most), *((figure,) for figure in others)]

@@ -37,7 +37,7 @@ def test_distances_stand_side_by_side_on_a_wide_terminal(project):
         await sees(app, pilot, "<69.0 m>")
         assert len(view.tile_panes()) == 2
         await pilot.press("n")
-        await sees(app, pilot, "<157.0 m>")
+        await sees(app, pilot, "<157.0 m>, 2/2")
         await sees(app, pilot, " 69.0 m, 1/2")
         await pilot.press("v", "v")
         await until(pilot, lambda: text_of(app).count("WIDTH [ns]") == 2)
@@ -57,8 +57,8 @@ def test_all_features_of_one_distance_by_one_key(project):
         assert len(view.tile_panes()) == 4
         await misses(app, pilot, "a_lut.ini")
         assert app.focused.id == "profile"
-        await pilot.press("plus")
-        await says(app, pilot, "X = -160: scaled 430")
+        await pilot.press("right_square_bracket")  # + zooms the plot that has the focus
+        await says(app, pilot, "X = -160: scaled 449")
         await pilot.press("v")
         await says(app, pilot, "all four are shown")
         await pilot.press("n")
@@ -109,7 +109,7 @@ def test_the_curve_follows_at_once_and_several_cells_together(project):
         await pilot.press("shift+down", "shift+down", *"900", "enter")
         assert [row.scaled for row in view.file.current.tables["vertical"].rows()[:3]] == [900] * 3
         assert [change.row for change in view.file.diff()] == [0, 1, 2]
-        await until(pilot, lambda: curve.text != before and "on disk" in curve.text)
+        await until(pilot, lambda: curve.text != before and "saved" in text_of(app))
         await until(pilot, lambda: view.plots.expected is not None)
 
     drive(app_on(project, screen="blooming"), do, NARROW)
@@ -127,7 +127,7 @@ def test_the_first_time_on_a_machine_is_said_and_compiled_aside(project, monkeyp
 
     async def do(app, pilot):
         await says(app, pilot, "the sensor model is compiled first, once on this machine")
-        await sees(app, pilot, "computing ...")
+        await sees(app, pilot, "computing")
         await sees(app, pilot, "69.0 m, 1/2")
         await pilot.press("plus")
         assert app.view.file.dirty

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textual.app import ComposeResult
 from textual.containers import Grid, Horizontal, Vertical
 
+from lidarcheck.tui.plots.plot import Plot
 from lidarcheck.tui.screens.blooming.draw import LEAST
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.lines import Lines
@@ -20,7 +21,12 @@ _GAP = 2
 class BloomingPanes(View):
     """An editor on the left; a curve, and one to four profiles, on the right."""
 
-    DEFAULT_CSS = f"BloomingPanes #left {{ width: {_LEFT}; }} BloomingPanes.alone #left {{ width: 1fr; }}"
+    DEFAULT_CSS = f"""
+    BloomingPanes #left {{ width: {_LEFT}; }}
+    BloomingPanes.alone #left {{ width: 1fr; }}
+    BloomingPanes #curve {{ height: 3fr; }}
+    BloomingPanes #profiles {{ height: 4fr; }}
+    """
 
     def compose(self) -> ComposeResult:
         """The editor on the left; curve and profiles on the right."""
@@ -28,20 +34,20 @@ class BloomingPanes(View):
             with Vertical(id="left"):
                 yield Lines("Table", label="t", id="table")
             with Vertical(id="right"):
-                yield Lines("Curve", label="u", id="curve")
+                yield Plot("Curve", label="u", id="curve")
                 with Grid(id="profiles"):
                     for number, name in enumerate(TILES, start=1):
-                        yield Lines("Profile", label="p" if number == 1 else str(number), id=name)
+                        yield Plot("Profile", label="p" if number == 1 else str(number), id=name)
 
-    def curve_pane(self) -> Lines:
+    def curve_pane(self) -> Plot:
         """The pane of the curve."""
-        return self.query_one("#curve", Lines)
+        return self.query_one("#curve", Plot)
 
-    def all_tiles(self) -> list[Lines]:
+    def all_tiles(self) -> list[Plot]:
         """The panes of profiles, seen or not."""
-        return [self.query_one(f"#{name}", Lines) for name in TILES]
+        return [self.query_one(f"#{name}", Plot) for name in TILES]
 
-    def tile_panes(self) -> list[Lines]:
+    def tile_panes(self) -> list[Plot]:
         """The panes of profiles that are seen."""
         return [pane for pane in self.all_tiles() if pane.display]
 

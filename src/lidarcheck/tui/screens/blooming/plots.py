@@ -10,6 +10,7 @@ from lidarcheck.session.choice import FEATURES
 from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData
+from lidarcheck.tui.screens.blooming.charts import NOW, REAL, SAVED, WANTED
 from lidarcheck.tui.screens.blooming.draw import draw_curve, draw_fault, draw_profile, draw_words
 from lidarcheck.tui.screens.blooming.panes import BloomingPanes
 from lidarcheck.tui.screens.blooming.selection import Selection
@@ -18,6 +19,7 @@ from lidarcheck.tui.screens.blooming.table import TableEditor
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.blooming.cells import Profile
+    from lidarcheck.formats.lut import LutTable
     from lidarcheck.formats.settings import Setting
 
 __all__ = ["DEBOUNCE_S", "BloomingPlots"]
@@ -28,7 +30,8 @@ DEBOUNCE_S = 0.15
 class BloomingPlots:
     """The curve of the table, and a tile for each dataset or feature that is seen.
 
-    `on_dataset`: what is known of the dataset under the hand may be another.
+    `on_dataset`: what is known of the dataset under the hand may be another. `wanted`: a table that is shown as a
+    curve beside the one that is edited, as one that a fit proposes.
     """
 
     def __init__(
@@ -41,6 +44,7 @@ class BloomingPlots:
         self.panes, self.selection = panes, selection
         self._table, self._settings = editors
         self._on_dataset = on_dataset
+        self.wanted: LutTable | None = None
         self._worker: ProfileWorker | None = None
         self._timer: Any = None
 
@@ -138,10 +142,6 @@ class BloomingPlots:
 
     # Drawing
 
-    @property
-    def _plain(self) -> bool:
-        return self.panes.app.theme == "plain"
-
     def redraw(self) -> None:
         """All panes that are seen."""
         if self.panes.is_mounted:
@@ -153,8 +153,14 @@ class BloomingPlots:
         """The curve alone."""
         pane, editor = self.panes.curve_pane(), self._table
         table, saved = editor.table(), editor.table(saved=True)
-        if pane.display and editor.file is not None and table is not None:
-            draw_curve(pane, table, saved if editor.file.dirty else None, editor.at, editor.axis, plain=self._plain)
+        if not pane.display or editor.file is None or table is None:
+            return
+        tables = {NOW: table}
+        if editor.file.dirty and saved is not None:
+            tables[SAVED] = saved
+        if self.wanted is not None:
+            tables[WANTED] = self.wanted
+        draw_curve(pane, tables, editor.at, editor.axis)
 
     def _draw_tile(self, number: int) -> None:
         panes = self.panes.tile_panes()
@@ -171,12 +177,22 @@ class BloomingPlots:
         elif found is None:
             draw_words(pane, "reading ...", where)
         else:
-            title = f"{self._distance(dataset, found)}, {where}, {choice.model.stem}"
-            sides: dict[str, Profile | None] = {"real": found.real}
-            state = CURRENT
+            sides, state = {REAL: found.real}, CURRENT
             if FEATURES[feature] != "range" and self._table.file is not None:
-                state, sides["expected"] = self.expectation(choice)
-            draw_profile(pane, FEATURES[feature], sides, title, choice.axis, plain=self._plain, state=state)
+                state, expected = self.expectation(choice)
+                sides |= {} if expected is None else {NOW: expected}
+                saved = self._saved(choice)
+                sides |= {} if saved is None else {SAVED: saved}
+            key = (choice.dataset.name, choice.model.name)
+            where = f"{self._distance(dataset, found)}, {dataset + 1}/{len(datasets)}"
+            draw_profile(pane, FEATURES[feature], sides, where, choice.axis, key=key, state=state)
+
+    def _saved(self, choice: Choice) -> Profile | None:
+        """What the table as the disk has it gives there, where that is another and was computed."""
+        if self._table.file is None or not self._table.file.dirty:
+            return None
+        word, profile = self.worker.expected(choice, self._table.table(saved=True))
+        return profile if word == CURRENT else None
 
     def _distance(self, dataset: int, found: ProfileData) -> str:
         """The distance of a tile, within < > where it is the one of several that n and p go on from."""

@@ -12,7 +12,9 @@ from textual.binding import Binding
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
 from lidarcheck.session.edited_lut import EditedLut
+from lidarcheck.tui.plots.plot import PLOT_WORDS
 from lidarcheck.tui.screens.blooming.edit_actions import EditActions
+from lidarcheck.tui.screens.blooming.hand import connect
 from lidarcheck.tui.screens.blooming.panes import TILES
 from lidarcheck.tui.screens.blooming.plots import DEBOUNCE_S, BloomingPlots
 from lidarcheck.tui.screens.blooming.selection import Selection
@@ -40,11 +42,14 @@ class Blooming(EditActions):
         "the settings of each distance for this model's variant and this table's direction, and back; they are edited "
         "by the same keys, and have their own undo and save. '<- here' stands at those that say where the target of "
         "the distance shown is.",
-        "curve": "The curve of the table on a log scale: the table as it is edited, as the disk has it, and the "
-        "cursor.",
+        "curve": "The curve of the table over X, even in its symmetric logarithm, so that near rows stand apart as "
+        "far ones do: the table as it is edited (now), as the disk has it (saved), what a fit proposes (wanted), and "
+        "the row of the table's cursor in reverse. " + PLOT_WORDS + " Enter goes to the row under the readout; with "
+        "the mouse a point is dragged up and down.",
         "profile": "What was measured over the offset from the target, and what is expected, without noise, "
         "with the table as it is edited. It follows an edit by itself. n and p go to the next and previous distance, "
-        "v to the next feature. From 150 columns on up to three distances stand side by side, and < > is about the "
+        "v to the next feature. The strip below says how far real and now are apart. " + PLOT_WORDS + " Enter names "
+        "the beams. From 150 columns on up to three distances stand side by side, and < > is about the "
         "one that n and p go on from. V shows all four features of one distance, and goes back.",
     }
     WORDS |= dict.fromkeys(TILES, WORDS["profile"])
@@ -70,6 +75,7 @@ class Blooming(EditActions):
         self.set_interval(2.0, self._look_at_disk)
         for pane in (self.curve_pane(), *self.all_tiles()):
             pane.when_resized = self.plots.later
+        connect(self, self.plots, self.table, self.draw)
         self._lay_out()
 
     def on_resize(self, _event: events.Resize) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,21 +14,15 @@ if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page, Table
 
 __all__ = [
-    "LEAST_HEIGHT",
-    "LEAST_WIDTH",
-    "figure_lines",
     "job_line",
     "name_room",
     "no_page_lines",
     "note_lines",
-    "room_for",
     "together",
     "word_lines",
 ]
 
 _NAME = (20, 34)
-LEAST_WIDTH, LEAST_HEIGHT = 40, 10
-"""What a figure needs to be read."""
 
 
 def name_room(jobs: Sequence[Job]) -> int:
@@ -103,43 +96,6 @@ def _row(table: Table, cells: Sequence[str], part: Sequence[int], widths: Sequen
     return "  ".join(texts).rstrip()
 
 
-def room_for(room: tuple[int, int], most: int) -> int:
-    """How many figures, up to so many, can be seen at once in `room` (columns, rows)."""
-    return max(min(room[0] // LEAST_WIDTH * max(room[1] // LEAST_HEIGHT, 1), most), 1)
-
-
 def together(figures: Sequence[Figure], most: int) -> list[tuple[Figure, ...]]:
     """Figures in groups of at most so many."""
     return [tuple(figures[i : i + most]) for i in range(0, len(figures), most)]
-
-
-def figure_lines(figures: Sequence[tuple[Figure, str]], room: tuple[int, int]) -> list[Line]:
-    """Figures, each with the kind it is drawn as, beside and below each other in `room` (columns, rows).
-
-    None is smaller than can be read: what has no room is below, to be scrolled to.
-    """
-    from lidarcheck.figures.terminal import figure_text
-
-    if not figures or room[0] <= 0 or room[1] <= 0:
-        return []
-    beside = max(min(len(figures), room[0] // LEAST_WIDTH), 1)
-    width = max(room[0] // beside - 1, LEAST_WIDTH)
-    height = max(room[1] // math.ceil(len(figures) / beside), LEAST_HEIGHT)
-    lines: list[Line] = []
-    for start in range(0, len(figures), beside):
-        drawn = [
-            figure_text(figure, kind=kind, width=width, height=height).splitlines()
-            for figure, kind in figures[start : start + beside]
-        ]
-        column = room[0] // beside if beside > 1 else width
-        for y in range(height):
-            texts = [_fitted(text[y] if y < len(text) else "", column) for text in drawn]
-            lines.append(line("".join(texts).rstrip()))
-    return lines
-
-
-def _fitted(text: str, column: int) -> str:
-    """A line of a figure in its column: a head that fills it gives up a blank, not to touch the next one."""
-    if len(text) >= column and text[-1:] not in "│┐┘":
-        text = text.replace("  ", " ", 1)
-    return text.ljust(column)

@@ -13,9 +13,9 @@ from textual.containers import Horizontal
 from lidarcheck.session.model_choice import NONE, model_after
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.job import Computed, Job
+from lidarcheck.tui.plots.board import PlotBoard
 from lidarcheck.tui.screens.pages.export import Export, Exports
 from lidarcheck.tui.screens.pages.lines import (
-    figure_lines,
     job_line,
     name_room,
     no_page_lines,
@@ -46,9 +46,9 @@ class PageView(PageWork):
     PageView #jobs { height: 5; }
     PageView #words { display: none; }
     PageView.words #words { display: block; }
-    PageView.words #figures { display: none; }
+    PageView.words #board { display: none; }
     PageView.wide #words { display: block; width: 64; }
-    PageView.wide #figures { display: block; }
+    PageView.wide #board { display: block; }
     """
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class PageView(PageWork):
         figures = groups[self.turned]
         families = [kinds_of(figure) or ("histogram",) for figure in figures]
         kinds = [self.kind_of.get(family[0], family[0]) for family in families]
-        return f"Figures {self.turned + 1} of {len(groups)}", list(zip(figures, kinds, strict=True))
+        return f"{self.turned + 1}/{len(groups)}" if len(groups) > 1 else "", list(zip(figures, kinds, strict=True))
 
     def waited_for(self) -> str:
         """What is being written is written to its end."""
@@ -100,12 +100,21 @@ class PageView(PageWork):
         yield Lines("Measurements", label="m", id="jobs")
         with Horizontal():
             yield Lines("Words", label="w", id="words")
-            yield Lines("Figures", label="f", id="figures")
+            yield PlotBoard()
+
+    @property
+    def board(self) -> PlotBoard:
+        """The panes of the figures."""
+        return self.query_one(PlotBoard)
+
+    def panes(self) -> list[Lines]:
+        """Those that can have the focus, without figures' panes that are empty."""
+        return [pane for pane in super().panes() if pane.display]
 
     def on_mount(self) -> None:
         """Figures are drawn for the room that there is."""
-        for name in ("words", "figures"):
-            self.query_one(f"#{name}", Lines).when_resized = self._draw_page
+        self.query_one("#words", Lines).when_resized = self.board.when_resized = self._draw_page
+        self.board.when_said = self.say
 
     def on_resize(self, event: events.Resize) -> None:
         """Words and figures side by side, or one of them."""
@@ -195,20 +204,19 @@ class PageView(PageWork):
         made, job = self.made, self.job
         if not self.size.width:
             return  # another screen is seen
-        words, figures = self.query_one("#words", Lines), self.query_one("#figures", Lines)
+        words, board = self.query_one("#words", Lines), self.board
         # A pane that is not seen is made ready for the place that it will have.
         width = (words.size.width or self.size.width) - 1
         if made is None or job is None:
             words.show(self._no_page(width), title="Words")
-            figures.show(self._no_page((figures.size.width or self.size.width) - 1), title="Figures")
+            board.show_lines(self._no_page((board.size.width or self.size.width) - 1), "Figures")
             return
         lines = note_lines(job, width) + word_lines(made.page, max(width, 20), self.host.inside)
         state = self.state
         words.show(lines, title=f"{job.name}: {made.page.title}", state=state)
-        if figures.size.width:
+        if board.size.width:
             title, drawn = self.shown(made.page)
-            shown = figure_lines(drawn, (figures.size.width, figures.rows))
-            figures.show(shown, title=f"{job.name}: {title}", state=state)
+            board.show_figures(drawn, title, state)
 
     def _job_line(self, number: int, job: Job) -> Line:
         return job_line(job, self.known(job)[0], self.fault_of(job), number == self.at, name_room(self.listed))
@@ -236,9 +244,9 @@ class PageView(PageWork):
 
     def action_move(self, key: str) -> None:
         """The cursor in the list; in the other panes the keys scroll."""
-        for name in ("words", "figures"):
-            if self.query_one(f"#{name}", Lines).has_focus:
-                self.query_one(f"#{name}", Lines).scroll_by_key(key)
+        for pane in (self.query_one("#words", Lines), *self.board.tiles()):
+            if pane.has_focus:
+                pane.scroll_by_key(key)
                 return
         before, self.at = self.at, cursor_after(key, self.at, len(self.listed), PAGE_ROWS)
         if self.at != before:
@@ -259,6 +267,7 @@ class PageView(PageWork):
             self.say("there are no other figures")
         else:
             self.turned = (self.turned + by) % count
+            self.say(f"figures {self.turned + 1} of {count}")
             self.draw()
 
     def action_kind(self) -> None:
@@ -280,7 +289,7 @@ class PageView(PageWork):
     def action_words(self) -> None:
         """Words instead of figures, or figures again."""
         self.toggle_class("words")
-        shown = self.query_one("#words" if self.has_class("words") else "#figures", Lines)
+        shown = self.query_one("#words", Lines) if self.has_class("words") else self.board.tiles()[0]
         self.call_after_refresh(self.draw)
         shown.focus()
 

@@ -1,0 +1,85 @@
+"""What the plots of Blooming show: the curve of a table, and a profile, real against expected, with what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lidarcheck.figures.pages.blooming_courses import profile_course, profile_curve, table_course
+from lidarcheck.tui.plots.chart import Chart, Form, Strip, Trace
+from lidarcheck.tui.plots.colours import PlotRole
+
+if TYPE_CHECKING:
+    from lidarcheck.calibration.blooming.cells import Profile
+    from lidarcheck.formats.lut import Axis, LutTable
+
+__all__ = ["NOW", "REAL", "SAVED", "WANTED", "curve_chart", "profile_chart"]
+
+REAL, NOW, SAVED, WANTED = "real", "now", "saved", "wanted"
+_FORMS: Mapping[str, tuple[PlotRole, Form]] = {
+    REAL: ("real", "solid"), NOW: ("now", "open"), SAVED: ("saved", "dots"), WANTED: ("wanted", "dashes"),
+}  # fmt: skip
+_REACHES = (1.05, 1.1, 1.2, 1.5, 2.0, 5.0, 10.0, 100.0)
+_FAR = 0.5
+"""What is further off than this part of the strip's reach is marked with `!`."""
+
+
+def curve_chart(tables: Mapping[str, LutTable], axis: Axis, at: int) -> Chart:
+    """Tables by name, that which is edited first (`NOW`), over X: even in its symmetric logarithm, with its own values
+    as ticks, so that near rows stand apart as far ones do. `at`: the row under the cursor.
+    """
+    course = table_course("Curve", axis, ())
+    traces = tuple(Trace(name, table.x, table.y, *_FORMS[name]) for name, table in tables.items())
+    return Chart(
+        ("curve", axis), course.title, course.x_label, "", traces, "symlog", "log",
+        own_ticks=True, at=(0, at), drag=0,
+    )  # fmt: skip
+
+
+def profile_chart(feature: str, sides: Mapping[str, Profile], where: str, axis: Axis, key: Hashable) -> Chart:
+    """A feature of the sides, `REAL` first, over the offset; below it how far `REAL` and `NOW` are apart.
+
+    `where`: at which distance.
+    """
+    course = profile_course("", feature, axis, ())
+    traces = []
+    for name, side in sides.items():
+        curve = profile_curve(name, side, feature)
+        traces.append(Trace(name, curve.x, curve.y, *_FORMS[name]))
+    chart = Chart(
+        ("profile", key, feature), f"{where} {course.y_label}", course.x_label, "", tuple(traces),
+        y_scale="log" if course.log_y else "lin", compared="difference",
+    )  # fmt: skip
+    return replace(chart, strip=_left_over(chart)) if {REAL, NOW} <= set(sides) else chart
+
+
+def _left_over(chart: Chart) -> Strip | None:
+    """Real over expected where a feature is seen on a logarithmic axis, else real minus expected."""
+    by_name = {trace.name: trace for trace in chart.traces}
+    real, now = by_name[REAL], by_name[NOW]
+    x, at, other = np.intersect1d(np.round(real.x, 6), np.round(now.x, 6), return_indices=True)
+    measured, expected = real.y[at], now.y[other]
+    known = np.isfinite(measured) & np.isfinite(expected)
+    if not known.any():
+        return None
+    if chart.y_scale == "log":
+        known &= (measured > 0.0) & (expected > 0.0)
+        ratio = np.divide(measured, expected, out=np.full(len(x), np.nan), where=known)
+        off = np.log(ratio, out=np.full(len(x), np.nan), where=known)
+        most = float(np.exp(np.nanmax(np.abs(off)))) if known.any() else 1.0
+        reach = next((one for one in _REACHES if one >= most), _REACHES[-1])
+        words = f"real / now, rms {100.0 * _rms(off):.3g} %"
+        return Strip(words, x, ratio, np.abs(off) > _FAR * np.log(reach), "log", reach, "x")
+    off = np.where(known, measured - expected, np.nan)
+    most = float(np.nanmax(np.abs(off)))
+    reach = 10.0 ** np.ceil(np.log10(most)) if most > 0.0 else 1.0
+    reach = next(part * reach for part in (0.2, 0.5, 1.0) if part * reach >= most)
+    words = f"real - now, rms {_rms(off):.3g}"
+    return Strip(words, x, off, np.abs(off) > _FAR * reach, "lin", float(reach))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
