@@ -22,7 +22,7 @@ def tui(
     /,
     *,
     screen: Annotated[
-        Literal["overview", "histograms", "noise", "blooming", "ghosts", "scenes", "explain", "goldens"] | None,
+        Literal["overview", "histograms", "noise", "blooming", "ghosts", "cloud", "explain", "goldens"] | None,
         Parameter(help="The screen to begin with; by default the last one."),
     ] = None,
     theme: Annotated[

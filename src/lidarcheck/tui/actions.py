@@ -28,7 +28,7 @@ SCREENS = {
     "noise": Place("Noise", "f4", "N", "Noise", "range noise, detection and walk on panels", "panels", "panels"),
     "blooming": Place("Blooming", "f5", "B", "Bloom", "blooming tables and profiles", "bloom show", "profiles"),
     "ghosts": Place("Ghosts", "f6", "G", "Ghosts", "signs and their ghosts, step by step", "ghosts find", "ghosts"),
-    "scenes": Place("Scenes", "f7", "S", "Scenes", "whole frames, measured and simulated", "scenes compare", "measured"),
+    "cloud": Place("Cloud", "f7", "C", "Cloud", "vehicles and frames as points, real and simulated", "vehicles merge", "beside"),
     "explain": Place("Explain", "f8", "E", "Explain", "which effect a model lacks", "explain", "model"),
     "goldens": Place("Goldens", "f9", "D", "Goldens", "what is proposed for the goldens", "review", "goldens"),
 }  # fmt: skip
@@ -156,11 +156,32 @@ ACTIONS: tuple[Action, ...] = (
     Action("model", "ghosts", ("m",), "Model", "the next model of the project, or none", "model", "ghosts find", "--model"),
     Action("least", "ghosts", ("i",), "", "the least AREA (or INTENSITY, ...) of a sign's echo; 0: by the sensor", "least", "ghosts find", "--bright"),
     Action("strip", "ghosts", ("d",), "PCD", "write what is left as PCD; of a fit, the model with the effect", "strip", "ghosts find", "stripped"),
-    # Scenes
-    *page_actions("scenes", "scenes compare", "measured frames"),
-    Action("model", "scenes", ("m",), "Model", "the next model to simulate with", "next_model", "scenes compare", "--model"),
-    Action("effects", "scenes", ("f",), "Effects", "switch effects of the model, and others, on and off", "effects", "scenes compare", "--effects"),
-    Action("all effects", "scenes", ("d",), "", "the model's own effects again, and no others", "own_effects", "scenes compare", "--without"),
+    # Cloud
+    Action("cursor", "cloud", ("up", "down"), "", "the cursor a row up, down; in the maps the list; also Page Up, Page Down, Home, End", "", reason=_MOVE),
+    Action("cursor left", "cloud", ("left", "h"), "", "the cursor a column to the left; in the maps the figures before", "across(-1)", reason=_MOVE),
+    Action("cursor right", "cloud", ("right", "l"), "", "the cursor a column to the right; in the maps the next figures", "across(1)", reason=_MOVE),
+    Action("compute", "cloud", ("r",), "", "compute what is seen: the clouds, or the comparison", "compute", "scenes compare", "measured frames"),
+    Action("beams", "cloud", ("enter",), "", "name the beams under the cursor", "beams", reason=_MOVE),
+    Action("stop", "cloud", ("x", "escape"), "", "stop what is computed", "stop", reason=_STOP),
+    Action("view", "cloud", ("v",), "View", "from above, behind, the side; merged; the whole frame; maps of where they disagree", "kind", "vehicles merge", "--plot"),
+    Action("nearer", "cloud", ("plus", "equals_sign"), "Zoom", "twice as near, about the cursor; - twice as far", "zoom(2)", reason=_PLACE),
+    Action("farther", "cloud", ("minus",), "", "twice as far", "zoom(0.5)", reason=_PLACE),
+    Action("fit", "cloud", ("0",), "Fit", "show all again", "fit", reason=_PLACE),
+    Action("over", "cloud", ("b",), "Over", "one side over the other, or beside it", "over", "vehicles merge", "beside"),
+    Action("write cloud", "cloud", ("w",), "Write", "write both sides as one cloud (PCD); in the maps the pane's text", "write_cloud", "vehicles merge", "--out"),
+    Action("next measurement", "cloud", ("n",), "Next", "the next measurement", "turn(1)", "vehicles merge", "REAL"),
+    Action("measurement before", "cloud", ("p",), "", "the measurement before", "turn(-1)", "vehicles merge", "REAL"),
+    Action("forward", "cloud", ("right_square_bracket",), "", "merged: the simulated vehicle 0.25 m forward (X)", "nudge(1, 0)", "vehicles merge", "--x"),
+    Action("backward", "cloud", ("left_square_bracket",), "", "merged: 0.25 m backward (X)", "nudge(-1, 0)", "vehicles merge", "--x"),
+    Action("to the left", "cloud", ("right_curly_bracket",), "", "merged: 0.25 m to the left (Y)", "nudge(0, 1)", "vehicles merge", "--y"),
+    Action("to the right", "cloud", ("left_curly_bracket",), "", "merged: 0.25 m to the right (Y)", "nudge(0, -1)", "vehicles merge", "--y"),
+    Action("suggested", "cloud", ("s",), "", "merged: the offset that the vehicle's size suggests", "suggested", "vehicles merge", "suggested"),
+    Action("model", "cloud", ("m",), "", "the next model to simulate with", "next_model", "scenes compare", "--model"),
+    Action("effects", "cloud", ("f",), "", "switch effects of the model, and others, on and off", "effects", "scenes compare", "--effects"),
+    Action("all effects", "cloud", ("d",), "", "the model's own effects again, and no others", "own_effects", "scenes compare", "--without"),
+    Action("words", "cloud", ("t",), "", "maps: words and tables of the comparison, or its figures", "words", "scenes compare", "--json"),
+    Action("export", "cloud", ("e",), "", "maps: write the comparison's page, numbers and pictures to a directory", "export", "scenes compare", "--out"),
+    Action("look again", "cloud", ("ctrl+r", "R"), "", "look at the project's files again", "look_again", "info", "what is in it"),
     # Explain
     Action("move", "explain", ("up", "down"), "", "the case above, below, or the text up and down; also Page Up, Page Down, Home, End", "", reason=_MOVE),
     Action("explain", "explain", ("r", "enter"), "Run", "explain the case under the cursor; goes on where it was stopped", "explain", "explain", "CASE"),
@@ -198,6 +219,7 @@ def command_of(screen: str) -> str:
 
 _KEY_NAMES = {
     "plus": "+", "minus": "-", "equals_sign": "=", "right_square_bracket": "]", "left_square_bracket": "[",
+    "left_curly_bracket": "{", "right_curly_bracket": "}",
     "escape": "Esc", "pagedown": "PgDn", "pageup": "PgUp",
 }  # fmt: skip
 

@@ -16,8 +16,9 @@ from lidarcheck.calibration.vehicles.kinds import VehicleKind, suggested_offset
 from lidarcheck.errors import InputError
 from lidarcheck.formats.scans import SCAN_COLUMNS
 from lidarcheck.formats.table import Table as Columns
+from lidarcheck.scan import Scan
 
-__all__ = ["MARK", "Merged", "Placed", "merge_vehicles", "place_vehicles"]
+__all__ = ["MARK", "Merged", "Placed", "merge_frames", "merge_vehicles", "place_vehicles"]
 
 MARK = "Simulated"
 """The column that tells the two apart: 0 for the real points, 1 for the simulated ones."""
@@ -93,7 +94,7 @@ def merge_vehicles(
     placed = place_vehicles(real, simulated, vehicle, x_m=x_m, y_m=y_m)
     one, moved, aligned = real.xyz_m, placed.moved_m, placed.aligned_m
     offset, suggested = placed.offset_m, placed.suggested_m
-    columns, filled = _columns(real, simulated, files)
+    columns, filled = _columns(real.scan, simulated.scan, files)
     for i, name in enumerate("XYZ"):
         columns[name] = np.concatenate([one[:, i], moved[:, i]])
     columns[MARK] = np.repeat(np.array([0, 1], dtype=np.int32), [len(one), len(moved)])
@@ -111,14 +112,21 @@ def merge_vehicles(
     )  # fmt: skip
 
 
+def merge_frames(real: Scan, simulated: Scan, files: tuple[str, str] = ("", "")) -> Columns:
+    """Two whole frames in one table, each point where it is; `Simulated` tells them apart as in merged vehicles."""
+    columns, _ = _columns(real, simulated, files)
+    columns[MARK] = np.repeat(np.array([0, 1], dtype=np.int32), [len(real), len(simulated)])
+    return Columns(columns)
+
+
 def _overlap(one: FloatArray, other: FloatArray) -> bool:
     low, high = np.maximum(one.min(axis=0), other.min(axis=0)), np.minimum(one.max(axis=0), other.max(axis=0))
     return bool(np.all(low[:2] < high[:2]))
 
 
-def _columns(real: Cut, simulated: Cut, files: tuple[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+def _columns(real: Scan, simulated: Scan, files: tuple[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
     """All columns of both scans; those that only one has are 0 for the other, and said."""
-    sides = (real.scan, simulated.scan)
+    sides = (real, simulated)
     own: list[dict[str, Any]] = []
     for scan, file in zip(sides, files, strict=True):
         lacking = set(scan.defaulted) - {"X", "Y", "Z"}

@@ -15,7 +15,7 @@ _LATER = {
     "Noise": "noise",
     "Blooming": "blooming.screen",
     "Ghosts": "ghosts",
-    "Scenes": "scenes",
+    "Cloud": "cloud.screen",
     "Explain": "explain.screen",
     "Goldens": "goldens.screen",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.model_choice import NONE, chosen_model, suits, which_model
@@ -12,7 +12,6 @@ from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.scenes import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.pages.lines import together
 from lidarcheck.tui.screens.pages.screen import PageView
-from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.choose import Choose
 
 if TYPE_CHECKING:
@@ -24,9 +23,12 @@ _AT_ONCE = 4
 
 
 class Scenes(PageView):
-    """`effects`: of each model, by its name, what was switched on and off; kept for the next start."""
+    """The part of Cloud that compares whole frames.
 
-    NAME = "scenes"
+    `effects`: of each model, by its name, what was switched on and off; kept for the next start.
+    """
+
+    NAME = "cloud"
     EMPTY = (
         "no frame was measured here: that takes scans, as real_street.pcd, and for each the ideal scan of the same "
         "frame, ideal_street.pcd or real_street_ideal.pcd, and a model"
@@ -41,7 +43,6 @@ class Scenes(PageView):
         "words": "The disagreements, the largest first; overlap and Chamfer distance beside those of two simulations; "
         "the distances of the distributions; each object; each sector.",
     }
-    BINDINGS: ClassVar[list[Any]] = [*bindings("scenes"), *MOVES]
 
     def jobs(self) -> list[Job]:
         """A job for each measured frame, with the model and the effects that are chosen for its variant."""

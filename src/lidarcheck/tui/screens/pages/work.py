@@ -60,7 +60,10 @@ class PageWork(View):
 
     def action_compute(self) -> None:
         """Compute what is under the cursor, beside the interface."""
-        job = self.job
+        self.compute(self.job)
+
+    def compute(self, job: Job | None) -> None:
+        """Compute something beside the interface, unless it cannot be, or is known."""
         if job is None:
             self.say("there is nothing to compute here")
         elif job.fault:
