@@ -16,7 +16,7 @@ from lidarcheck.harness.reports.results import CheckReport, KpiResult, ScenarioR
 from lidarcheck.model import load_model
 from lidarcheck.model.files.model_file import save_model
 from lidarcheck.session.own_files import content_hash
-from lidarcheck.tui.jobs import ghosts, noise, scenes, vehicles
+from lidarcheck.tui.jobs import clouds, ghosts, noise, scenes, vehicles
 from lidarcheck.tui.jobs.explain_cases import results_directory
 from lidarcheck.tui.jobs.job import Computed
 from scenario_texts import surface
@@ -103,7 +103,8 @@ def cheap(monkeypatch, runs):
         return lambda _what, given, *_more, **_: page(name, getattr(given, "model", given), kind)
 
     monkeypatch.setattr(vehicles, "_compare", lambda _labels, _used, _files, model, *_: page("histograms", model))
-    monkeypatch.setattr(scenes, "_compare", lambda _m, _ideal, model, _effects, _told: page("scenes", model))
+    monkeypatch.setattr(scenes, "_compare", lambda _m, _ideal, model, _effects, _told: page("cloud", model))
+    monkeypatch.setattr(clouds, "_clouds", lambda _entry, source, _told: page("points", source.model))
     monkeypatch.setattr(noise, "_page", one("noise", noise.NoisePage))
     monkeypatch.setattr(ghosts, "_find_page", one("ghosts", ghosts.GhostPage))
     monkeypatch.setattr(ghosts, "_fit_page", one("ghosts", ghosts.GhostPage))

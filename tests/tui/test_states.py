@@ -11,8 +11,8 @@ from lidarcheck.tui.screens.pages.screen import PageView
 from states_kit import ROW, cheap, check, make_stateful
 from tui_kit import drive, misses, on_blooming, scaled, sees, text_of, until
 
-PAGES = {"histograms": "f3", "noise": "f4", "ghosts": "f6", "scenes": "f7"}
-JOBS = {"noise": "hall_SLIM/frame", "ghosts": "signs_SLIM/1_25m.txt", "scenes": "car_20m_SLIM_real.txt"}
+PAGES = {"histograms": "f3", "noise": "f4", "ghosts": "f6", "cloud": "f7"}
+JOBS = {"noise": "hall_SLIM/frame", "ghosts": "signs_SLIM/1_25m.txt", "cloud": "car_20m_SLIM_real.txt"}
 """What is looked at where a screen lists more."""
 ALL = {"overview": "f2", **PAGES, "blooming": "f5", "explain": "f8", "goldens": "f9"}
 
@@ -38,6 +38,8 @@ def view_of(app, name):
 async def go(app, pilot, name):
     await pilot.press(ALL[name])
     await until(pilot, lambda: name == app.view.NAME)
+    if name == "cloud":
+        app.view.show_maps(True)
     return app.view
 
 

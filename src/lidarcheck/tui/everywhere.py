@@ -170,6 +170,8 @@ class Everywhere(App[int]):
 
     def action_write(self) -> None:
         """To a file, whose name is asked for."""
+        if self.view.write_own():
+            return
         pane = self._pane()
         ask = AskText("Write this pane to which new file?", f"{pane.id}.txt")
         self.ask(ask, lambda name: self._write(pane, name))

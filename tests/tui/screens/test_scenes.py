@@ -1,4 +1,4 @@
-"""Scenes, driven by keys on a small bench: measured frames beside a model's, with its effects on and off."""
+"""The maps of Cloud, driven by keys on a small bench: measured frames beside a model's, with its effects on and off."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from lidarcheck.model import load_model
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.scenes import Effects, offers_of
-from lidarcheck.tui.screens.scenes import Scenes
+from lidarcheck.tui.screens.cloud.screen import Cloud
 from lidarcheck.tui.widgets.choose import Choose
 from lidarcheck.tui.widgets.lines import Lines
 from tui_kit import apart_from_key, as_stored, drive, says, sees, text_of, until
@@ -34,10 +34,12 @@ def inside(bench, monkeypatch):
 
 def scenes(project, do, size=(80, 24)):
     async def on_it(app, pilot):
-        await until(pilot, lambda: isinstance(app.view, Scenes) and app.view.listed)
+        await until(pilot, lambda: isinstance(app.view, Cloud) and app.view.listed)
+        app.view.show_maps(True)
+        await until(pilot, lambda: app.focused is app.view.query_one("#jobs"))
         await do(app, pilot, app.view)
 
-    drive(LidarcheckApp(project, screen="scenes"), on_it, size)
+    drive(LidarcheckApp(project, screen="cloud"), on_it, size)
 
 
 async def computed(pilot, view):
@@ -81,11 +83,11 @@ def test_where_it_disagrees_comes_first(bench):
         await says(app, pilot, "disagree in one place; most: 100 % fewer echoes in layer 240")
         await sees(app, pilot, "Echoes, measured minus simulated")
         await sees(app, pilot, "AREA, measured over simulated")
-        await pilot.press("n")
+        await pilot.press("right")
         await sees(app, pilot, "Range, measured minus simulated")
-        await pilot.press("n")
+        await pilot.press("right")
         await sees(app, pilot, "Where they disagree most: from above")
-        await pilot.press("n")
+        await pilot.press("right")
         await sees(app, pilot, "Beams with an echo from their surface")
         words = shown(view, "words")
         order = [words.index(part) for part in ("1. 100 % fewer", "Chamfer", "By object", "By sector", "azimuth [deg]")]
@@ -240,7 +242,7 @@ def test_a_project_without_models_or_frames_says_so(tmp_path, bench):
 
     scenes(bench, without)
     (tmp_path / "empty").mkdir()
-    drive(LidarcheckApp(tmp_path / "empty", screen="scenes"), empty)
+    drive(LidarcheckApp(tmp_path / "empty", screen="cloud"), empty)
 
 
 def test_any_size_down_to_one_by_one(bench):
@@ -248,10 +250,10 @@ def test_any_size_down_to_one_by_one(bench):
         await computed(pilot, view)
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
-            await pilot.press("n", "t", "f", "down", "space", "escape")
+            await pilot.press("right", "t", "f", "down", "space", "escape")
             await pilot.pause()
         await sees(app, pilot, "F1 Help")
-        await until(pilot, lambda: "Scenes" in text_of(app))
+        await until(pilot, lambda: "F7 Cloud" in text_of(app))
 
     scenes(bench, do)
 

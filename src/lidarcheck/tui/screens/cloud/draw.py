@@ -66,8 +66,7 @@ class CloudPanes(Scenes):
 
     def _is_model_chosen(self) -> bool:
         """Whether a model was chosen by hand, which goes before simulated files."""
-        kept = self.host.state.selected
-        wanted = kept.get("model", "") or kept.get(f"scenes {self._variant_here()}", "")
+        wanted = self.host.choice.of("model")
         return any(wanted == entry.name for entry in self.host.project.of("model"))
 
     def _variant_here(self) -> str:
@@ -143,14 +142,14 @@ class CloudPanes(Scenes):
         cursor = self.lens.cursor(self.measured, view, seen)
         over = self.is_over and points.simulated_m is not None
         moved = self._moved_words(clouds) if view.merged else ""
-        title = f"{'Both' if over else 'Real'}, {view.words}{moved}  {len(points.real_m)} echoes"
+        title = f"{'Both' if over else 'Real'} {len(points.real_m)}, {view.words}{moved}"
         title += f"  {self.measured}" if first else ""
         real.show(seen.lines("over" if over else "real", cursor), title=title, state=state)
         if points.simulated_m is None:
             words = wrapped(f"none: {self.host.inside(clouds.lacking)}", simulated.size.width - 1, "bad")
             simulated.show(words, title="Simulated", state="none")
         elif not over:
-            title = f"Simulated  {len(points.simulated_m)} echoes"
+            title = f"Simulated {len(points.simulated_m)}, {view.words}"
             simulated.show(seen.lines("simulated", cursor), title=title, state=state)
         if first:
             self._draw_where(clouds, seen, view, state)

@@ -177,12 +177,12 @@ class Cloud(CloudPanes):
         views = views_of(self.clouds)
         if self.maps or self.at_view + 1 < len(views):
             self.at_view = 0 if self.maps else self.at_view + 1
-            self._show(maps=False)
+            self.show_maps(False)
         else:
-            self._show(maps=True)
+            self.show_maps(True)
         self.say("maps of where they disagree" if self.maps else f"seen: {self.view_now.words}")
 
-    def _show(self, *, maps: bool) -> None:
+    def show_maps(self, maps: bool) -> None:
         """The page of the comparison, or the clouds."""
         self.maps = maps
         self.set_class(maps, "maps")
@@ -193,7 +193,7 @@ class Cloud(CloudPanes):
     def action_over(self) -> None:
         """One side over the other, or beside each other again."""
         self.over = not self.over
-        self._show(maps=self.maps)
+        self.show_maps(self.maps)
 
     def action_turn(self, by: int) -> None:
         """Another measurement."""
@@ -203,8 +203,20 @@ class Cloud(CloudPanes):
         self.at = (self.at + by) % len(self.listed)
         self.turned = 0
         self.host.state.selected[self.NAME] = self.listed[self.at].name
+        self.choose_measured()
         self.draw()
         self.renew()
+
+    def choice_changed(self) -> None:
+        """Another measurement, or another model."""
+        super().choice_changed()
+        self.renew()
+
+    def project_changed(self) -> None:
+        """The files may be others."""
+        super().project_changed()
+        if self.is_mounted:
+            self.renew()
 
     # One cloud of both
 
@@ -227,9 +239,11 @@ class Cloud(CloudPanes):
         self.offsets.pop(self.measured, None)
         self.draw_clouds()
 
-    def action_write_cloud(self) -> None:
-        """Both sides as one cloud, as `vehicles merge` writes it."""
+    def write_own(self) -> bool:
+        """Both sides as one cloud, as `vehicles merge` writes it; the maps are text."""
         clouds, job = self.clouds, self.cloud
+        if self.maps:
+            return False
         if clouds is None or job is None:
             self.say("r computes it first")
         elif clouds.simulated is None:
@@ -239,3 +253,4 @@ class Cloud(CloudPanes):
             name = merged_name(clouds, self.measured, self._variant_here())
             write = partial(write_merged, clouds, self._offset())
             self.exports.ask_file(f"Write {what}, as one cloud, to which file?", name, write, job)
+        return True

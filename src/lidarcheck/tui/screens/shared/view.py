@@ -71,6 +71,10 @@ class View(Vertical):
     def closing(self) -> None:
         """The app ends."""
 
+    def write_own(self) -> bool:
+        """Write what is seen in a form of its own; False where the text of its panes is all there is."""
+        return False
+
     def unsaved(self) -> int:
         """How many rows are edited and not saved."""
         return 0
