@@ -18,7 +18,9 @@ CAR = "car_16m_SMART_real.pcd"
 
 @pytest.fixture
 def bench(tmp_path):
-    return make_bench(tmp_path / "bench")
+    root = make_bench(tmp_path / "bench")
+    (root / "scenes/real_street.pcd").rename(root / "scenes/SMART_real_street.pcd")
+    return root
 
 
 def cloud(project, do, size=(80, 24)):
@@ -115,13 +117,13 @@ def test_frames_without_a_partner_a_vehicle_or_a_sound_file_say_why(bench):
         await pilot.press("w")
         await says(app, pilot, "there is nothing to merge with: no ideal scan is named like it")
         # A frame without a vehicle.
-        await at_measurement(pilot, view, "scenes/real_street.pcd")
+        await at_measurement(pilot, view, "scenes/SMART_real_street.pcd")
         await sees(app, pilot, "no vehicle is named by the file")
         # Two views below each other where there is room.
         await pilot.resize_terminal(120, 36)
         await sees(app, pilot, ", frame from behind")
         await pilot.press("w")
-        await sees(app, pilot, "real_street_merged.pcd")
+        await sees(app, pilot, "SMART_real_street_merged.pcd")
         await pilot.press("enter")
         await says(app, pilot, "Simulated is 0 for the")
         faults = [job.name for job in view.listed if "empty" in job.name]
@@ -136,8 +138,8 @@ def test_frames_without_a_partner_a_vehicle_or_a_sound_file_say_why(bench):
             await pilot.press("v", "right", "plus", "b", "down", "n")
 
     cloud(bench, do)
-    table = read_table(bench / "real_street_merged.pcd").columns
-    real = read_table(bench / "scenes/real_street.pcd").columns
+    table = read_table(bench / "SMART_real_street_merged.pcd").columns
+    real = read_table(bench / "scenes/SMART_real_street.pcd").columns
     assert np.count_nonzero(table["Simulated"] == 0) == len(real["X"])
     np.testing.assert_allclose(table["X"][: len(real["X"])], real["X"], rtol=1e-6)
 
