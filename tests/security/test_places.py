@@ -197,6 +197,15 @@ def test_the_project_is_the_nearest_folder_with_a_mark(tmp_path):
     assert project_of(inner / "m.toml") == inner
 
 
+def test_what_lidarcheck_keeps_belongs_to_the_folder_that_it_lies_in(tmp_path):
+    kept = tmp_path / "bench/.lidarcheck/tui/runs/1/out"
+    kept.mkdir(parents=True)
+    assert project_of(kept / "model.toml") == tmp_path / "bench"
+    assert project_of(tmp_path / "bench/model.toml") == tmp_path / "bench"
+    (tmp_path / "scenarios").mkdir()
+    assert project_of(kept / "model.toml") == tmp_path
+
+
 def test_paths_within_are_as_they_were(tmp_path):
     (tmp_path / "case.toml").write_text("")
     (tmp_path / "real").mkdir()

@@ -190,11 +190,20 @@ def _read(path: Path) -> Run | None:
         found = json.loads(path.read_text(encoding="utf-8"))
         steps = tuple(tuple(str(word) for word in step) for step in found["steps"])
         takes = {str(name): str(value) for name, value in found["takes"].items()}
+        number, born = (int(one) for one in found["process"])
         ended, code = found["ended"], found["code"]
         return Run(
-            int(found["number"]), str(found["name"]), steps, str(found["makes"]), takes, float(found["started"]),
-            (int(found["process"][0]), int(found["process"][1])), None if ended is None else float(ended), None if code is None else int(code),
-            str(found["fault"]), found["taken"] is True,
-        )  # fmt: skip
+            number=int(found["number"]),
+            name=str(found["name"]),
+            steps=steps,
+            makes=str(found["makes"]),
+            takes=takes,
+            started=float(found["started"]),
+            process=(number, born),
+            ended=None if ended is None else float(ended),
+            code=None if code is None else int(code),
+            fault=str(found["fault"]),
+            taken=found["taken"] is True,
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None

@@ -15,14 +15,20 @@ from lidarcheck.trust.user_file import user_file, user_file_path
 
 __all__ = ["MARKS", "check_place", "is_permitted", "named_file", "own_place", "project_of"]
 
+_OWN = ".lidarcheck"
 MARKS = ("dataset.toml", "case.toml", "scenarios", ".git")
 """What the folder of a project holds; `scenarios` is a folder."""
 
 
 def project_of(file: str | os.PathLike[str]) -> Path:
-    """The project that a file belongs to: the nearest folder above with one of `MARKS`, else the file's own folder."""
+    """The project that a file belongs to: the nearest folder above with one of `MARKS`, else the file's own folder.
+
+    What lidarcheck keeps in a folder's `.lidarcheck` belongs to that folder.
+    """
     own = Path(os.path.abspath(file)).parent  # noqa: PTH100 - a link in the path is the user's own way to the file
-    return next((folder for folder in (own, *own.parents) if _is_project(folder)), own)
+    above = (own, *own.parents)
+    kept = next((folder.parent for folder in above if folder.name == _OWN), own)
+    return next((folder for folder in above if _is_project(folder)), kept)
 
 
 def _is_project(folder: Path) -> bool:
