@@ -10,6 +10,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -301,6 +302,8 @@ class LidarcheckApp(Everywhere):
 
 def run(root: Path, *, theme: str = "", screen: str = "", marks: str = "", mouse: bool = True) -> int:
     """Run the interface on a project until the user leaves; the exit code."""
+    # What starts processes keeps the terminal's stderr, which Textual takes away for as long as it runs.
+    resource_tracker.ensure_running()
     app = LidarcheckApp(root, theme=theme, screen=screen, marks=marks, worker=Worker())
     code = app.run(mouse=mouse)
     return app.return_code or 0 if code is None else code
