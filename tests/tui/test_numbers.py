@@ -124,10 +124,10 @@ def test_a_distance_chosen_on_one_screen_is_chosen_on_all(project):
         await sees(app, pilot, "157 m 2/2")
         assert app.choice.of("measurement") == "measured/sign_157m.csv"
         await pilot.press("f2")
-        await sees(app, pilot, "> profile measured..gn_157m")
+        await sees(app, pilot, "> profile sign_157m ")
         await pilot.press("p")
         await sees(app, pilot, "> profile measured/sign_69m ")
         await pilot.press("f5")
-        await sees(app, pilot, "69.0 m, 1/2 measured/sign_69m.c")
+        await sees(app, pilot, "[p] 69.0 m, 1/2")
 
     run(project, do)

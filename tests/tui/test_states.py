@@ -99,7 +99,7 @@ async def everything_computed(app, pilot):
         await pilot.press("r")
         await until(pilot, lambda view=view: view.state == CURRENT, lambda: text_of(app))
     view = await go(app, pilot, "overview")
-    await pilot.press("a")
+    await pilot.press("tab", "R")
     await until(pilot, lambda: view.runs.last and not view.running and view.states.get("one") == CURRENT)
     for name in ("explain", "goldens"):
         await go(app, pilot, name)
@@ -176,7 +176,7 @@ def test_verdicts_are_of_the_saved_model_until_it_is_saved_and_run_again(project
         await go(app, pilot, "overview")
         await until(pilot, lambda: view.states["one"] == f"{OLD}, a_lut.ini changed", lambda: view.states["one"])
         await misses(app, pilot, SAVED)
-        await pilot.press("home", "r")
+        await pilot.press("tab", "home", "r")
         await until(pilot, lambda: view.states["one"] == CURRENT, lambda: view.states["one"])
         holds(app)
         await misses(app, pilot, SAVED)

@@ -35,11 +35,13 @@ def chosen_model(project: Project, wanted: str, beside: Path, variant: str = "")
     """The model called `wanted`, if it can be meant for the variant; else the likely one; `beside`: the measurement's
     directory.
     """
-    models = project.of("model")
     if wanted == NONE:
         return None
+    models = project.of("model")
     named = next((entry for entry in models if entry.name == wanted and suits(entry, variant)), None)
-    return named or likely_model(models, beside, variant)
+    cases = {case.path.parent for case in project.of("case", sound=False)} - {beside}
+    free = [entry for entry in models if entry.path.parent not in cases]  # the others are those cases' own
+    return named or likely_model(free or models, beside, variant)
 
 
 def suits(model: Entry, variant: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.session.session import CURRENT
@@ -18,7 +18,7 @@ __all__ = ["Context", "context_line", "course_of", "number_text", "step_text", "
 
 BEFORE_FROM, COURSE_FROM = 100, 116
 """Columns from which on the number before stands in the line, and its course and the state."""
-_MOST_COURSE = 20
+_MOST_COURSE, _NARROW = 20, 79
 _LEVELS = ".-=#"
 
 
@@ -127,6 +127,10 @@ def _says_all(step: Step | None) -> bool:
     return step is not None and step.word not in ("better", "worse", "same")
 
 
+def _is_small(step: Step) -> bool:
+    return step.word.startswith("same")
+
+
 def _role(step: Step | None) -> Role:
     return "focus" if step is not None and step.is_said else "text"
 
@@ -150,7 +154,8 @@ def step_words(edit: str, known: Known, at: str, others: Sequence[tuple[str, Kno
 
     if known.state != CURRENT or known.step is None or known.number is None:
         return ""
-    steps = {at: known.step} | {name: one.step for name, one in others if one.state == CURRENT and one.step is not None}
+    found = {at: known.step} | {name: one.step for name, one in others if one.state == CURRENT and one.step is not None}
+    steps = {name: replace(step, word="same") if _is_small(step) else step for name, step in found.items()}
     waiting = [name for name, one in others if name not in steps]
     words = in_words(steps)
     if len(steps) == 1 and not waiting:
@@ -158,7 +163,8 @@ def step_words(edit: str, known: Known, at: str, others: Sequence[tuple[str, Kno
         took = f"{known.number.sample}, {known.number.seconds:.1f} s"
         values = f"{number_text(known.before)} -> {number_text(known.number)} sd at {at}, "
         return f"{edit}: {'' if _says_all(known.step) else values}{words}{beyond} ({took})"
-    numbers = f"{number_text(known.before)} -> {number_text(known.number)} sd at {at}"
     rest = f", not yet known at {' and '.join(waiting)}{f' ({pending})' if pending else ''}" if waiting else ""
-    words = words if len(words.split(" at ")) > 1 or len(steps) > 1 else f"{words} at {at}"
-    return f"{edit}: {numbers}; {words}{rest}"
+    everywhere = " everywhere" if not waiting else f" at {at}" if len(steps) == 1 else ""
+    said = f"{edit}: {words}{rest}" if " at " in words else f"{edit}: {words}{everywhere}{rest}"
+    numbers = f"; {number_text(known.before)} -> {number_text(known.number)} sd at {at}"
+    return said + numbers if len(said) + len(numbers) <= _NARROW and not _says_all(known.step) else said

@@ -16,6 +16,7 @@ def test_a_scenario_is_run_and_kept(project):
         await sees(app, pilot, "files with a fault")
         await sees(app, pilot, "bad_lut.ini")
         view = app.view
+        await pilot.press("tab")  # from the measurements to the scenarios
         names = [entry.path.stem for entry in view.entries()[:3]]
         assert names == ["background_SMART", "broken", "weak_targets_SLIM"]
         await pilot.press("r")
@@ -27,7 +28,7 @@ def test_a_scenario_is_run_and_kept(project):
         await pilot.press("f", "end", "r")
         await says(app, pilot, "no scenario under the cursor")
         assert app.state.selected["overview"] == "measured/empty.txt"
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await says(app, pilot, "scenarios")
 
     drive(app_on(project), do)
@@ -35,7 +36,7 @@ def test_a_scenario_is_run_and_kept(project):
     async def again(app, pilot):
         await sees(app, pilot, "fell out")
         (project / "goldens/background_SMART.toml").write_text("other")
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await until(pilot, lambda: "fell out OLD" in text_of(app), lambda: text_of(app))
 
     drive(app_on(project), again)
@@ -44,14 +45,14 @@ def test_a_scenario_is_run_and_kept(project):
 def test_all_are_run_and_a_run_is_stopped(project):
     async def do(app, pilot):
         view = app.view
-        await pilot.press("a")
+        await pilot.press("tab", "R")
         await until(pilot, lambda: view.running)
-        await pilot.press("a")
+        await pilot.press("R")
         await says(app, pilot, "a run is going on")
         await until(pilot, lambda: not view.running)
         assert set(view.runs.last) == {"background_SMART", "broken", "weak_targets_SLIM"}
         view.runs.last.clear()
-        await pilot.press("a")
+        await pilot.press("R")
         await until(pilot, lambda: view.running)
         await pilot.press("x")
         await until(pilot, lambda: not view.running)

@@ -48,7 +48,8 @@ class Selection:
         project, choice = self.view.host.project, self.view.host.choice
         self.datasets = datasets_of(project, self._table.axis)
         names = [dataset.name for dataset in self.datasets]
-        wanted = choice.of("measurement")
+        path = self._seen()
+        wanted = next((dataset.name for dataset in self.datasets if dataset.path == path), "")
         kept = min(self.dataset, max(len(names) - 1, 0))
         self.dataset = names.index(wanted) if wanted in names else kept
         chosen = next((entry for entry in project.of("model") if entry.name == choice.of("model")), None)
@@ -65,6 +66,12 @@ class Selection:
                 self.view.say(error)
         self._settings.find(variant, self._table.axis)
 
+    def _seen(self) -> Path | None:
+        """The file of the measurement that all screens look at."""
+        host = self.view.host
+        seen = host.numbers.seen
+        return host.choice.measured(host.project) or (None if seen is None else seen.files[0])
+
     def follow(self) -> bool:
         """Go to what was chosen elsewhere; whether that is another dataset or model than before."""
         before = self.dataset, self.model
@@ -78,9 +85,18 @@ class Selection:
         if not self.datasets:
             self.view.say("no measurement in this project shows this table's axis")
             return False
-        self.dataset = (self.dataset + by) % len(self.datasets)
+        self.dataset = self._next(by)
         self.view.host.choice.choose("measurement", self.datasets[self.dataset].name)
         return True
+
+    def _next(self, by: int) -> int:
+        """The dataset after this one, of its set where that has others, else of all."""
+        numbers, path = self.view.host.numbers, self.datasets[self.dataset].path
+        own = [one for one in numbers.measured.all if path in one.files]
+        files = {one.files[0] for mine in own[:1] for one in numbers.measured.set_of(mine)}
+        near = [at for at, dataset in enumerate(self.datasets) if dataset.path in files]
+        among = near if len(near) > 1 and self.dataset in near else list(range(len(self.datasets)))
+        return among[(among.index(self.dataset) + by) % len(among)]
 
     def next_model(self) -> bool:
         """The next model."""

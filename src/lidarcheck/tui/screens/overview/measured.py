@@ -64,7 +64,8 @@ def _head(number: str, room: int) -> Line:
 
 def _line(one: Measurement, kind: str, known: Known, here: bool, room: int) -> Line:
     state = known.state or "not yet known"
-    name = squeezed(printable(one.name.rpartition(".")[0] or one.name), room, "..")
+    name = printable(one.name.rpartition(".")[0] or one.name)
+    name = squeezed(name if len(name) <= room else name.rpartition("/")[2], room, "..")
     where = "-" if one.distance_m is None else f"{one.distance_m:g} m"
     look: Role = "dim" if is_old(known.state) or not known.state else "text"
     step, start = known.step, known.since_start

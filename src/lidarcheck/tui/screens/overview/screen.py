@@ -56,7 +56,7 @@ class Overview(View):
     BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
     DEFAULT_CSS = """
     Overview #lists { layout: vertical; height: 1fr; }
-    Overview #measured { height: 10; }
+    Overview #measured { height: 11; }
     Overview #edits { height: 4; dock: bottom; }
     Overview #kpis { height: 9; dock: bottom; display: none; }
     Overview.verdicts #measured { height: 6; }
@@ -174,10 +174,10 @@ class Overview(View):
             return
         at = order.index(self.seen)
         listed, (did, mean) = measured_lines(numbers, order, at, pane.size.width), summary(numbers, order)
-        shown = [*listed.lines, detail(numbers, self.seen), line(f" {mean}", "dim")]
+        shown = [detail(numbers, self.seen), *listed.lines, line(f" {mean}", "dim")]
         models = counted(len(self.host.project.of("model")), "model")
         words = f"Measured: {counted(len(order), 'set')}, {models}{f'; {did}' if did else ''}"
-        pane.show(shown, title=words, cursor=listed.rows[at])
+        pane.show(shown, title=words, cursor=listed.rows[at] + 1)
 
     def entries(self) -> list[Entry]:
         """What the list shows: scenarios, then other files with faults."""
