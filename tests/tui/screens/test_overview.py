@@ -34,9 +34,10 @@ def test_a_scenario_is_run_and_kept(project):
     drive(app_on(project), do)
 
     async def again(app, pilot):
+        await pilot.press("tab", "home")
         await sees(app, pilot, "fell out")
         (project / "goldens/background_SMART.toml").write_text("other")
-        await pilot.press("ctrl+r")
+        await pilot.press("ctrl+r", "home")
         await until(pilot, lambda: "fell out OLD" in text_of(app), lambda: text_of(app))
 
     drive(app_on(project), again)

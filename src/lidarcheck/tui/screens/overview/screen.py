@@ -56,14 +56,14 @@ class Overview(View):
     BINDINGS: ClassVar[list[Any]] = [*bindings("overview"), *MOVES]
     DEFAULT_CSS = """
     Overview #lists { layout: vertical; height: 1fr; }
-    Overview #measured { height: 11; }
+    Overview #measured { height: 11; max-height: 11; }
     Overview #edits { height: 4; dock: bottom; }
     Overview #kpis { height: 9; dock: bottom; display: none; }
-    Overview.verdicts #measured { height: 6; }
+    Overview.verdicts #measured { max-height: 6; }
     Overview.verdicts #edits { display: none; }
     Overview.verdicts #kpis { display: block; }
     Overview.wide #lists { layout: grid; grid-size: 2; grid-gutter: 0 1; grid-columns: 80 1fr; }
-    Overview.wide #lists Lines { height: 1fr; dock: none; display: block; }
+    Overview.wide #lists Lines { height: 1fr; max-height: 100%; dock: none; display: block; }
     """
 
     def __init__(self, runs: Runs, check: Check | None = None) -> None:
@@ -91,7 +91,10 @@ class Overview(View):
 
     def on_resize(self, event: events.Resize) -> None:
         """All four side by side, or the KPIs in the place of the edits while scenarios are looked at."""
-        self.set_class(event.size.width >= _WIDE and event.size.height >= _TALL, "wide")
+        wide = event.size.width >= _WIDE and event.size.height >= _TALL
+        self.set_class(wide, "wide")
+        if wide:
+            self.query_one("#measured", Lines).styles.height = "1fr"
 
     def on_descendant_focus(self, _event: events.DescendantFocus) -> None:
         """Where there is room for one of both, the edits go with measurements and the KPIs with scenarios."""
@@ -174,10 +177,13 @@ class Overview(View):
             return
         at = order.index(self.seen)
         listed, (did, mean) = measured_lines(numbers, order, at, pane.size.width), summary(numbers, order)
-        shown = [detail(numbers, self.seen), *listed.lines, line(f" {mean}", "dim")]
+        above, below = [detail(numbers, self.seen)], [line(f" {mean}", "dim")] if mean else []
+        shown = [*above, *listed.lines, *below]
         models = counted(len(self.host.project.of("model")), "model")
         words = f"Measured: {counted(len(order), 'set')}, {models}{f'; {did}' if did else ''}"
-        pane.show(shown, title=words, cursor=listed.rows[at] + 1)
+        if not self.has_class("wide"):
+            pane.styles.height = len(shown) + 1  # and no more than there is room for
+        pane.show(shown, title=words, cursor=listed.rows[at] + len(above))
 
     def entries(self) -> list[Entry]:
         """What the list shows: scenarios, then other files with faults."""
