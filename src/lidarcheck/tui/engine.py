@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import os
 import threading
 import time
 from collections.abc import Callable, Hashable, Sequence
@@ -134,7 +135,7 @@ class Engine:
     def node(self, asked: Asked, inputs: Inputs, how: str = "sample", *, compared: bool = False) -> Node:
         """What the worker computes a number by; `compared`: it is of older inputs, and shown as nothing else."""
         assert asked.request is not None
-        request = replace(asked.request, start=_started_with(self.session, inputs))
+        request = replace(asked.request, start=self._started_with(asked.request, inputs))
         if how == "whole":
             from lidarcheck.calibration.number.request import WHOLE_SEEDS
 
@@ -142,6 +143,12 @@ class Engine:
         about = (*asked.identity, "compared" if compared else "")
         name = f"number, {how}"
         return Node(name, _VERSION, about, request.files, entry=_ENTRY.format(how), arguments=(request,))
+
+    def _started_with(self, request: Request, inputs: Inputs) -> dict[str, bytes]:
+        """What edited files that it reads held when the session began, by real path; those that hold something else."""
+        start = _started_with(self.session, inputs)
+        named = {os.path.realpath(path) for path in inputs.with_named(request.files)} if start else set()
+        return {name: content for name, content in start.items() if name in named}
 
     def _key(self, asked: Asked, inputs: Inputs, how: str = "sample") -> str:
         of, moment = (asked, how, tuple(sorted(inputs.edited.items()))), time.monotonic()

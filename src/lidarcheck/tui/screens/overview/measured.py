@@ -86,7 +86,9 @@ def summary(numbers: Numbers, order: Sequence[Measurement]) -> tuple[str, str]:
     known = [(one, numbers.known(one)) for one in order]
     words: dict[str, int] = {}
     for one, what in known:
-        if numbers.asked(one).request is not None and numbers.engine.edits:
+        if numbers.asked(one).request is None or (what.state == CURRENT and what.step is None):
+            continue  # what was edited is not in it
+        if numbers.engine.edits:
             step = what.step.word if what.state == CURRENT and what.step is not None else "not yet known"
             words[step] = words.get(step, 0) + 1
     seen = numbers.seen
@@ -132,7 +134,7 @@ def edit_lines(numbers: Numbers, width: int, *, several: bool) -> tuple[str, lis
         steps = [_step(values[at][i], values[at - 1][i] if at else None) for i in range(len(columns))]
         if several:
             cells = [number_text(one) for one in values[0]] if at == 0 else steps
-            lines.append(_of_several(number, cells, f"{file} {what}".strip(), width))
+            lines.append(_of_several(number, cells, what, width))
         else:
             lines.append(_of_one(number, what, [number_text(values[at][0]), steps[0]], file, width))
     if several:
