@@ -128,7 +128,8 @@ class Everywhere(App[int]):
             self.action_log()
         for pane in [*self.view.panes(), self.bars.log]:
             if key == pane.label:
-                pane.focus()
+                self.view.reveal(pane)
+                self.call_after_refresh(pane.focus)
 
     def action_baseline(self) -> None:
         """Numbers are compared with what is set now."""
@@ -138,7 +139,7 @@ class Everywhere(App[int]):
     def action_next_pane(self, by: int) -> None:
         """The focus goes round."""
         log = self.bars.log
-        panes = [pane for pane in [*self.view.panes(), log] if pane.size.area]
+        panes = [pane for pane in [*self.view.panes(), log] if pane.display]  # sizes come a moment after a screen
         if panes:
             at = panes.index(self.focused) if self.focused in panes else -by
             panes[(at + by) % len(panes)].focus()

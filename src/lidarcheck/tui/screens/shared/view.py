@@ -49,6 +49,9 @@ class View(Vertical):
         """The panes that can have the focus, in order."""
         return [pane for pane in self.query(Lines) if pane.can_focus]
 
+    def reveal(self, _pane: Lines) -> None:
+        """A pane is gone to that may not be seen now."""
+
     def opened(self) -> None:
         """The screen is seen now."""
 
