@@ -34,6 +34,11 @@ class View(Vertical):
 
     NAME = ""
     WORDS: ClassVar[dict[str, str]] = {}
+    # Textual's screen would take Tab before the app gets it, and go by the order in which panes were made.
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab", "app.next_pane(1)", show=False),
+        Binding("shift+tab", "app.next_pane(-1)", show=False),
+    ]
 
     @property
     def host(self) -> Host:
