@@ -2,8 +2,8 @@
 
 import pytest
 
+from fake_worker import ROW, FakeWorker, second_line
 from lidarcheck.tui.app import LidarcheckApp
-from number_kit import ROW, FakeWorker, second_line
 from tui_kit import drive, fake_check, make_project, on_blooming, sees, status, text_of, until
 
 AT_ROW = ("home", *["down"] * ROW)
