@@ -14,7 +14,7 @@ from lidarcheck.calibration.number.frames import Frames, hash_of, key_of_files, 
 from lidarcheck.calibration.number.light import Lights
 from lidarcheck.calibration.number.memo import Memo
 from lidarcheck.calibration.number.misfit import Means
-from lidarcheck.calibration.number.models import edited_model, said_of
+from lidarcheck.calibration.number.models import check_blooms, edited_model, said_of
 from lidarcheck.calibration.number.number import Number
 from lidarcheck.calibration.number.prepared import OnFrames
 from lidarcheck.calibration.number.request import SAMPLE_SEEDS, WHOLE_SEEDS, Request
@@ -51,7 +51,7 @@ def expected(request: Request, progress: ProgressCallback = _ignore) -> Number |
     if request.kind != "misfit":
         return None
     start = time.monotonic()
-    model = edited_model(request)
+    model = _blooming_model(request)
     prepared = _prepared(request, model)
     lights = prepared.lights(model, _seeds(request))
     after = expected_means(prepared.misfit, lights)
@@ -88,7 +88,7 @@ def _timed(compute: Callable[[], Number]) -> Number:
 
 
 def _misfit(request: Request, progress: ProgressCallback) -> Number:
-    model = edited_model(request)
+    model = _blooming_model(request)
     prepared = _prepared(request, model)
     seeds = _seeds(request)
 
@@ -101,6 +101,12 @@ def _misfit(request: Request, progress: ProgressCallback) -> Number:
         return found
 
     return _NUMBERS.get((prepared.misfit.scale, said_of(model), *seeds), make)
+
+
+def _blooming_model(request: Request) -> Model:
+    model = edited_model(request)
+    check_blooms(model, request.axis)
+    return model
 
 
 def _seeds(request: Request) -> list[int]:

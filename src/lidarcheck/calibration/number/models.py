@@ -14,7 +14,7 @@ from lidarcheck.formats.lut import Axis, load_lut
 from lidarcheck.model import load_model
 from lidarcheck.model.spec import Model
 
-__all__ = ["edited_model", "said_of"]
+__all__ = ["check_blooms", "edited_model", "said_of"]
 
 
 def edited_model(request: Request) -> Model:
@@ -29,6 +29,13 @@ def edited_model(request: Request) -> Model:
         what = f"the file has no {request.axis} table"
         raise InputError(what, file=request.lut, fix=f"it has {', '.join(lut.tables)}")
     return _with_table(model, request.axis, Curve(tuple(table.x.tolist()), tuple(table.y.tolist()), file))
+
+
+def check_blooms(model: Model, axis: Axis) -> None:
+    """Refuse a sensor whose beams do not hear each other's light: no table says anything of it."""
+    why = with_role(f"{axis} blooming").why_not(model.sensor)
+    if why:
+        raise InputError(f"{model.sensor.name} does not bloom: {why}", file=model.file, fix="look at its gap")
 
 
 def _with_table(model: Model, axis: Axis, curve: Curve) -> Model:
