@@ -50,9 +50,11 @@ class Measurement:
         """Why it has no number of a kind, empty where it has one."""
         if self.why:
             return self.why
-        if kind == "gap" and not self.ideal and self.kind != "case":
-            return f"{NO_IDEAL}: a profile tells of tables alone" if self.kind == "profile" else NO_IDEAL
-        return "a case is explained by its gap" if kind == "misfit" and self.kind == "case" else ""
+        if self.kind == "case":
+            return "a case is explained by its gap" if kind == "misfit" else ""
+        if self.ideal:
+            return ""
+        return f"{NO_IDEAL}: a profile tells of tables alone" if (self.kind, kind) == ("profile", "gap") else NO_IDEAL
 
     def request(
         self, kind: Kind, model: Path, *, axis: Axis = "vertical", lut: Path | None = None,

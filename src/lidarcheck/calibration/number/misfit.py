@@ -21,12 +21,12 @@ from lidarcheck.calibration.number.seen import Seen
 from lidarcheck.formats.table import counted
 from lidarcheck.inference.observed.echo_view import Slot
 
-__all__ = ["DETECTED", "Means", "Misfit", "means_of"]
+__all__ = ["DETECTED", "Means", "Misfit", "by_name", "means_of"]
 
 DETECTED = "detected"
 _LEAST_SHARE_SD = 0.05
 """One beam in four hundred says no more of a share."""
-_ENOUGH = 20
+_ENOUGH = 60
 """Degrees of freedom that a cell's spread is taken from, those of the offsets beside it included."""
 _FEW_LINES = 5
 """Of fewer lines each beam is a block of its own: a jackknife over three columns tells of nothing."""
@@ -45,15 +45,29 @@ class Means:
     value: FloatArray
 
 
-def means_of(seen: Sequence[Seen], cell: IndexArray, cells: int) -> Means:
-    """The means over all beams of a cell, of one measurement or of several seeds together."""
-    hit = np.concatenate([one.hit for one in seen])
-    value = np.concatenate([one.value for one in seen])
-    every = np.tile(cell, len(seen))
-    n, hits = _sums(every, np.ones(len(every)), cells), _sums(every, hit.astype(np.float64), cells)
-    total = np.zeros((cells, value.shape[1]))
-    for j, column in enumerate(value.T):
-        total[:, j] = _sums(every, np.where(hit, column, 0.0), cells)
+@dataclass(frozen=True)
+class Sums:
+    """What some seeds, or one measurement, show of each beam: echoes `hits` (n,) and their summed `total` (n, features)
+    in `seeds` simulations."""
+
+    hits: FloatArray
+    total: FloatArray
+    seeds: int
+
+    @classmethod
+    def of(cls, seen: Sequence[Seen]) -> Sums:
+        """Over all of them."""
+        hits = np.array([one.hit for one in seen]).sum(axis=0).astype(np.float64)
+        total = np.array([np.where(one.hit[:, None], one.value, 0.0) for one in seen]).sum(axis=0)
+        return cls(hits, total, len(seen))
+
+
+def means_of(sums: Sums, cell: IndexArray, cells: int) -> Means:
+    """The means over all beams of a cell."""
+    n, hits = _sums(cell, np.full(len(cell), float(sums.seeds)), cells), _sums(cell, sums.hits, cells)
+    total = np.zeros((cells, sums.total.shape[1]))
+    for j, column in enumerate(sums.total.T):
+        total[:, j] = _sums(cell, column, cells)
     return Means(n, hits / np.maximum(n, 1.0), hits, total / np.maximum(hits, 1.0)[:, None])
 
 
@@ -94,15 +108,16 @@ class Misfit:
 
     def means(self, seen: Sequence[Seen]) -> Means:
         """What is seen in each cell, with all seeds together."""
-        return means_of(seen, self.cell, len(self.cells))
+        return means_of(Sums.of(seen), self.cell, len(self.cells))
 
     def number(self, seen: Sequence[Seen], *, simulated: str, sample: str) -> Number:
         """The number of what a model shows with some seeds."""
-        shown = self.means(seen)
+        sums = Sums.of(seen)
+        shown = means_of(sums, self.cell, len(self.cells))
         value, parts = self.value(shown), np.sqrt(self.squares(shown))
         return Number(
-            "misfit", value, self._floor(seen), dict(zip(self.names, parts.tolist(), strict=True)), sample,
-            value - self._contributions(seen, shown), self._blocks[1], self.scale, simulated,
+            "misfit", value, self._floor(seen, shown), dict(zip(self.names, parts.tolist(), strict=True)), sample,
+            value - self._contributions(sums, shown), self._blocks[1], self.scale, simulated,
             about=self._lacking(),
         )  # fmt: skip
 
@@ -123,14 +138,12 @@ class Misfit:
         weight = np.column_stack([measured.n, *[both] * value.shape[1]])
         return np.column_stack([share, value]), weight
 
-    def _floor(self, seen: Sequence[Seen]) -> float:
+    def _floor(self, seen: Sequence[Seen], shown: Means) -> float:
         """What the model leaves where it is right: of each seed against the others."""
         if len(seen) < 2:
             return float("nan")
-        found = []
-        for k, one in enumerate(seen):
-            found.append(self.squares(self.means([*seen[:k], *seen[k + 1 :]]), self.means([one])).mean())
-        return float(np.sqrt(np.mean(found)))
+        each = [self.means([one]) for one in seen]
+        return float(np.sqrt(np.mean([self.squares(_without(shown, one), one).mean() for one in each])))
 
     def _spreads(self) -> FloatArray:
         """The standard deviation of one beam in each cell, shape (cells, 1 + features)."""
@@ -200,30 +213,37 @@ class Misfit:
         bias = 1.0 / max(len(table) - 1, 1)
         return product / float(table[table != 0.0].var()) + bias
 
-    def _contributions(self, seen: Sequence[Seen], shown: Means) -> FloatArray:
+    def _contributions(self, sums: Sums, shown: Means) -> FloatArray:
         """What each block adds to the value's error, shape (blocks,): the infinitesimal jackknife, measured and
         simulated beams together."""
         block, m = self._blocks[0], self.measured
         off, weight = self._off(shown, m)
         value = max(self.value(shown), 1e-9)
         slope = weight * off / self.spread / (self.beams * off.shape[1] * value)
-        total = self._influence(self.seen, m, slope)
-        for one in seen:
-            total = total - self._influence(one, shown, slope)
-        return _sums(block, total, int(block.max()) + 1)
+        total = self._influence(Sums.of([self.seen]), m, slope) - self._influence(sums, shown, slope)
+        blocks = int(block.max()) + 1
+        # Blocks that are left out in turn differ the less the fewer there are: what a jackknife puts right again.
+        return np.asarray(_sums(block, total, blocks) * np.sqrt(blocks / max(blocks - 1.0, 1.0)))
 
-    def _influence(self, seen: Seen, means: Means, slope: FloatArray) -> FloatArray:
+    def _influence(self, sums: Sums, means: Means, slope: FloatArray) -> FloatArray:
         """What each beam of one side adds, shape (n,); `means`: over all beams of that side."""
         of, hits, n = self.cell, means.hits[self.cell], means.n[self.cell]
-        share = slope[of, 0] * (seen.hit - means.share[of]) / n
+        share = slope[of, 0] * (sums.hits - sums.seeds * means.share[of]) / n
+        off = sums.total - sums.hits[:, None] * means.value[of]
         # A single echo is its own mean: its distance from it says nothing, its spread does.
-        off = np.where((hits == 1)[:, None], self.spread[of, 1:], seen.value - means.value[of])
+        off = np.where((hits == 1.0)[:, None], sums.hits[:, None] * self.spread[of, 1:], off)
         off = off * np.sqrt(hits / np.maximum(hits - 1.0, 1.0))[:, None]
-        value = (slope[of, 1:] * np.where(seen.hit[:, None], off, 0.0)).sum(axis=1) / np.maximum(hits, 1.0)
-        return np.asarray(share + value)
+        return np.asarray(share + (slope[of, 1:] * off).sum(axis=1) / np.maximum(hits, 1.0))
 
     def _lacking(self) -> str:
         return "" if self.slots else "by the share of echoes alone: the measured scan has no feature of the sensor"
+
+
+def _without(together: Means, one: Means) -> Means:
+    """The means of all but one of the seeds."""
+    n, hits = together.n - one.n, together.hits - one.hits
+    total = together.value * together.hits[:, None] - one.value * one.hits[:, None]
+    return Means(n, hits / np.maximum(n, 1.0), hits, total / np.maximum(hits, 1.0)[:, None])
 
 
 def by_name(misfit: Misfit, shown: Means) -> Mapping[str, FloatArray]:
