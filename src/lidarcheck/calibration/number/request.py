@@ -47,6 +47,8 @@ class Request:
     @property
     def files(self) -> tuple[Path, ...]:
         """Every file that it names; tables that the model names, and frames that the case names, come on top."""
-        return tuple(
-            p for p in (self.model, self.lut, self.settings, self.case, *self.measured, *self.ideal) if p is not None
-        )
+        from lidarcheck.cases.case import CASE_FILE
+
+        case = None if self.case is None else self.case / CASE_FILE
+        named = (self.model, self.scale, self.lut, self.settings, case, *self.measured, *self.ideal)
+        return tuple(path for path in named if path is not None)
