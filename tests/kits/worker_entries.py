@@ -7,7 +7,9 @@ import time
 from pathlib import Path
 
 from lidarcheck.errors import InputError
+from lidarcheck.formats.lut import load_lut
 from lidarcheck.formats.source import read_source
+from lidarcheck.reading import shown_content, state_of_file
 
 HELD = {}
 
@@ -79,3 +81,10 @@ def hangs(until, progress):
     Path(until).touch()
     while True:
         time.sleep(1.0)
+
+
+def of_table(model, table, others, progress):
+    """What a model, its table and other files say; files that are not there are nothing."""
+    found = [read_source(model), tuple(load_lut(table).tables["vertical"].y)]
+    progress(1, 2, "files")
+    return [*found, *(read_source(path) if state_of_file(path) or shown_content(path) else None for path in others)]
