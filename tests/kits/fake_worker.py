@@ -40,6 +40,9 @@ class FakeWorker(Worker):
         super().__init__()
         self.waiting, self.asked, self.seconds, self.closed = [], [], 0.1, False
 
+    def start(self):
+        pass
+
     def submit(self, entry, arguments, edited, on_progress, on_done, *, on_gone, lane, priority):
         ticket = Asked(entry.rpartition(":")[2], arguments[0], dict(edited), on_progress, on_done, on_gone, priority)
         self.waiting.append(ticket)

@@ -1,5 +1,7 @@
 """The number follows each edit by itself, says what it is of, and is never called current when it is not."""
 
+import re
+
 import pytest
 
 from fake_worker import ROW, FakeWorker, second_line
@@ -93,6 +95,15 @@ def test_a_newer_edit_takes_the_place_of_an_older_one(project):
         worker.answer()
         await until(pilot, lambda: "worse" in line_of(app)[1], lambda: text_of(app))
         assert app.numbers.known(app.numbers.seen).before == known.number
+        # What it is computed from: the table as it is shown, and the command that makes the same once that is saved.
+        await pilot.press("I")
+        await sees(app, pilot, "Inputs")
+        said = app.asking.text
+        assert "\n state    current\n" in said
+        assert re.search(r" a_lut\.ini  [0-9a-f]{12}  edited, not saved\n", said)
+        assert "\n sample   7 200 beams x 8\n" in said
+        assert "command  lidarcheck gap " in said
+        assert "save first" in said
 
     run(project, do, (120, 36))
 

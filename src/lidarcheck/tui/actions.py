@@ -90,6 +90,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("copy", "", ("c",), "", "copy the pane to the terminal's clipboard (OSC 52)", "copy", reason="a shell copies its own output"),
     Action("write", "", ("w",), "", "write the pane's text to a file; on Cloud both sides as one cloud", "write", reason="a shell writes to a file with >"),
     Action("baseline", "", ("B",), "", "compare numbers with what is set now, or no longer", "baseline", reason=_ALONE),
+    Action("inputs", "", ("I",), "", "what the pane and the number are computed from: files, hashes, edit, sample, time, command", "inputs", reason="result.json says it of every result, in `computed_from`"),
     Action("next pane", "", ("tab",), "", "the next pane", "next_pane(1)", reason=_PLACE),
     Action("previous pane", "", ("shift+tab",), "", "the pane before", "next_pane(-1)", reason=_PLACE),
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=_ALONE),

@@ -204,6 +204,8 @@ class LidarcheckApp(Everywhere):
         self._numbers_changed()
         if self._awaited:
             self.show_screen(self._awaited)
+        if self.numbers.engine.on:
+            self.session.worker.start()  # it compiles, or loads, what the first number needs
         self.reads += 1
 
     def inside(self, text: str) -> str:

@@ -142,7 +142,10 @@ class Engine:
             request = replace(request, seeds=WHOLE_SEEDS)
         about = (*asked.identity, "compared" if compared else "")
         name = f"number, {how}"
-        return Node(name, _VERSION, about, request.files, entry=_ENTRY.format(how), arguments=(request,))
+        return Node(
+            name, _VERSION, about, request.files, entry=_ENTRY.format(how), arguments=(request,),
+            command=request.command(whole=how == "whole"),
+        )  # fmt: skip
 
     def _started_with(self, request: Request, inputs: Inputs) -> dict[str, bytes]:
         """What edited files that it reads held when the session began, by real path; those that hold something else."""

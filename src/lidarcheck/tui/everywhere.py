@@ -13,6 +13,7 @@ from textual.app import App
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.session.project import Project
+from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
 from lidarcheck.tui.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
@@ -21,7 +22,7 @@ from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.palette import Palette
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from lidarcheck.tui.widgets.lines import Lines
+from lidarcheck.tui.widgets.lines import Line, Lines, line
 from lidarcheck.tui.widgets.overlay import Dialog, Overlay
 from lidarcheck.tui.widgets.themes import THEMES
 
@@ -34,6 +35,7 @@ class Everywhere(App[int]):
     """An app with screens of panes, bars and a log."""
 
     project: Project
+    session: Session
     state: State
     bars: Bars
     overlay: Overlay
@@ -135,6 +137,23 @@ class Everywhere(App[int]):
         """Numbers are compared with what is set now."""
         on = self.numbers.engine.set_baseline()
         self.say("baseline: numbers are compared with what is set now" if on else "no baseline: with the last step")
+
+    def action_inputs(self) -> None:
+        """What the pane, and the number in the second line, are computed from."""
+        pane = self.focused.id if self.focused else ""
+        lines: list[Line] = []
+        for title, node in (
+            (f"{SCREENS[self.view.NAME].title}, {pane}", self.view.node()),
+            ("number", self.numbers.node()),
+        ):
+            if node is not None:
+                words = self.session.describe(node)
+                words += [] if node.command else [f"command  lidarcheck {SCREENS[self.view.NAME].twin}: F1 says how"]
+                lines += [line(title, "title"), *(line(f" {self.project.inside(word)}") for word in words)]
+        if lines:
+            self.ask(Ask("Inputs", lines, {}))
+        else:
+            self.say("nothing here is computed")
 
     def action_next_pane(self, by: int) -> None:
         """The focus goes round."""

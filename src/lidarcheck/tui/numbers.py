@@ -8,6 +8,7 @@ from typing import Any
 
 from lidarcheck.session.choice import PARTS, Choice
 from lidarcheck.session.measurements import Measurement
+from lidarcheck.session.node import Node
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.tui.context import Context, step_words
@@ -100,6 +101,12 @@ class Numbers:
     def asked(self, one: Measurement) -> Asked:
         """What is asked of a measurement."""
         return self._asked.get(one.name) or self._asked_of(one, tables=self.of_tables)
+
+    def node(self) -> Node | None:
+        """What the number of the measurement that is looked at is computed by; None where it has none."""
+        seen = self.seen
+        asked = None if seen is None else self.asked(seen)
+        return None if asked is None or asked.request is None else self.engine.node(asked, self._session.inputs())
 
     def known(self, one: Measurement) -> Known:
         """What is known of its number."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +44,21 @@ class Request:
     placement: Placement = AS_IT_IS
     start: Mapping[str, bytes] = field(default_factory=dict)
     scale: Path | None = None
+
+    def command(self, *, whole: bool = False) -> str:
+        """What a user types for the same number of the files as they are saved."""
+        words = [
+            "lidarcheck",
+            "gap",
+            *map(str, (self.case,) if self.case else self.measured),
+            "--model",
+            str(self.model),
+        ]
+        words += ["--ideal", *map(str, self.ideal)] if self.ideal else []
+        words += ["--lut", str(self.lut), "--axis", self.axis] if self.lut else []
+        words += ["--target", str(self.material)] if self.material is not None else []
+        words += ["--seed", str(self.seed)] if self.seed else []
+        return shlex.join([*words, *(["--whole"] if whole else [])])
 
     @property
     def files(self) -> tuple[Path, ...]:

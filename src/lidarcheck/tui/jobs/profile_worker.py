@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, FAILED, Session
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData, Profiles, compile_aside, first_time
 
@@ -60,8 +61,12 @@ class ProfileWorker:
         """
         if table is None:
             return "", None
-        word, derived = self._session.status(self._profiles.expected(choice, table))
+        word, derived = self._session.status(self.node(choice, table))
         return word, None if derived is None else derived.value
+
+    def node(self, choice: Choice, table: LutTable) -> Node:
+        """What that is computed by."""
+        return self._profiles.expected(choice, table)
 
     def ask(self, choices: Sequence[Choice], table: LutTable | None, soon: Soon) -> None:
         """Have the thread read and compute what of these is not there yet, in the place of all it was asked before."""

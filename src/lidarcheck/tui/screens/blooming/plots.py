@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from lidarcheck.session.choice import FEATURES
+from lidarcheck.session.node import Node
 from lidarcheck.session.session import CURRENT, OLD
 from lidarcheck.tui.jobs.profile_worker import ProfileWorker
 from lidarcheck.tui.jobs.profiles import Choice, ProfileData
@@ -68,6 +69,11 @@ class BloomingPlots:
         """(its state, what the table gives there); while that is computed, what it gave before the last edit."""
         word, profile = self.worker.expected(choice, self._table.table())
         return "computing" if word.startswith(OLD) or not word else word, profile
+
+    def node(self) -> Node | None:
+        """What the expectation of the dataset under the hand is computed by."""
+        choice, table = self.selection.choice(self.selection.dataset), self._table.table()
+        return None if choice is None or table is None else self.worker.node(choice, table)
 
     @property
     def expected(self) -> Profile | None:

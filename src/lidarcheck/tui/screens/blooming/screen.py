@@ -12,6 +12,7 @@ from textual.binding import Binding
 from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
 from lidarcheck.session.edited_lut import EditedLut
+from lidarcheck.session.node import Node
 from lidarcheck.tui.plots.plot import PLOT_WORDS
 from lidarcheck.tui.screens.blooming.edit_actions import EditActions
 from lidarcheck.tui.screens.blooming.hand import connect
@@ -132,6 +133,11 @@ class Blooming(EditActions):
         """Measurements or models may be others."""
         if self.is_chosen:
             self.plots.later()
+
+    def node(self) -> Node | None:
+        """Of the plots what the profile is computed by; the table is not computed."""
+        focused = self.app.focused
+        return None if focused is None or focused.id == "table" else self.plots.node()
 
     def choice_changed(self) -> None:
         """Another screen has chosen."""

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.session.node import Cancelled
+from lidarcheck.session.node import Cancelled, Node
 from lidarcheck.session.origin import origin_of
 from lidarcheck.session.session import CURRENT, FAILED, OLD, Session
 from lidarcheck.tui.host import STOPS, Host
@@ -47,6 +47,10 @@ class PageWork(View):
         if self.is_computing(job) and word != CURRENT and not word.startswith("computing"):
             word = "computing"
         return word, None if derived is None else derived.value
+
+    def node(self) -> Node | None:
+        """What the page under the cursor is computed by."""
+        return None if self.job is None else self.job.node
 
     def origin_of(self, job: Job) -> dict[str, Any]:
         """What the page that is shown of it was computed from, as it is written beside it."""

@@ -9,6 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.session.node import Node
 from lidarcheck.tui.actions import ACTIONS
 from lidarcheck.tui.host import Host
 from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Line, Lines
@@ -78,6 +79,10 @@ class View(Vertical):
 
     def closing(self) -> None:
         """The app ends."""
+
+    def node(self) -> Node | None:
+        """What the pane that has the focus is computed by; None where that is nothing of its own."""
+        return None
 
     def write_own(self) -> bool:
         """Write what is seen in a form of its own; False where the text of its panes is all there is."""
