@@ -237,7 +237,7 @@ def test_a_project_without_models_or_frames_says_so(tmp_path, bench):
 
     async def empty(app, pilot):
         await sees(app, pilot, "ideal_street.pcd")
-        await pilot.press("r", "n", "v", "t", "e", "m", "f", "d", "down")
+        await pilot.press("r", "n", "v", "t", "e", "down", "plus", "b", "w", "f", "d", "m")
         await says(app, pilot, "no model")
 
     scenes(bench, without)

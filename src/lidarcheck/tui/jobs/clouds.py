@@ -81,10 +81,15 @@ def _clouds(entry: Entry, source: Source, on_progress: ProgressCallback) -> Comp
     labels = labels_of(entry)
     on_progress(0, _STEPS, "reading; steps")
     sensor = sensor_of_models(source.models)
-    if source.lacking:
-        clouds = Clouds(scan_of(entry.path, sensor=sensor), None, source.lacking, no_vehicle=source.lacking)
-    else:
-        clouds = _both(entry.path, source, labels, sensor, on_progress)
+    why = source.lacking
+    clouds = None
+    if not why:
+        try:
+            clouds = _both(entry.path, source, labels, sensor, on_progress)
+        except LidarcheckError as error:  # what was measured is seen nevertheless, unless the fault is its own
+            why = _words(error)
+    if clouds is None:
+        clouds = Clouds(scan_of(entry.path, sensor=sensor), None, why, no_vehicle=why)
     shown = "no simulated side" if clouds.simulated is None else f"{len(clouds.simulated)} simulated"
     return Computed(Page("Cloud", f"{len(clouds.real)} echoes, {shown}", ()), None, clouds)
 
@@ -109,6 +114,9 @@ def _both(path: Path, source: Source, labels: Labels, sensor: Sensor | None, on_
     try:
         [at] = compare_vehicles(vehicle_named(labels.vehicle), [pair]).distances
     except LidarcheckError as error:
-        why = "; ".join(error.lines()).removeprefix("error: ")
-        return Clouds(pair.real, pair.simulated, vehicle=labels.vehicle, no_vehicle=why)
+        return Clouds(pair.real, pair.simulated, vehicle=labels.vehicle, no_vehicle=_words(error))
     return Clouds(pair.real, pair.simulated, vehicle=labels.vehicle, at=at)
+
+
+def _words(error: LidarcheckError) -> str:
+    return "; ".join(error.lines()).removeprefix("error: ")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.model_choice import which_model
 from lidarcheck.session.node import ProgressCallback
-from lidarcheck.session.pairing import ideal_of, measured_in, partner_of
+from lidarcheck.session.pairing import ideal_for, measured_in
 from lidarcheck.session.project import Entry, Project
 from lidarcheck.tui.jobs.job import Computed, Job
 
@@ -90,7 +90,7 @@ def scene_jobs(project: Project, chosen: Callable[[Entry], tuple[Entry | None, E
     ideals = project.of("ideal")
     jobs = []
     for scan in measured_in(project, sound=False):
-        ideal = ideal_of(scan, ideals) or partner_of(scan, ideals)
+        ideal = ideal_for(scan, ideals)
         jobs.append(_job(scan, ideal, *chosen(scan), which_model(project.of("model"))))
     return sorted(jobs, key=lambda job: bool(job.fault))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.session.pairing import ideal_of, is_simulated, labels_of, partner_of
+from lidarcheck.session.pairing import ideal_for, is_simulated, labels_of, partner_of
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.jobs.clouds import Clouds, Source, cloud_job
 from lidarcheck.tui.jobs.job import Job
@@ -54,8 +54,7 @@ class CloudPanes(Scenes):
         project = self.host.project
         models = tuple(entry.path for entry in project.of("model"))
         simulated = partner_of(scan, [entry for entry in project.of("scan") if is_simulated(entry)])
-        ideals = project.of("ideal")
-        ideal = ideal_of(scan, ideals) or partner_of(scan, ideals)
+        ideal = ideal_for(scan, project.of("ideal"))
         if simulated is not None and not self._is_model_chosen():
             return Source(simulated, ideal, None, self._effects(None), models=models)
         model = self._model(scan)

@@ -115,6 +115,7 @@ class PageView(PageWork):
         """Figures are drawn for the room that there is."""
         self.query_one("#words", Lines).when_resized = self.board.when_resized = self._draw_page
         self.board.when_said = self.say
+        self.query_one("#jobs", Lines).when_resized = self._draw_list
 
     def on_resize(self, event: events.Resize) -> None:
         """Words and figures side by side, or one of them."""
@@ -187,9 +188,7 @@ class PageView(PageWork):
 
     def draw(self) -> None:
         """The list at once; the page too, but while a key is held down only when it rests."""
-        lines = [self._job_line(number, job) for number, job in enumerate(self.listed)]
-        pane = self.query_one("#jobs", Lines)
-        pane.show(lines or wrapped(self.EMPTY, pane.size.width - 1, "dim"), cursor=self.at if lines else None)
+        self._draw_list()
         if self._rest is not None:
             self._rest.stop()
             self._rest = None
@@ -199,6 +198,11 @@ class PageView(PageWork):
         else:
             self._rest = self.set_timer(_REST_S, self._draw_page)
         self._drawn = now
+
+    def _draw_list(self) -> None:
+        lines = [self._job_line(number, job) for number, job in enumerate(self.listed)]
+        pane = self.query_one("#jobs", Lines)
+        pane.show(lines or wrapped(self.EMPTY, pane.size.width - 1, "dim"), cursor=self.at if lines else None)
 
     def _draw_page(self) -> None:
         made, job = self.made, self.job
