@@ -19,6 +19,7 @@ from tui_project import SCENARIOS, make_bench, make_drive
 from lidarcheck.tui.actions import SCREENS
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.screens.blooming.screen import Blooming
+from lidarcheck.tui.screens.cloud.screen import Cloud
 from lidarcheck.tui.screens.explain.screen import Explain
 from lidarcheck.tui.screens.goldens.screen import Goldens
 from lidarcheck.tui.screens.overview.screen import Overview
@@ -139,6 +140,23 @@ async def goldens(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     app.say(app.project.in_words())
 
 
+async def cloud(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The car in the middle of the list, as the model of the other measurements shows it."""
+    view = cast(Cloud, app.view)
+    await pilot.press("m")
+    while view.clouds is None or view.clouds.at is None or "25m" not in view.measured:
+        await pilot.press("n")
+        await until(pilot, lambda: view.running is None)
+
+
+async def cloud_maps(app: LidarcheckApp, pilot: Pilot[int]) -> None:
+    """The street, compared."""
+    view = cast(Cloud, app.view)
+    await pilot.press("m")
+    view.show_maps(True)
+    await computed(app, pilot)
+
+
 # A screen without a line here is drawn as it comes up.
 PREPARE: dict[str, Prepare] = {
     "overview": overview,
@@ -147,7 +165,8 @@ PREPARE: dict[str, Prepare] = {
     "blooming": blooming,
     "blooming_four": blooming_four,
     "ghosts": with_model,
-    "scenes": computed,
+    "cloud": cloud,
+    "cloud_maps": cloud_maps,
     "explain": explain,
     "goldens": goldens,
 }

@@ -1,4 +1,4 @@
-"""Scenes: whole measured frames beside what a model shows of them, and where the two disagree."""
+"""The maps of Cloud: whole measured frames beside what a model shows of them, and where the two disagree."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the screens have in common that show the pages of a workflow: Histograms, Noise, Ghosts, Scenes."""
+"""What the screens have in common that show the pages of a workflow: Histograms, Noise, Ghosts, the maps of Cloud."""
