@@ -13,13 +13,16 @@ class Tmux:
     """A tmux server of its own without settings; `text` is what its window shows."""
 
     def __init__(self, name):
-        self.words = ["tmux", "-L", f"lidarcheck-{name}-{os.getpid()}", "-f", "/dev/null"]
+        self.name, self.starts = f"lidarcheck-{name[:40]}-{os.getpid()}", 0
+        self.words: list[str] = []
 
     def __call__(self, *words):
         return subprocess.run([*self.words, *words], capture_output=True, text=True, check=True).stdout
 
     def start(self, project, size, *arguments, environment=()):
-        """Run the interface in a new window."""
+        """Run the interface in a new server: one that ends takes a moment, in which it takes nothing new."""
+        self.starts += 1
+        self.words = ["tmux", "-L", f"{self.name}-{self.starts}", "-f", "/dev/null"]
         src = Path(__file__).resolve().parents[2] / "src"
         more = [f"PYTHONPATH={src}", "TERM=screen-256color", *environment]
         words = ["env", *more, sys.executable, "-m", "lidarcheck", "tui", str(project), *arguments]
@@ -47,7 +50,8 @@ class Tmux:
         return int(self("display", "-p", "-t", "t", "#{pane_pid}"))
 
     def stop(self):
-        subprocess.run([*self.words, "kill-server"], capture_output=True, check=False)
+        if self.words:
+            subprocess.run([*self.words, "kill-server"], capture_output=True, check=False)
 
 
 def children(process):

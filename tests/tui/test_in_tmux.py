@@ -25,7 +25,7 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     tmux.sees("a_lut.ini")
     tmux.keys("Down", "Down", "Down", "4", "5", "5", "Enter")
     tmux.sees(" 455")
-    first = [line for line in lines(tmux.text) if " 455" in line][0]
+    first = next(line for line in lines(tmux.text) if " 455" in line)
     # Resized while something is computed: nothing is lost, and the cursor's row is the same.
     tmux.keys("+", "-")
     for size in ((120, 36), (60, 20), (30, 8), (80, 24)):
@@ -58,8 +58,7 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     tmux.sees("bring them back")
     tmux.keys("b")
     tmux.sees(" 455")
-    tmux.keys("u")
-    tmux.keys("u")
+    tmux.keys("u", "u", "u")
     end = time.monotonic() + 20.0
     while " 455" in tmux.text:
         assert time.monotonic() < end, tmux.text

@@ -158,30 +158,30 @@ ACTIONS: tuple[Action, ...] = (
     Action("least", "ghosts", ("i",), "", "the least AREA (or INTENSITY, ...) of a sign's echo; 0: by the sensor", "least", "ghosts find", "--bright"),
     Action("strip", "ghosts", ("d",), "PCD", "write what is left as PCD; of a fit, the model with the effect", "strip", "ghosts find", "stripped"),
     # Cloud
-    Action("cursor", "cloud", ("up", "down"), "", "the cursor a row up, down; in the maps the list; also Page Up, Page Down, Home, End", "", reason=_MOVE),
-    Action("cursor left", "cloud", ("left", "h"), "", "the cursor a column to the left; in the maps the figures before", "across(-1)", reason=_MOVE),
-    Action("cursor right", "cloud", ("right", "l"), "", "the cursor a column to the right; in the maps the next figures", "across(1)", reason=_MOVE),
-    Action("compute", "cloud", ("r",), "", "compute what is seen: the clouds, or the comparison", "compute", "scenes compare", "measured frames"),
-    Action("beams", "cloud", ("enter",), "", "name the beams under the cursor", "beams", reason=_MOVE),
-    Action("stop", "cloud", ("x", "escape"), "", "stop what is computed", "stop", reason=_STOP),
+    Action("move", "cloud", ("up", "down", "k", "j"), "", "the cursor a row up, down; in the maps the list; also Page Up, Page Down, Home, End", "", reason=_MOVE),
+    Action("to the left", "cloud", ("left", "h"), "", "the cursor a column to the left; in the maps the figures before", "across(-1)", reason=_MOVE),
+    Action("to the right", "cloud", ("right", "l"), "", "the cursor a column to the right; in the maps the next figures", "across(1)", reason=_MOVE),
     Action("view", "cloud", ("v",), "View", "from above, behind, the side; merged; the whole frame; maps of where they disagree", "kind", "vehicles merge", "--plot"),
-    Action("nearer", "cloud", ("plus", "equals_sign"), "Zoom", "twice as near, about the cursor; - twice as far", "zoom(2)", reason=_PLACE),
-    Action("farther", "cloud", ("minus",), "", "twice as far", "zoom(0.5)", reason=_PLACE),
+    Action("step up", "cloud", ("plus", "equals_sign"), "Zoom", "twice as near, about the cursor", "zoom(2)", reason=_PLACE),
+    Action("step down", "cloud", ("minus",), "", "twice as far", "zoom(0.5)", reason=_PLACE),
     Action("fit", "cloud", ("0",), "Fit", "show all again", "fit", reason=_PLACE),
-    Action("over", "cloud", ("b",), "Over", "one side over the other, or beside it", "over", "vehicles merge", "beside"),
-    Action("next measurement", "cloud", ("n",), "Next", "the next measurement", "turn(1)", "vehicles merge", "REAL"),
-    Action("measurement before", "cloud", ("p",), "", "the measurement before", "turn(-1)", "vehicles merge", "REAL"),
-    Action("forward", "cloud", ("right_square_bracket",), "", "merged: the simulated vehicle 0.25 m forward (X)", "nudge(1, 0)", "vehicles merge", "--x"),
-    Action("backward", "cloud", ("left_square_bracket",), "", "merged: 0.25 m backward (X)", "nudge(-1, 0)", "vehicles merge", "--x"),
-    Action("to the left", "cloud", ("right_curly_bracket",), "", "merged: 0.25 m to the left (Y)", "nudge(0, 1)", "vehicles merge", "--y"),
-    Action("to the right", "cloud", ("left_curly_bracket",), "", "merged: 0.25 m to the right (Y)", "nudge(0, -1)", "vehicles merge", "--y"),
+    Action("beside", "cloud", ("b",), "Over", "one side over the other, or beside it", "over", "vehicles merge", "beside"),
+    Action("next distance", "cloud", ("n",), "Next", "the next measurement", "turn(1)", "vehicles merge", "REAL"),
+    Action("distance before", "cloud", ("p",), "", "the measurement before", "turn(-1)", "vehicles merge", "REAL"),
+    Action("renew", "cloud", ("r",), "", "compute what is seen: the clouds, or the comparison", "compute", "scenes compare", "measured frames"),
+    Action("enter", "cloud", ("enter",), "", "name the beams under the cursor; in the maps compute", "beams", reason=_MOVE),
+    Action("stop", "cloud", ("x", "escape"), "", "stop what is computed", "stop", reason=_STOP),
+    Action("step ahead", "cloud", ("right_square_bracket",), "", "merged: the simulated vehicle 0.25 m forward (X)", "nudge(1, 0)", "vehicles merge", "--x"),
+    Action("step back", "cloud", ("left_square_bracket",), "", "merged: 0.25 m backward (X)", "nudge(-1, 0)", "vehicles merge", "--x"),
+    Action("left", "cloud", ("right_curly_bracket",), "", "merged: the simulated vehicle 0.25 m to the left (Y)", "nudge(0, 1)", "vehicles merge", "--y"),
+    Action("right", "cloud", ("left_curly_bracket",), "", "merged: 0.25 m to the right (Y)", "nudge(0, -1)", "vehicles merge", "--y"),
     Action("suggested", "cloud", ("s",), "", "merged: the offset that the vehicle's size suggests", "suggested", "vehicles merge", "suggested"),
-    Action("model", "cloud", ("m",), "", "the next model to simulate with", "next_model", "scenes compare", "--model"),
-    Action("effects", "cloud", ("f",), "", "switch effects of the model, and others, on and off", "effects", "scenes compare", "--effects"),
-    Action("all effects", "cloud", ("d",), "", "the model's own effects again, and no others", "own_effects", "scenes compare", "--without"),
-    Action("words", "cloud", ("t",), "", "maps: words and tables of the comparison, or its figures", "words", "scenes compare", "--json"),
+    Action("next model", "cloud", ("m",), "", "the next model to simulate with", "next_model", "scenes compare", "--model"),
+    Action("settings", "cloud", ("E",), "", "switch effects of the model, and others, on and off", "effects", "scenes compare", "--effects"),
+    Action("own effects", "cloud", ("d",), "", "the model's own effects again, and no others", "own_effects", "scenes compare", "--without"),
+    Action("tables", "cloud", ("t",), "", "maps: words and tables of the comparison, or its figures", "words", "scenes compare", "--json"),
     Action("export", "cloud", ("e",), "", "maps: write the comparison's page, numbers and pictures to a directory", "export", "scenes compare", "--out"),
-    Action("look again", "cloud", ("ctrl+r", "R"), "", "look at the project's files again", "look_again", "info", "what is in it"),
+    Action("read again", "cloud", ("ctrl+r", "R"), "", "look at the project's files again", "look_again", "info", "what is in it"),
     # Explain
     Action("move", "explain", ("up", "down"), "", "the case above, below, or the text up and down; also Page Up, Page Down, Home, End", "", reason=_MOVE),
     Action("explain", "explain", ("r", "enter"), "Run", "explain the case under the cursor; goes on where it was stopped", "explain", "explain", "CASE"),
@@ -214,7 +214,8 @@ def actions_of(screen: str) -> list[Action]:
 
 def command_of(screen: str) -> str:
     """The command that computes what a screen of pages shows; empty where none does."""
-    return next((action.twin for action in ACTIONS if (action.screen, action.name) == (screen, "compute")), "")
+    named = ("compute", "renew")
+    return next((action.twin for action in ACTIONS if action.screen == screen and action.name in named), "")
 
 
 _KEY_NAMES = {

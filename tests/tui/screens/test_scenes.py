@@ -48,7 +48,7 @@ async def computed(pilot, view):
 
 
 async def effects_of(app, pilot):
-    await pilot.press("f")
+    await pilot.press("E")
     await until(pilot, lambda: isinstance(app.asking, Choose))
     await sees(app, pilot, "Space on or off")
     return app.asking
@@ -217,7 +217,7 @@ def test_a_model_that_is_none_says_so(bench):
 
     async def do(app, pilot, view):
         (bench / "models/SMART.toml").write_text("variant = 7\n")
-        await pilot.press("f")
+        await pilot.press("E")
         await says(app, pilot, "models/SMART.toml")
 
     scenes(bench, do)
@@ -230,14 +230,14 @@ def test_a_project_without_models_or_frames_says_so(tmp_path, bench):
     async def without(app, pilot, view):
         await on_frame(pilot, view, STREET)
         await sees(app, pilot, f"{STREET} cannot be computed: there is no model")
-        for key in ("m", "f", "r"):
+        for key in ("m", "E", "r"):
             app.say("")
             await pilot.press(key)
             await says(app, pilot, "there is no model in this project")
 
     async def empty(app, pilot):
         await sees(app, pilot, "ideal_street.pcd")
-        await pilot.press("r", "n", "v", "t", "e", "down", "plus", "b", "w", "f", "d", "m")
+        await pilot.press("r", "n", "v", "t", "e", "down", "plus", "b", "w", "E", "d", "m")
         await says(app, pilot, "no model")
 
     scenes(bench, without)
@@ -250,7 +250,7 @@ def test_any_size_down_to_one_by_one(bench):
         await computed(pilot, view)
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
-            await pilot.press("right", "t", "f", "down", "space", "escape")
+            await pilot.press("right", "t", "E", "down", "space", "escape")
             await pilot.pause()
         await sees(app, pilot, "F1 Help")
         await until(pilot, lambda: "F7 Cloud" in text_of(app))

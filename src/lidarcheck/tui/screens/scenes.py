@@ -35,7 +35,7 @@ class Scenes(PageView):
     )
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "The measured frames, each with the ideal scan of its name. r has the model show the same frame and "
-        "compares the two; m takes the next model, f switches effects on and off, so that you see what an effect "
+        "compares the two; m takes the next model, E switches effects on and off, so that you see what an effect "
         "explains. Pages of other choices are kept.",
         "figures": "Maps over azimuth and elevation of where the two disagree: echoes, AREA, range, stray echoes, "
         "measured minus simulated; n and p go on to the points of the largest disagreement and to detection over "

@@ -132,7 +132,7 @@ def cloud_lines(count: IndexArray, limits: tuple[int, int], role: Role) -> list[
 
 def over_lines(real: IndexArray, simulated: IndexArray) -> list[list[tuple[str, Role]]]:
     """Both sides over each other: they differ by form first."""
-    looks: list[tuple[str, Role]] = [(" ", "text"), (_REAL, "title"), (_SIMULATED, "edited"), (_BOTH, "text")]
+    looks: list[tuple[str, Role]] = [(" ", "text"), (_REAL, "real"), (_SIMULATED, "now"), (_BOTH, "both")]
     level = (real > 0).astype(np.int64) + 2 * (simulated > 0)
     return [[looks[i] for i in row] for row in level.tolist()]
 

@@ -104,7 +104,7 @@ class Seen:
         else:
             count = self.simulated if which == "simulated" else self.real
             assert count is not None
-            cells = cloud_lines(count, self.limits, "edited" if which == "simulated" else "title")
+            cells = cloud_lines(count, self.limits, "now" if which == "simulated" else "real")
         return with_axes(cells, self.window, self.side, cursor)
 
     def legend(self, over: bool) -> str:

@@ -81,10 +81,12 @@ class Cloud(CloudPanes):
 
     def panes(self) -> list[Lines]:
         """Those of what is seen."""
-        names = ("jobs", "words", "figures") if self.maps else (*PANES, "where")
+        if self.maps:
+            maps = self.query_one("#maps", Vertical)
+            return [pane for pane in super().panes() if maps in pane.ancestors]
         hidden = set() if self.has_class("tall") else {"real2", "simulated2"}
         hidden |= {"simulated", "simulated2"} if self.is_over else set()
-        return [self.query_one(f"#{name}", Lines) for name in names if name not in hidden]
+        return [self.query_one(f"#{name}", Lines) for name in (*PANES, "where") if name not in hidden]
 
     def opened(self) -> None:
         """Show the measurement that is chosen; its clouds are computed by themselves."""
@@ -153,7 +155,10 @@ class Cloud(CloudPanes):
         self.draw_clouds()
 
     def action_beams(self) -> None:
-        """Name the beams of the echoes under the cursor."""
+        """Name the beams of the echoes under the cursor; in the maps compute the comparison."""
+        if self.maps:
+            self.compute(self.job)
+            return
         found = self._now()
         if found is None:
             return
