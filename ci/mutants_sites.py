@@ -36,7 +36,6 @@ SKIPPED = (
     "model/files",
     "model/incremental.py",  # what inference keeps of a frame
     "model/fast/store.py",  # where the library of echoes lies
-    "model/jit.py",  # where compiled kernels lie
     "model/lane_math.py",  # exponentials and logarithms, as `elementary`: tests hold them to the last digits
     "model/reference.py",  # minutes a scenario; the exact chain is held to it by tests, and it by them to the chain
     "model/spec.py",  # a model with or without an effect, for inference

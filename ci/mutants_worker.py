@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mutants_scenarios
 
-from lidarcheck.model import jit
+from lidarcheck import jit
 
 MOST_BYTES = 8 << 30
 

@@ -80,7 +80,7 @@ class Light:
         n = len(self.layer)
         freeze(self, {"layer": np.int32, "point": np.int32, "background_per_ns": np.float64}, n)
         freeze(self, {"first_pulse": np.int64}, n + 1)
-        if self.first_pulse[0] != 0 or np.any(np.diff(self.first_pulse) < 0):
+        if self.first_pulse[0] != 0 or np.any(self.first_pulse[1:] < self.first_pulse[:-1]):
             raise UsageError("first_pulse must begin with 0 and not decrease")
         pulses = int(self.first_pulse[-1])
         freeze(self, {"pulse_range_m": np.float64, "pulse_signal": np.float64, "pulse_row": np.int32}, pulses)
@@ -128,16 +128,27 @@ class Light:
         m = len(beam)
         if m == 0:
             return self
-        order = np.argsort(np.concatenate([self.pulse_beam, beam]), kind="stable")
-        columns = (
-            (self.pulse_range_m, range_m),
-            (self.pulse_signal, signal),
-            (self.rows(), np.asarray(row, dtype=np.int32)),
+        order = np.argsort(beam, kind="stable") if np.any(beam[1:] < beam[:-1]) else slice(None)
+        # Behind the pulses that the beam and those before it have, and behind the new ones before it.
+        place = self.first_pulse[beam[order] + 1] + np.arange(m)
+        free = np.ones(len(self.pulse_signal) + m, dtype=bool)
+        free[place] = False
+        old = np.flatnonzero(free)
+
+        def merged(before: FloatArray | IntArray, further: npt.ArrayLike) -> FloatArray | IntArray:
+            column = np.empty(len(free), dtype=before.dtype)
+            column[old], column[place] = before, np.broadcast_to(further, m)[order]
+            return column
+
+        first = self.first_pulse.copy()
+        first[1:] += np.cumsum(np.bincount(beam, minlength=len(self)))
+        return replace(
+            self,
+            first_pulse=first,
+            pulse_range_m=merged(self.pulse_range_m, range_m),
+            pulse_signal=merged(self.pulse_signal, signal),
+            pulse_row=merged(self.rows(), np.asarray(row, dtype=np.int32)),
         )
-        ranges, signals, rows = (np.concatenate([old, np.broadcast_to(new, m)])[order] for old, new in columns)
-        per_beam = np.diff(self.first_pulse) + np.bincount(beam, minlength=len(self))
-        first = np.concatenate([[0], np.cumsum(per_beam)])
-        return replace(self, first_pulse=first, pulse_range_m=ranges, pulse_signal=signals, pulse_row=rows)
 
 
 def light_of_beams(light: Light, mask: npt.NDArray[np.bool_]) -> Light:

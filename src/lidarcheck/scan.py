@@ -6,6 +6,7 @@ values must build a new table.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
@@ -79,13 +80,19 @@ class IdealScan:
     def __len__(self) -> int:
         return len(self.layer)
 
+    @functools.cached_property
+    def in_order(self) -> bool:
+        """Whether each row is a beam of its own, in order of (layer, point)."""
+        key = self.layer.astype(np.int64) << 32 | self.point
+        return bool(np.all(key[1:] > key[:-1]))
+
     def shares(self) -> FloatArray:
         """The part of its beam's light that each row stands for, shape (n,): equal parts where `share` is None."""
         if self.share is not None:
             return self.share
+        if self.in_order:
+            return np.ones(len(self))
         key = self.layer.astype(np.int64) << 32 | self.point
-        if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
-            return np.ones(len(key))
         _, beam, rows = np.unique(key, return_inverse=True, return_counts=True)
         return np.asarray(1.0 / rows[beam])
 

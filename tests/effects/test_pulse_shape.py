@@ -151,8 +151,8 @@ def test_three_ways_to_the_rates_agree(shape: PulseShape) -> None:
 
 
 def add_kernel_rates(beam: Light, sensor: Sensor, rates: np.ndarray) -> None:
+    from lidarcheck.jit import kernel
     from lidarcheck.model.exact.pulses import add_rates
-    from lidarcheck.model.jit import kernel
 
     @kernel
     def run(pulses, rates):  # type: ignore[no-untyped-def]

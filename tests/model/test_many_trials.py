@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lidarcheck.model.jit import kernel
+from lidarcheck.jit import kernel
 from lidarcheck.model.many_trials import INVERSES, binomial_number, poisson_numbers
 from lidarcheck.model.normal import normal
 

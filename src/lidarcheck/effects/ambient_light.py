@@ -91,7 +91,7 @@ class AmbientLight(LightEffect):
             whiteness = np.where((around.ideal.distance_m > 0.0) & np.isfinite(own), np.round(own, _DIGITS), whiteness)
         if self.direct > 0.0:
             whiteness = whiteness * np.where(around.ideal.distance_m > 0.0, self._lit(around), 1.0)
-        mixture = rows.total(rows.share * whiteness[rows.row])
+        mixture = rows.total(rows.share * rows.of_each(whiteness))
         return replace(light, background_per_ns=light.background_per_ns + self.rate_per_ns * mixture)
 
     def _lit(self, around: Surroundings) -> npt.NDArray[np.float64]:

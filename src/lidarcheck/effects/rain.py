@@ -116,7 +116,7 @@ class Rain(LightEffect):
         most = int(count.max())
         uniform = around.uniforms(light.layer[struck], light.point[struck], 1 + 2 * most)[:, 1:]
         used = np.arange(most) < count[:, None]
-        range_m = np.interp(uniform[:, ::2][used] * expected[-1], expected, grid_m)
+        range_m = elementary.interp(uniform[:, ::2][used] * expected[-1], expected, grid_m)
         smallest_mm = np.minimum(self._smallest_mm(range_m, around.sensor, floor), LARGEST_MM)
         diameter_mm = self._diameter_mm(smallest_mm, uniform[:, 1::2][used])
         return np.repeat(struck, count), range_m, self._signal(range_m, diameter_mm, around.sensor)

@@ -12,6 +12,7 @@ or three parts, whose first are short enough that their products are exact, and 
 
 from lidarcheck.elementary.angles import arccos, arcsin, arctan, arctan2, cos, hypot, rounded_cos_sin, sin, tan
 from lidarcheck.elementary.exponentials import exp, exp2, expm1, lgamma, log, log1p, log2, log10, logaddexp, power
+from lidarcheck.elementary.lines import interp
 from lidarcheck.elementary.sums import gauss_legendre, product
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "expm1",
     "gauss_legendre",
     "hypot",
+    "interp",
     "lgamma",
     "log",
     "log1p",

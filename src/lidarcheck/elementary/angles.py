@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.elementary.blocks import in_blocks, series, sum_rest
+from lidarcheck.elementary.blocks import in_blocks, in_blocks_or_compiled, series, sum_rest
 
 __all__ = ["arccos", "arcsin", "arctan", "arctan2", "cos", "hypot", "rounded_cos_sin", "sin", "tan"]
 
-_RIGHT_1, _RIGHT_2, _RIGHT_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+RIGHT_1, RIGHT_2, RIGHT_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 """A right angle in parts of 33 bits: products with numbers below 2^20 are exact."""
-_RIGHT, _RIGHT_REST = 1.5707963267948966, 6.123233995736766e-17
+RIGHT, _RIGHT_REST = 1.5707963267948966, 6.123233995736766e-17
 _STEPS = 8
 _ARCTAN = np.array([0.0, 0.12435499454676144, 0.24497866312686414, 0.35877067027057225, 0.4636476090008061,
                     0.5585993153435624, 0.6435011087932844, 0.7188299996216245, 0.7853981633974483])  # fmt: skip
@@ -23,29 +23,29 @@ _ARCTAN_REST = np.array([0.0, -3.1253241424539383e-18, 1.0698755618734451e-17, -
                          -2.1478388444456983e-17, 3.061616997868383e-17])  # fmt: skip
 """The arc tangent of j / 8, and what its rounding left."""
 _SERIES_BITS = 220
-_SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
-_COS = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(2, 10))
+SIN = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
+COS = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(2, 10))
 _ATAN = tuple((-1.0) ** k / (2 * k + 1) for k in range(1, 9))
 
 
 def _turned(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The quarter that x lies in (0 to 3), the sine and the cosine of what is over its middle."""
-    k = np.rint(x * (1.0 / _RIGHT))
-    rest = x - k * _RIGHT_1
-    part = k * _RIGHT_2
+    k = np.rint(x * (1.0 / RIGHT))
+    rest = x - k * RIGHT_1
+    part = k * RIGHT_2
     high = rest - part
-    low = sum_rest(rest, -part, high) - k * _RIGHT_3
+    low = sum_rest(rest, -part, high) - k * RIGHT_3
     y = high + low
     low = (high - y) + low
     z = y * y
     half = 0.5 * z
     one = 1.0 - half
-    sine = y + (y * z * series(z, _SIN) + low * one)
-    cosine = one + (((1.0 - one) - half) + (z * z * series(z, _COS) - y * low))
+    sine = y + (y * z * series(z, SIN) + low * one)
+    cosine = one + (((1.0 - one) - half) + (z * z * series(z, COS) - y * low))
     return k - 4.0 * np.floor(0.25 * k), sine, cosine
 
 
-@in_blocks
+@in_blocks_or_compiled
 def sin(x: FloatArray) -> FloatArray:
     """The sine of an angle in radians, of less than a million turns."""
     quarter, sine, cosine = _turned(x)
@@ -53,7 +53,7 @@ def sin(x: FloatArray) -> FloatArray:
     return np.where(quarter >= 2.0, -found, found)
 
 
-@in_blocks
+@in_blocks_or_compiled
 def cos(x: FloatArray) -> FloatArray:
     """The cosine of an angle in radians, of less than a million turns."""
     quarter, sine, cosine = _turned(x)
@@ -83,8 +83,8 @@ def arctan2(y: FloatArray, x: FloatArray) -> FloatArray:
     flat, steep = np.abs(x), np.abs(y)
     large, small = np.maximum(flat, steep), np.minimum(flat, steep)
     angle = _arctan(np.where(large > 0.0, small / large, 0.0))
-    angle = np.where(steep > flat, _RIGHT - (angle - _RIGHT_REST), angle)
-    angle = np.where(np.signbit(x), 2.0 * _RIGHT - (angle - 2.0 * _RIGHT_REST), angle)
+    angle = np.where(steep > flat, RIGHT - (angle - _RIGHT_REST), angle)
+    angle = np.where(np.signbit(x), 2.0 * RIGHT - (angle - 2.0 * _RIGHT_REST), angle)
     return np.where(np.isnan(x) | np.isnan(y), np.nan, np.copysign(angle, y))
 
 

@@ -7,21 +7,21 @@ import math
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.elementary.blocks import in_blocks, series, sum_rest
+from lidarcheck.elementary.blocks import in_blocks, in_blocks_or_compiled, series, sum_rest
 
 __all__ = ["exp", "exp2", "expm1", "lgamma", "log", "log1p", "log2", "log10", "logaddexp", "power"]
 
-_LN2, _PER_LN2, _PER_LN10 = 0.6931471805599453, 1.4426950408889634, 0.4342944819032518
-_LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
+_LN2, PER_LN2, _PER_LN10 = 0.6931471805599453, 1.4426950408889634, 0.4342944819032518
+LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 """Their sum is ln 2; products of the first with exponents are exact."""
 _TENS = np.array([float(f"1e{k}") for k in range(-30, 31)])
-_ROOT_HALF = 0.7071067811865476
-_LOWEST, _HIGHEST = -746.0, 710.0
+ROOT_HALF = 0.7071067811865476
+LOWEST, HIGHEST = -746.0, 710.0
 """Below, exp is 0; above, infinite."""
 _SPLIT = 134217729.0
 """2^27 + 1: cuts a number into halves whose products are exact."""
-_EXP = tuple(1.0 / math.factorial(k) for k in range(2, 15))
-_LOG = tuple(2.0 / k for k in range(3, 27, 2))
+EXP = tuple(1.0 / math.factorial(k) for k in range(2, 15))
+LOG = tuple(2.0 / k for k in range(3, 27, 2))
 _STIRLING = (1 / 12, -1 / 360, 1 / 1260, -1 / 1680, 1 / 1188, -691 / 360360, 1 / 156)
 
 
@@ -34,22 +34,22 @@ def _scaled(y: FloatArray, power_of_two: FloatArray) -> FloatArray:
 
 def _exp_rest(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """k, high, low with exp(x) = 2^k (1 + high + low)."""
-    k = np.rint(x * _PER_LN2)
-    high, less = x - k * _LN2_HIGH, k * _LN2_LOW
+    k = np.rint(x * PER_LN2)
+    high, less = x - k * LN2_HIGH, k * LN2_LOW
     r = high - less
-    return k, high, r * r * series(r, _EXP) - less
+    return k, high, r * r * series(r, EXP) - less
 
 
 def _exp(x: FloatArray, more: FloatArray | float = 0.0) -> FloatArray:
     """exp(x + more) for a `more` that is tiny beside x."""
     odd = np.isnan(x)
-    k, high, low = _exp_rest(np.where(odd, 0.0, np.clip(x, _LOWEST, _HIGHEST)))
+    k, high, low = _exp_rest(np.where(odd, 0.0, np.clip(x, LOWEST, HIGHEST)))
     one = 1.0 + high
     found = _scaled(one + (((1.0 - one) + high) + (low + more * one)), k)
     return np.where(odd, x, found)
 
 
-@in_blocks
+@in_blocks_or_compiled
 def exp(x: FloatArray) -> FloatArray:
     """e to the power x."""
     return _exp(x)
@@ -76,22 +76,22 @@ def expm1(x: FloatArray) -> FloatArray:
 def _log_parts(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """e, f, c with log(x) = e ln 2 + f + c, f exact and c at most a tenth; x is above 0 and finite."""
     m, whole = np.frexp(x)
-    low = m < _ROOT_HALF
+    low = m < ROOT_HALF
     m, e = np.where(low, 2.0 * m, m), whole - low.astype(np.float64)
     f = m - 1.0
     s, half = f / (2.0 + f), 0.5 * f * f
     z = s * s
-    return e, f, s * (half + z * series(z, _LOG)) - half
+    return e, f, s * (half + z * series(z, LOG)) - half
 
 
 def _log(x: FloatArray) -> FloatArray:
     fair = (x > 0.0) & (x < np.inf)
     e, f, c = _log_parts(np.where(fair, x, 1.0))
     odd = np.where(x == 0.0, -np.inf, np.where(x == np.inf, np.inf, np.nan))
-    return np.where(fair, e * _LN2_HIGH + (f + (c + e * _LN2_LOW)), odd)
+    return np.where(fair, e * LN2_HIGH + (f + (c + e * LN2_LOW)), odd)
 
 
-@in_blocks
+@in_blocks_or_compiled
 def log(x: FloatArray) -> FloatArray:
     """The natural logarithm; -inf at 0, NaN below."""
     return _log(x)
@@ -110,7 +110,7 @@ def log2(x: FloatArray) -> FloatArray:
     """The logarithm to base 2; exact for powers of two."""
     fair = (x > 0.0) & (x < np.inf)
     e, f, c = _log_parts(np.where(fair, x, 1.0))
-    return np.where(fair, e + (f + c) * _PER_LN2, _log(x))
+    return np.where(fair, e + (f + c) * PER_LN2, _log(x))
 
 
 @in_blocks
@@ -134,9 +134,9 @@ def power(x: FloatArray, y: FloatArray) -> FloatArray:
     """x to the power y, for x at or above 0; NaN below."""
     fair = (x > 0.0) & (x < np.inf)
     e, f, c = _log_parts(np.where(fair, x, 1.0))
-    large = e * _LN2_HIGH
+    large = e * LN2_HIGH
     total = large + f
-    low = sum_rest(large, f, total) + (c + e * _LN2_LOW)
+    low = sum_rest(large, f, total) + (c + e * LN2_LOW)
     high = total + low
     low = (total - high) + low
     exact, rest = _product(high, y)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray, IntArray
-from lidarcheck.model.jit import inlined
+from lidarcheck.jit import inlined
 from lidarcheck.model.picks import KEEP_CODES, pick
 from lidarcheck.sensor import Sensor
 from lidarcheck.sensor.laws import EchoNumbers, value

@@ -7,13 +7,9 @@ are plain sums and products, the same to the last bit wherever they run, alone o
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
-from lidarcheck.model.jit import inlined
+from lidarcheck.elementary.compiled import ROUNDER, bits_of, from_bits
+from lidarcheck.jit import inlined
 
 __all__ = ["LANES", "LN2", "exp", "expm1", "fired", "lgamma", "log", "log1m", "log1p", "log_rest", "whole_below"]
 
@@ -24,8 +20,6 @@ LN2 = 0.6931471805599453
 _PER_LN2 = 1.4426950408889634
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 """Their sum is ln 2 to 33 digits; the first has so few bits that its product with an exponent is exact."""
-_ROUNDER = 6755399441055744.0
-"""1.5 x 2^52: what is added to it is rounded to a whole number, which then stands in the last bits of the sum."""
 _EXPONENT_OF_ONE, _FRACTION_BITS = 1023, 52
 _BITS_OF_ROOT = 0x3FE6A09E667F3BCD
 """Those of sqrt(1/2)."""
@@ -36,39 +30,17 @@ _HALF_LOG_TURN = 0.9189385332046727
 _I3, _I5, _I7, _I9, _I11, _I13, _I15, _I17, _I19, _I21 = (1.0 / k for k in range(3, 22, 2))
 
 
-def _bits_of(typing_context: Any, number: Any) -> Any:
-    """The 64 bits of a floating-point number as a whole number."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.bitcast(args[0], ir.IntType(64))
-
-    return types.int64(types.float64), codegen
-
-
-def _from_bits(typing_context: Any, bits: Any) -> Any:
-    """The floating-point number that has these 64 bits."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.bitcast(args[0], ir.DoubleType())
-
-    return types.float64(types.int64), codegen
-
-
-_bits: Any = intrinsic(_bits_of)
-_float: Any = intrinsic(_from_bits)
-
-
 @inlined
 def exp(x: float) -> float:
     """exp(x) for x between -700 and 700: a power of two times a Taylor series of at most half of ln 2."""
-    shifted = x * _PER_LN2 + _ROUNDER
-    whole = shifted - _ROUNDER
+    shifted = x * _PER_LN2 + ROUNDER
+    whole = shifted - ROUNDER
     r = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
     s = r * r
     q = s * s
     low = ((1.0 + r) + s * (_F2 + r * _F3)) + q * ((_F4 + r * _F5) + s * (_F6 + r * _F7))
     high = ((_F8 + r * _F9) + s * (_F10 + r * _F11)) + q * (_F12 + r * _F13)
-    power: float = _float((_bits(shifted) + _EXPONENT_OF_ONE) << _FRACTION_BITS)
+    power: float = from_bits((bits_of(shifted) + _EXPONENT_OF_ONE) << _FRACTION_BITS)
     return (low + (q * q) * high) * power
 
 
@@ -88,10 +60,10 @@ def expm1(x: float) -> float:
 @inlined
 def log(x: float) -> float:
     """log(x) for normal numbers x above 0: the exponent's part, and a series between sqrt(1/2) and sqrt(2)."""
-    bits = _bits(x)
+    bits = bits_of(x)
     # The bits of x over sqrt(1/2) as a whole number: their exponent tells by which power of two to divide.
     exponent = (bits - _BITS_OF_ROOT) >> _FRACTION_BITS
-    near_one: float = _float(bits - (exponent << _FRACTION_BITS))
+    near_one: float = from_bits(bits - (exponent << _FRACTION_BITS))
     t = (near_one - 1.0) / (near_one + 1.0)
     z = t * t
     y = z * z

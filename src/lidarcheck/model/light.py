@@ -118,9 +118,9 @@ def light_of(ideal: IdealScan, model: Model, share: Share = serially) -> Light:
     otherwise; each becomes a pulse of its own.
     """
     signal = surface_signal(ideal, model, share)
-    key = ideal.layer.astype(np.int64) << 32 | ideal.point
-    if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
+    if ideal.in_order:
         return _one_row_a_beam(ideal, signal, model)
+    key = ideal.layer.astype(np.int64) << 32 | ideal.point
     # Rows of one beam may stand in any order; nearer pulses first, so that the order of rows cannot matter.
     order = np.lexsort((signal, ideal.distance_m, key))
     key = key[order]

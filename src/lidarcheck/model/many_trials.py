@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.binomial import BELOW_ONE, from_zero, inverses
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import exp, lgamma, log, log1p, log_rest
 from lidarcheck.model.streams import philox, unit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.lane_math import log
 
 __all__ = ["normal", "normals"]

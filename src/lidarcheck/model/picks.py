@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lidarcheck.arrays import FloatArray, IndexArray
-from lidarcheck.model.jit import kernel
+from lidarcheck.jit import kernel
 
 __all__ = ["KEEP_CODES", "pick"]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IntArray
-from lidarcheck.model.jit import kernel
+from lidarcheck.jit import kernel
 from lidarcheck.sensor import Beams
 
 __all__ = ["placed"]

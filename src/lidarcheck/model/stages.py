@@ -14,7 +14,7 @@ from lidarcheck.effects.base import AimEffect, Effect, in_detector
 from lidarcheck.errors import UsageError
 from lidarcheck.model.estimates import drawn, with_row_keys
 from lidarcheck.model.light import light_of, surface_signal
-from lidarcheck.model.sharing import share
+from lidarcheck.model.sharing import Share, serially, share
 from lidarcheck.model.spec import Model
 from lidarcheck.rays import Caster
 from lidarcheck.scan import IdealScan, Light
@@ -168,9 +168,10 @@ def run_and_light(
     `surfaces`: those of this ideal scan, if known already. `threads`: all cores when None. `as_written`: without
     drawing what the ideal scan may be off by (`estimates`).
     """
-    run = run_of(ideal, model, seed, frame, scene, surfaces).after_stage("aim", model.effects)
+    among = functools.partial(share, threads=threads)
+    run = replace(run_of(ideal, model, seed, frame, scene, surfaces), among=among).after_stage("aim", model.effects)
     run = run if as_written else replace(run, ideal=drawn(run.ideal, seed))
-    light = light_of(run.ideal, model, functools.partial(share, threads=threads))
+    light = light_of(run.ideal, model, among)
     for effect in of_stage("light", model.effects):
         light = effect.light(light, run.of(effect))
     run = run.after_stage("detector", model.effects)
@@ -192,6 +193,7 @@ class Run:
     scene: Caster | None
     surfaces: Surfaces
     purpose: str = ""
+    among: Share = serially
 
     @property
     def materials(self) -> Mapping[int, Material]:
@@ -226,7 +228,7 @@ class Run:
         """Uniform random numbers of these beams, shape (n, draws)."""
         from lidarcheck.model import streams
 
-        return streams.uniforms(self.seed, self.purpose, self.frame, layer, point, draws)
+        return streams.uniforms(self.seed, self.purpose, self.frame, layer, point, draws, self.among)
 
 
 def of_stage(stage: str, effects: tuple[Effect, ...]) -> list[Any]:

@@ -18,8 +18,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
+from lidarcheck.model.sharing import Share, serially
 
 __all__ = [
     "Stream",
@@ -40,6 +41,8 @@ _M0, _M1 = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _W0, _W1 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _ROUNDS = 10
 _ONE, _ELEVEN = np.uint64(1), np.uint64(11)
+_CHUNK = 32768
+"""Beams that draw at a time: few enough to share the work evenly."""
 _UNIT = 1.0 / 9007199254740992.0
 _LOW_HALF, _HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 _LANES: Any = np.uint64(LANES)
@@ -198,21 +201,41 @@ def beam_keys(layer: npt.ArrayLike, point: npt.ArrayLike) -> npt.NDArray[np.uint
 
 @kernel
 def _uniforms(
-    stream: Stream, beams: npt.NDArray[np.uint64], draws: npt.NDArray[np.float64], out: npt.NDArray[np.float64]
+    stream: Stream,
+    beams: npt.NDArray[np.uint64],
+    held: npt.NDArray[np.uint64],
+    words: npt.NDArray[np.uint64],
+    draws: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
 ) -> None:
-    count = out.shape[1]
-    for i in range(out.shape[0]):
-        rewind(stream, beams[i])
-        fill(stream, draws, count)
-        for j in range(count):
-            out[i, j] = draws[j]
+    """The first draws of each beam into its row of `out`, `LANES` beams at a time; the others are work space."""
+    n, count = out.shape
+    for start in range(0, n, LANES):
+        for lane in range(LANES):
+            held[lane] = beams[min(start + lane, n - 1)]
+        fill_abreast(stream, held, (count + 3) // 4, words, draws)
+        for lane in range(min(LANES, n - start)):
+            for k in range(count):
+                out[start + lane, k] = draws[k * LANES + lane]
 
 
 def uniforms(
-    seed: int, purpose: str, frame: int, layer: npt.ArrayLike, point: npt.ArrayLike, draws: int = 1
+    seed: int,
+    purpose: str,
+    frame: int,
+    layer: npt.ArrayLike,
+    point: npt.ArrayLike,
+    draws: int = 1,
+    among: Share = serially,
 ) -> npt.NDArray[np.float64]:
     """Uniform numbers in [0, 1), shape (n_beams, draws): the first draws of each beam for that purpose."""
-    beams = beam_keys(layer, point)
+    stream, beams = new_stream(seed, purpose, frame), beam_keys(layer, point)
     out = np.empty((len(beams), draws))
-    _uniforms(new_stream(seed, purpose, frame), beams, np.empty(draws + 3), out)
+
+    def fill_rows(start: int) -> None:
+        rows = slice(start, start + _CHUNK)
+        held, words = np.empty(LANES, dtype=np.uint64), np.empty(4 * LANES, dtype=np.uint64)
+        _uniforms(stream, beams[rows], held, words, np.empty((draws + 3) // 4 * 4 * LANES), out[rows])
+
+    among(fill_rows, range(0, len(beams), _CHUNK))
     return out

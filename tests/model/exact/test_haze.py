@@ -7,13 +7,13 @@ import pytest
 from scipy import stats
 
 from haze_kit import TAIL, fog, light, same
+from lidarcheck.jit import kernel
 from lidarcheck.model import detection, echoes_of, reference, streams
 from lidarcheck.model.exact import kernel as kernels
 from lidarcheck.model.exact.echoes import new_echoes
 from lidarcheck.model.exact.haze_front import Front
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulses_of, window
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.trace import bin_rates
 from lidarcheck.scan import Haze, Light, PulseShape
 from lidarcheck.sensor import Sensor

@@ -5,12 +5,12 @@ import pytest
 from scipy import stats
 
 from haze_kit import TAIL, fog, light
+from lidarcheck.jit import kernel
 from lidarcheck.model import echoes_of, expected_trace, reference, streams
 from lidarcheck.model.exact import kernel as kernels
 from lidarcheck.model.exact import single
 from lidarcheck.model.exact.numbers import numbers_of
 from lidarcheck.model.exact.pulses import pulses_of
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.streams import rewind
 from lidarcheck.model.trace import bin_rates, draw_traces, on_probability
 from lidarcheck.scan import Light, PulseShape

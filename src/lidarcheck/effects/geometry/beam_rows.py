@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -21,17 +22,21 @@ class BeamRows(NamedTuple):
     """The rows of each beam: beam i has `row[first[i]]` ... `row[first[i + 1] - 1]`, as they stand in the ideal scan.
 
     `first` (n_beams + 1,); `row` and `share`, the part of the beam's light that the row stands for, (n_rows,).
+    `row` is None where row i is all that beam i has.
     """
 
     first: IndexArray
-    row: IndexArray
+    row: IndexArray | None
     share: FloatArray
 
     @classmethod
     def of(cls, light: Light, ideal: IdealScan, share: FloatArray | None = None) -> BeamRows:
         """The rows behind the beams of `light`; none for a beam that the ideal scan does not know."""
+        share = ideal.shares() if share is None else share
+        if ideal.in_order and light.layer is ideal.layer and light.point is ideal.point:
+            return cls(_one_each(len(ideal)), None, share)
         key, beam_key = _keys(ideal.layer, ideal.point), _keys(light.layer, light.point)
-        row, share = np.arange(len(key)), ideal.shares() if share is None else share
+        row = np.arange(len(key))
         if np.any(key[1:] < key[:-1]):
             row = np.argsort(key, kind="stable")
             key, share = key[row], share[row]
@@ -41,6 +46,10 @@ class BeamRows(NamedTuple):
         begin, end = np.searchsorted(key, beam_key, "left"), np.searchsorted(key, beam_key, "right")
         known = spread(begin, end - begin)
         return cls(np.concatenate([[0], np.cumsum(end - begin)]), row[known], share[known])
+
+    def of_each(self, column: FloatArray) -> FloatArray:
+        """What a column of the ideal scan, (n,), says of each row, shape (n_rows,)."""
+        return column if self.row is None else column[self.row]
 
     @property
     def beam(self) -> IndexArray:
@@ -54,7 +63,7 @@ class BeamRows(NamedTuple):
         each number that they meet.
         """
         count = np.diff(self.first)
-        if bool(np.all(count == 1)):
+        if self.row is None or bool(np.all(count == 1)):
             return values
         total = np.zeros(len(count))
         filled = count > 0
@@ -67,6 +76,8 @@ class BeamRows(NamedTuple):
 
         `row_end_m` (n_rows,): how far each row reaches.
         """
+        if self.row is None:
+            return np.round(np.where(row_end_m[beam] > range_m, self.share[beam], 0.0), _DIGITS)
         count = np.diff(self.first)[beam]
         row = spread(self.first[beam], count)
         place = np.repeat(np.arange(len(beam)), count)
@@ -93,12 +104,20 @@ def by_material(
         ids, place = np.unique(ideal.material_id, return_inverse=True)
         values = np.array([known.get(int(number), missing) for number in ids])[place]
     else:
-        table = np.full(high - low + 1, missing)
+        # Its first and its last entry stand for all numbers beyond.
+        table = np.full(high - low + 3, missing)
         for number, at in known.items():
-            table[number - low] = at
-        inside = (ideal.material_id >= low) & (ideal.material_id <= high)
-        values = np.where(inside, table[np.clip(ideal.material_id, low, high) - low], missing)
+            table[number - low + 1] = at
+        values = table.take(ideal.material_id.astype(np.int64) - (low - 1), mode="clip")
     return np.where(ideal.distance_m > 0.0, values, missing)
+
+
+@functools.lru_cache(maxsize=1)
+def _one_each(beams: int) -> IndexArray:
+    """`first` of beams of one row each; kept, since frames are alike."""
+    first = np.arange(beams + 1)
+    first.flags.writeable = False
+    return first
 
 
 def _keys(layer: npt.NDArray[np.int32], point: npt.NDArray[np.int32]) -> IndexArray:

@@ -39,9 +39,9 @@ def moving_of(rays: Rays, caster: Caster) -> Mapping[int, Velocity]:
 
 def rank_in_beam(ideal: IdealScan) -> npt.NDArray[np.int32]:
     """Rank of each row among the rows of its beam, from 0, by what they meet: their order cannot matter; (n,)."""
+    if ideal.in_order:
+        return np.zeros(len(ideal), dtype=np.int32)
     key = ideal.layer.astype(np.int64) << 32 | ideal.point
-    if len(key) < 2 or bool(np.all(key[1:] > key[:-1])):
-        return np.zeros(len(key), dtype=np.int32)
     also = [column for column in (ideal.share, ideal.object_id, ideal.time_s) if column is not None]
     order = np.lexsort((*also, ideal.material_id, ideal.incidence_deg, ideal.distance_m, key))
     sorted_key = key[order]
@@ -78,7 +78,7 @@ def shares_that_end(ideal: IdealScan) -> npt.NDArray[np.float64]:
 
     A pane sends on a part of the light that it gets: the air before it is passed by that part once, not twice.
     """
-    return _sent_on(ideal, rays_of(ideal))[1]
+    return ideal.shares() if ideal.share is None else _sent_on(ideal, rays_of(ideal))[1]
 
 
 def _sent_on(ideal: IdealScan, rays: Rays) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:

@@ -19,7 +19,7 @@ STEP_M = 0.05
 
 def ends_of(rows: BeamRows, ideal: IdealScan, nothing_m: float) -> FloatArray:
     """How far each row's beam goes through the air, `nothing_m` where it meets nothing; shape (n_rows,)."""
-    distance_m = ideal.distance_m[rows.row]
+    distance_m = rows.of_each(ideal.distance_m)
     return np.where(distance_m > 0.0, distance_m, nothing_m)
 
 

@@ -27,7 +27,10 @@ def poisson_counts(uniform: FloatArray, mean: float) -> npt.NDArray[np.int64]:
 
     last = int(mean + 12.0 * np.sqrt(mean)) + 40
     below = np.asarray(pdtr(np.arange(last), mean))
-    return np.searchsorted(below, uniform, side="right").astype(np.int64)
+    count = np.zeros(uniform.shape, dtype=np.int64)
+    some = np.flatnonzero(uniform.ravel() >= below[0])  # where the mean is small, most have none
+    count.ravel()[some] = np.searchsorted(below, uniform.ravel()[some], side="right")
+    return count
 
 
 def check_interval(effect: str, first: tuple[str, float], last: tuple[str, float]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, FloatArray, IndexArray
-from lidarcheck.model.jit import kernel
+from lidarcheck.jit import kernel
 
 __all__ = ["add_up", "areas_between", "write_nearest", "write_residuals", "write_scatter"]
 

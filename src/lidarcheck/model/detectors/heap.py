@@ -6,7 +6,7 @@ An entry is due bin x 2^20 + detector: one number orders them, and there is noth
 from __future__ import annotations
 
 from lidarcheck.arrays import IndexArray
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.jit import inlined, kernel
 
 __all__ = ["MOST_DETECTORS", "due_bin", "pop", "push"]
 

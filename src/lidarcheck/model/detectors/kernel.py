@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.detectors.array import Detectors
 from lidarcheck.model.detectors.heap import due_bin, pop, push
 from lidarcheck.model.detectors.scratch import (
@@ -36,7 +37,6 @@ from lidarcheck.model.detectors.scratch import (
 )
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, window
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import fired, log, log1p
 from lidarcheck.model.streams import Stream
 

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.detectors.array import Detectors
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import log
 from lidarcheck.model.streams import Stream, fill, rewind
 

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
 from lidarcheck.errors import UsageError
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.detectors.array import Detectors, detectors_of
 from lidarcheck.model.detectors.kernel import follow
 from lidarcheck.model.detectors.scratch import DetectorScratch, new_scratch, set_all
 from lidarcheck.model.exact.echoes import EchoArrays, find_echoes
 from lidarcheck.model.exact.numbers import Numbers, numbers_of
 from lidarcheck.model.exact.pulses import Pulses, pulses_of
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.streams import Stream, beam_keys, new_stream
 from lidarcheck.scan import Light
 from lidarcheck.sensor import SpadArray

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray, WordArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.binomial import BELOW_ONE
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES, LN2, exp, expm1, log1m
 
 __all__ = [

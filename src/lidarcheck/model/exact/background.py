@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.blocks import Blocks, count, count_small
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import fired, log
 from lidarcheck.model.streams import Stream, fill, fill_four, skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.model.jit import inlined, kernel
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.lane_math import LN2, exp, expm1, fired, lgamma, log, log1m, log_rest
 
 __all__ = ["BELOW_ONE", "binomial", "from_zero", "inverses"]

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import exp, fired, lgamma, log, log_rest
 
 __all__ = ["Blocks", "count", "count_small", "new_blocks", "tabulate"]

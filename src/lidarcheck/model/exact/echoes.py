@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.jit import inlined, kernel
 
 __all__ = ["EchoArrays", "find_echoes", "keep", "new_echoes"]
 

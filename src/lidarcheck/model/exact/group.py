@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import Abreast, draw_entry, find_abreast, last_on, run_abreast
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_pulses
 from lidarcheck.model.exact.single import RESERVE, BackgroundLevel, Scratch, look_around, place_dead
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES
 from lidarcheck.model.streams import Stream, fill_abreast, rewind, skip
 

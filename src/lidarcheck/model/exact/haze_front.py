@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.binomial import binomial, inverses
 from lidarcheck.model.exact.numbers import Numbers
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import fired
 
 __all__ = ["Front", "front_of", "look_up"]

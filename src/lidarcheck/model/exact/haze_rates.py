@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact.haze_front import Front, front_of
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, PulseForm
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import whole_below
 from lidarcheck.scan import Haze, Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.abreast import MOST_BINS, MOST_DETECTORS
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.group import simulate_group
@@ -28,7 +29,6 @@ from lidarcheck.model.exact.single import (
     new_scratch,
     simulate_alone,
 )
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import LANES, fired, log1p
 from lidarcheck.model.streams import Stream, fill, rewind
 

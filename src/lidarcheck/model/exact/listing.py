@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.report import EchoTable, Report, angles_of, put, report_of, room_for, scan_of_table
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.sharing import Share
 from lidarcheck.scan import Light, Scan
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, SpadArray

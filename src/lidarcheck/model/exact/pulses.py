@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined
 from lidarcheck.model.exact.haze_rates import HazeRates, add_haze, haze_end, haze_rates_of
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulse_form import PHASES, form_of
-from lidarcheck.model.jit import inlined
 from lidarcheck.model.lane_math import whole_below
 from lidarcheck.model.sharing import Share, serially
 from lidarcheck.scan import Light

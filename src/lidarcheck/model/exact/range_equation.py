@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.model.jit import kernel
+from lidarcheck.jit import kernel
 
 __all__ = ["NOT_FINITE", "UNKNOWN", "range_equation"]
 

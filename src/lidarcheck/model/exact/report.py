@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.shared.ranges import reported, within_gate
-from lidarcheck.model.jit import inlined
+from lidarcheck.jit import inlined
 from lidarcheck.model.placing import placed
 from lidarcheck.scan import Scan
 from lidarcheck.sensor import Beams, SpadArray

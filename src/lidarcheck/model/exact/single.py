@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.exact import background as bg
 from lidarcheck.model.exact.abreast import RESERVE, Abreast, new_abreast
 from lidarcheck.model.exact.binomial import binomial, inverses
@@ -24,7 +25,6 @@ from lidarcheck.model.exact.haze_front import Front, look_up
 from lidarcheck.model.exact.haze_rates import haze_end
 from lidarcheck.model.exact.numbers import Numbers
 from lidarcheck.model.exact.pulses import Pulses, add_rates, pulse_window
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import fired, log, log1p
 from lidarcheck.model.streams import Stream, fill, rewind
 

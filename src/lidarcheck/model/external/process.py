@@ -158,7 +158,7 @@ def _guard(directory: Path) -> subprocess.Popen[bytes] | None:
 
 def _environment() -> dict[str, str]:
     """What the program finds: compiled Python beside its text, which no hash covers, is not taken for the text."""
-    from lidarcheck.model.jit import base_directory
+    from lidarcheck.jit import base_directory
 
     with contextlib.suppress(RuntimeError):  # there is no home directory
         return {"PYTHONPYCACHEPREFIX": str(base_directory().absolute() / "python"), **os.environ}

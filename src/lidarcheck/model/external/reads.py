@@ -14,10 +14,10 @@ import numpy as np
 from lidarcheck.effects.shared.reflectance import reflectance_of
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.atomic import write_text
+from lidarcheck.jit import base_directory
 from lidarcheck.model.external.exchange import Request
 from lidarcheck.model.external.probe import TRIALS, echoes_as_rows, probe_request, probe_scan
 from lidarcheck.model.external.running import run_requests
-from lidarcheck.model.jit import base_directory
 from lidarcheck.model.spec import READS, External, Model
 from lidarcheck.scan import IdealScan
 from lidarcheck.sensor import Program

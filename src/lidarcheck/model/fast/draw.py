@@ -16,8 +16,8 @@ from numba import types
 from numba.extending import intrinsic
 
 from lidarcheck.arrays import FloatArray, IndexArray, WordArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.fast import words as w
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.streams import philox, unit
 
 __all__ = [

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.echoes import EchoArrays, keep
 from lidarcheck.model.fast import words as w
 from lidarcheck.model.fast.alarms import Alarms
 from lidarcheck.model.fast.draw import ALARM, EXACT, NOTHING, Tables, beam_key
 from lidarcheck.model.fast.library import Samples
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import exp
 from lidarcheck.model.streams import philox, unit
 

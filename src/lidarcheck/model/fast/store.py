@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from lidarcheck.errors import InputError
 from lidarcheck.formats.atomic import atomic_write
-from lidarcheck.model.jit import base_directory, source_hash
+from lidarcheck.jit import base_directory, source_hash
 
 __all__ = ["MOST_BYTES", "load", "path_of", "save"]
 

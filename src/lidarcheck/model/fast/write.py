@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.echoes import EchoArrays
 from lidarcheck.model.exact.report import EchoTable, Report, put
 from lidarcheck.model.fast import words as w
-from lidarcheck.model.jit import kernel
 
 __all__ = ["write_echoes"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.exact.haze_rates import add_ramp
 from lidarcheck.model.exact.pulse_form import PHASES
 from lidarcheck.model.histogram.numbers import HistogramNumbers, ZoneLight
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import fired, whole_below
 from lidarcheck.model.many_trials import binomial_number
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray
+from lidarcheck.jit import kernel
 from lidarcheck.model import streams
 from lidarcheck.model.detector_echoes import (
     Candidates,
@@ -24,7 +25,6 @@ from lidarcheck.model.detector_echoes import (
 from lidarcheck.model.histogram.counts import add_rates, draw_counts
 from lidarcheck.model.histogram.numbers import HistogramNumbers, ZoneLight, histogram_numbers, zone_light
 from lidarcheck.model.histogram.search import SearchSpace, background_of, coates, find, new_search_space
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.many_trials import INVERSES
 from lidarcheck.model.sharing import Progress, share
 from lidarcheck.scan import Light

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import kernel
 from lidarcheck.model.detector_echoes import Candidates, Gate, add
 from lidarcheck.model.histogram.numbers import HistogramNumbers
-from lidarcheck.model.jit import kernel
 from lidarcheck.model.lane_math import log, log_rest, whole_below
 
 __all__ = ["SearchSpace", "background_of", "coates", "find", "new_search_space"]

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lidarcheck.arrays import FloatArray, IndexArray
+from lidarcheck.jit import inlined, kernel
 from lidarcheck.model.detector_echoes import Candidates, Gate, Rows, add, put, write
-from lidarcheck.model.jit import inlined, kernel
 from lidarcheck.model.lane_math import LANES, exp, fired, log
 from lidarcheck.model.linear.numbers import LinearLight, LinearNumbers
 from lidarcheck.model.normal import normal, normals

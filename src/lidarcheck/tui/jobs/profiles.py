@@ -191,7 +191,7 @@ def variant_of(model: Path) -> str:
 
 def first_time() -> bool:
     """Whether no kernel of the sensor model was compiled on this machine yet."""
-    from lidarcheck.model.jit import cache_directory
+    from lidarcheck.jit import cache_directory
 
     return not any(cache_directory().iterdir())
 

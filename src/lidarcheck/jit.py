@@ -32,7 +32,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 @cache
 def source_hash() -> str:
     """SHA-256 over the package's source files that kernels are compiled from, and numba's version."""
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parent
     digest = hashlib.sha256(numba.__version__.encode())
     for path in _sources(root):
         digest.update(path.relative_to(root).as_posix().encode())
@@ -43,7 +43,8 @@ def source_hash() -> str:
 def _sources(root: Path) -> list[Path]:
     """What kernels and the echoes kept beside them are made with; searches and other programs have no part in that."""
     found = (path for part in ("elementary", "model", "effects") for path in (root / part).rglob("*.py"))
-    return sorted(path for path in found if not {"search", "external"} & set(path.relative_to(root).parts))
+    kept = (path for path in found if not {"search", "external"} & set(path.relative_to(root).parts))
+    return sorted([Path(__file__).resolve(), *kept])
 
 
 @cache

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[2] / "src" / "lidarcheck"
+PACKAGE = Path(__file__).resolve().parents[1] / "src" / "lidarcheck"
 ASK = """
 import numpy as np
 from lidarcheck.model.exact import single; from lidarcheck.model import streams
@@ -71,7 +71,7 @@ def test_whatever_numbers_come_from_names_the_cache(tmp_path: Path, changed: str
 
 
 def hash_of(source: Path) -> str:
-    ask = "from lidarcheck.model.jit import source_hash; print(source_hash())"
+    ask = "from lidarcheck.jit import source_hash; print(source_hash())"
     environment = {**os.environ, "PYTHONPATH": str(source)}
     return subprocess.run(
         [sys.executable, "-c", ask], env=environment, capture_output=True, text=True, check=True
