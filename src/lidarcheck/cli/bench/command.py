@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet
+from lidarcheck.cli.core.options import Flag, JsonFlag, Quiet, Several, up_to
 from lidarcheck.cli.core.outputs import json_text
 from lidarcheck.cli.core.terminal import columns, emit, hush, note, progress, table
 from lidarcheck.errors import UsageError
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["bench"]
 
 Quick = Annotated[bool, Flag, Parameter(help="Less input, fewer repeats: a first impression.")]
+BEAMS, FEW_BEAMS = 40_000, 4_000
+MOST_BEAMS = 10_000_000
 COLUMNS = columns("figure", "best", "median", "unit", "n", "times faster than", right=("best", "median", "n"))
 
 
@@ -30,6 +32,20 @@ def bench(
         Flag,
         Parameter(help="Curves over beams, pulses, frames and cores instead."),
     ] = False,
+    effects: Annotated[
+        bool,
+        Flag,
+        Parameter(
+            help="Every effect alone and in six mixes instead, for five sensors: speed, and where the time goes."
+        ),
+    ] = False,
+    beams: Annotated[
+        int | None,
+        Parameter(converter=up_to(MOST_BEAMS), help="About so many beams a frame, with --effects; 40000 by default."),
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, Several, Parameter(help="Names of built-in sensors in the place of the five, with --effects.")
+    ] = None,
     out: Annotated[Path | None, Parameter(help="Directory for the curves as PNG, with --scaling.")] = None,
     quiet: Quiet = False,
 ) -> int:
@@ -37,6 +53,13 @@ def bench(
     hush(quiet)
     if out is not None and not scaling:
         raise UsageError("--out is for the curves of --scaling", fix="add --scaling, or leave --out out")
+    if not effects and (beams is not None or sensor):
+        what = "--beams" if beams is not None else "--sensor"
+        raise UsageError(f"{what} is for the frames of --effects", fix=f"add --effects, or leave {what} out")
+    if effects and scaling:
+        raise UsageError("--effects and --scaling measure different things", fix="use one of them")
+    if effects:
+        return _effects(json, beams or (FEW_BEAMS if quick else BEAMS), sensor)
     if scaling:
         return _scaling(json, quick, out)
     from lidarcheck.cli.bench.fast import plain_keys
@@ -56,6 +79,22 @@ def bench(
         return 0
     note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best and median of n repeats")
     emit(table(COLUMNS, [_row(figure, other) for figure in measured for other in figure.against or (None,)]))
+    return 0
+
+
+def _effects(json: bool, beams: int, sensors: list[str] | None) -> int:
+    """A table a sensor, or JSON."""
+    from lidarcheck.cli.bench.effects_text import effects_json, effects_measured, effects_text
+    from lidarcheck.cli.bench.machine import machine
+
+    with progress("measuring") as show:
+        measured = effects_measured(beams, sensors, show)
+    about = machine()
+    if json:
+        emit(json_text({"machine": about, "sensors": effects_json(measured)}))
+        return 0
+    note(f"{about['cores']} cores, load {about['load_1min']:.1f}; best of a few repeats")
+    emit("\n\n".join(effects_text(name, *found) for name, found in measured.items()))
     return 0
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
-from importlib import resources
-
 import numpy as np
 
 from lidarcheck.cli.bench.kit import MEGA, Alternative, Figure, duration, rate, times
+from lidarcheck.cli.bench.mixes import mixes, with_effects
 from lidarcheck.cli.bench.scene import hills, lab_model, signs_frame
 from lidarcheck.sensor import SpadArray
 
@@ -19,21 +17,17 @@ TRIANGLES = 100_000
 def effects_figures(variant: str, repeats: int, quick: bool) -> list[Figure]:
     """Seconds of a full frame with the mixes of `mixes.toml`, and with each effect for which every detector is followed
     on its own, beside the same frame without."""
-    from lidarcheck.effects import make
     from lidarcheck.model import simulate
 
     frame = signs_frame()
     if quick:
         frame = frame.take(np.arange(0, len(frame), 10))
     plain = lab_model(variant)
-    mixes = tomllib.loads(resources.files(__package__).joinpath("mixes.toml").read_text(encoding="utf-8"))
-    chosen = {**mixes, **{name: {name: {}} for name in _one_by_one()}}
+    chosen = {**mixes("figures"), **{name: {name: {}} for name in _one_by_one()}}
     without = min(times(lambda: simulate(frame, plain, seed=1), repeats))
     figures = []
     for name, effects in chosen.items():
-        model = plain
-        for effect, settings in effects.items():
-            model = model.with_(make(effect, settings))
+        model, _ = with_effects(plain, effects)
         seconds = times(lambda model=model: simulate(frame, model, seed=1), repeats)  # type: ignore[misc]
         against = Alternative("the same frame without", without, without / min(seconds))
         figures.append(duration(f"frame_{name}_{variant.lower()}_s", seconds, (against,)))
