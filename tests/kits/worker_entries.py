@@ -74,6 +74,17 @@ def dies(until, progress):
     return 0
 
 
+def compiles(told, each_s, progress):
+    """As numba says it, without a kernel; silent for so long."""
+    from numba.core import event
+
+    with Path(told).open("a") as stream:
+        stream.write("begun\n")
+    with event.trigger_event("numba:compile"):
+        time.sleep(each_s)
+    return "compiled"
+
+
 def hangs(until, progress):
     """Never comes back the first time."""
     if Path(until).exists():

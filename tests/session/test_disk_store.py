@@ -141,6 +141,32 @@ def test_those_that_were_not_read_for_longest_go_first_and_nothing_else(root):
     assert (root / ".lidarcheck/cache/notes.txt").exists()
 
 
+def test_two_interfaces_on_one_project_do_not_disturb_each_other(root):
+    """Each keeps, looks for and removes entries while the other does."""
+    faults = []
+
+    def work(number):
+        store = DiskStore(root, most=30_000)
+        try:
+            for turn in range(40):
+                key = str((turn * number) % 7)
+                store.put(result(key, key.encode() * 5_000))
+                found = store.get(str(turn % 7))
+                assert found is None or found.value == str(turn % 7).encode() * 5_000
+            assert store.fault == ""
+        except BaseException as fault:  # noqa: BLE001 - told where it is looked at
+            faults.append(fault)
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in (1, 3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert faults == []
+    assert sum(path.stat().st_size for path in entries(root)) <= 36_000
+    assert {path.suffix for path in (root / ".lidarcheck/cache").iterdir()} == {".result"}
+
+
 def test_a_full_disk_is_no_reason_to_fail(root, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

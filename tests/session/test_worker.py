@@ -11,6 +11,7 @@ import pytest
 
 from lidarcheck.session import worker as worker_module
 from lidarcheck.session.worker import Worker
+from lidarcheck.session.worker_process import COMPILES
 from tui_kit import ROOT
 
 ENTRY = "worker_entries:"
@@ -196,6 +197,17 @@ def test_a_process_that_hangs_is_started_anew(heard, tmp_path, monkeypatch):
         assert heard.wait(2)[1].value == 2
     finally:
         hasty.close()
+
+
+def test_compiling_is_not_hanging_and_is_said(heard, tmp_path):
+    patient = Worker(warm=((f"{ENTRY}add", (1, 1)),), patience_s=0.6)
+    try:
+        patient.submit(f"{ENTRY}compiles", (str(tmp_path / "told"), 1.5), None, heard.far, heard.done("compiled"))
+        assert heard.wait()[0].value == "compiled"
+    finally:
+        patient.close()
+    assert (0, 1, COMPILES) in heard.progress
+    assert (tmp_path / "told").read_text() == "begun\n"
 
 
 def test_it_writes_nothing_to_the_terminal_and_ends_with_its_parent(tmp_path):

@@ -33,11 +33,15 @@ _EVERY_S = 0.05
 
 
 def compile_kernels(progress: ProgressCallback) -> None:
-    """Compile the sensor model's kernels, or load what was compiled before."""
+    """Compile the sensor model's kernels, or load what was compiled before, and the effects that models name."""
+    import lidarcheck.calibration.number.entry  # noqa: F401 - what is asked for first
     from lidarcheck.calibration.blooming.response import response_of
+    from lidarcheck.effects.finding import catalogue
     from lidarcheck.sensor import Sensor
 
-    progress(0, 1, COMPILES)
+    progress(0, 2, COMPILES)
+    catalogue()
+    progress(1, 2, COMPILES)
     response_of(Sensor.of("SLIM"))
 
 
