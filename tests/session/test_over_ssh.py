@@ -1,10 +1,12 @@
 """The terminal interface in a real terminal: tmux, keys, and the file on the disk."""
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -35,6 +37,18 @@ class Tmux:
 
     def resize(self, width, height):
         subprocess.run([*self.command, "resize-window", "-x", str(width), "-y", str(height)], check=True)
+
+    def processes(self):
+        """The commands of all that runs in the window, by process."""
+        shown = subprocess.run([*self.command, "display", "-p", "#{pane_pid}"], check=True, capture_output=True)
+        parents = {}
+        for place in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):  # it has just ended
+                parents[int(place.name)] = int((place / "stat").read_text().rpartition(")")[2].split()[1])
+        found = {int(shown.stdout)}
+        while more := {process for process, parent in parents.items() if parent in found} - found:
+            found |= more
+        return {process: Path(f"/proc/{process}/cmdline").read_text() for process in found}
 
     def shows(self, text, seconds=20.0):
         end = time.monotonic() + seconds
@@ -79,6 +93,12 @@ def test_a_lost_connection_loses_no_edit(tmp_path):
         terminal.shows("a_lut.ini vertical")
         terminal.keys("6", "0", "0", "Enter")
         terminal.shows("600")
+        below = terminal.processes()
+        assert any("spawn_main" in command for command in below.values()), below  # what computes beside it
+    end = time.monotonic() + 20.0
+    while any(Path(f"/proc/{process}").exists() for process in below):
+        assert time.monotonic() < end, below
+        time.sleep(0.05)
     assert (project / "a_lut.ini").read_bytes() == LUT.encode()
     with Tmux(tmp_path / "t", project) as terminal:
         terminal.shows("an earlier session ended with 1 row not saved")
