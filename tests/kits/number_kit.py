@@ -9,7 +9,7 @@ from lidarcheck.formats import save_ideal, save_scan
 from lidarcheck.model import load_model, simulate
 from lidarcheck.scan import IdealScan
 
-X = (-600, -400, -90, -30, -9, 0, 9, 30, 90, 150)
+X = (-600, -400, -90, -30, -3, 0, 3, 30, 90, 150)
 TRUE = (5e-5, 5e-5, 2e-4, 4e-4, 1e-3, 1.0, 1e-3, 4e-4, 2e-4, 5e-5)
 """Of rows 0 and 1 no beam sees anything: the frame ends before."""
 MODEL = """variant = "{variant}"

@@ -54,7 +54,8 @@ class Measurement:
             return "a case is explained by its gap" if kind == "misfit" else ""
         if self.ideal:
             return ""
-        return f"{NO_IDEAL}: a profile tells of tables alone" if (self.kind, kind) == ("profile", "gap") else NO_IDEAL
+        # A scan that says where its target stands shows it by itself.
+        return "" if kind == "misfit" and self.kind != "profile" and self.distance_m is not None else NO_IDEAL
 
     def request(
         self, kind: Kind, model: Path, *, axis: Axis = "vertical", lut: Path | None = None,

@@ -112,9 +112,19 @@ def test_another_sensor_is_compared_by_its_own_features_or_it_is_said_why_not(tm
         sample(replace(asked(other), model=other / "alone.toml"))
 
 
+def test_without_an_ideal_scan_the_target_is_found_where_it_saturates(sign):
+    alone = replace(asked(sign), ideal=(), distance_m=100.0)
+    first = sample(alone)
+    assert first.value < 1.5 * first.floor
+    with reading({str((sign / "table.ini").resolve()): changed(7, 1.6).encode()}):
+        assert judged(first, sample(alone)).word == "worse"
+    with pytest.raises(InputError, match="nothing saturates within 3 m of 60 m"):
+        sample(replace(alone, distance_m=60.0))
+
+
 def test_without_an_ideal_scan_or_a_target_it_says_why(sign):
     with pytest.raises(InputError, match="has no ideal scan"):
-        sample(replace(asked(sign), ideal=()))
+        sample(replace(asked(sign, "gap"), ideal=()))
     (sign / "dull.toml").write_text(
         (sign / "model.toml").read_text().replace('kind = "retro"\nretro_gain = 1000.0', "")
     )

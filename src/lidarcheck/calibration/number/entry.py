@@ -97,6 +97,8 @@ def _misfit(request: Request, progress: ProgressCallback) -> Number:
         seen = _all(lights, len(seeds), prepared.seen, progress)
         words = _sample_words(len(prepared.beside), len(seeds))
         found = prepared.misfit.number(seen, simulated=lights.alike, sample=words)
+        if not request.ideal:
+            found = replace(found, about="without an ideal scan its target is where the scan saturates")
         _LAST.put(prepared.misfit.scale, (found, prepared.misfit.means(seen), lights))
         return found
 
@@ -181,8 +183,10 @@ def _key(request: Request, model: Model) -> str:
     case = () if request.case is None else tuple(sorted(request.case.rglob("*")))
     sensor = model.sensor
     how = (sensor.variant, [feature.name for feature in sensor.features], hash_of(sensor.beams))
-    return key_of_files((*request.measured, *request.ideal, *case), request.placement, how, request.kind)
+    found = () if request.ideal or case else (request.settings, request.distance_m, request.material, request.axis)
+    files = (*request.measured, *request.ideal, *case)
+    return key_of_files(files, request.placement, how, request.kind, found)
 
 
 def _frames(request: Request, model: Model, key: str) -> Frames:
-    return _FRAMES.get(key, lambda: read_frames(request, model.sensor, key))
+    return _FRAMES.get(key, lambda: read_frames(request, model, key))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lidarcheck.calibration.number.found_target import ideal_of_target
 from lidarcheck.calibration.number.request import Request
 from lidarcheck.cases.case import load_case
 from lidarcheck.cases.frame import Frame
@@ -22,9 +23,10 @@ from lidarcheck.formats.table import counted
 from lidarcheck.inference.observed.echo_view import EchoView, Slot
 from lidarcheck.kpi.fired import judged_beams
 from lidarcheck.kpi.variant import check_variant
+from lidarcheck.model.spec import Model
 from lidarcheck.model.stages import Surfaces
 from lidarcheck.reading import state_of_file
-from lidarcheck.sensor import Sensor
+from lidarcheck.sensor import Sensor, SpadArray
 
 __all__ = ["Frames", "hash_of", "key_of_files", "read_frames", "seen_slots"]
 
@@ -58,27 +60,34 @@ def key_of_files(paths: Sequence[Path], *more: object) -> str:
     return hashlib.sha256(repr((states, more)).encode()).hexdigest()
 
 
-def read_frames(request: Request, sensor: Sensor, key: str = "") -> Frames:
-    """The frames of a request; `InputError` names the file that cannot be used, or has no ideal scan."""
+def read_frames(request: Request, model: Model, key: str = "") -> Frames:
+    """The frames of a request; `InputError` names the file that cannot be used, or has no ideal scan where one is
+    needed."""
     if request.case is not None:
         case = load_case(request.case)
         verified = split_frames(case.frames).verify.look()
         return Frames(verified, tuple(Surfaces(frame.ideal) for frame in verified), key, str(request.case))
-    groups = each_frame(request.measured)
+    groups, sensor = each_frame(request.measured), model.sensor
     files = [frame for group in groups for frame in group]
-    partners = _partners(request, groups)
+    partners = _partners(request, groups, sensor)
     found = []
     for number, (file, other) in enumerate(zip(files, partners, strict=True)):
         scan = scan_of(file, request.placement, sensor)
         check_variant(scan, sensor, str(file))
+        if other is None:
+            found.append(Frame(number, ideal_of_target(scan, model, request, str(file)), scan, 0.1 * number))
+            continue
         ideal, scan = judged_beams(ideal_of(other, sensor), scan.take((scan.layer >= 0) & (scan.point >= 0)))
         found.append(Frame(number, ideal, scan, 0.1 * number))
     surfaces = {id(frame.ideal): Surfaces(frame.ideal) for frame in found}
     return Frames(tuple(found), tuple(surfaces[id(f.ideal)] for f in found), key, str(files[0]))
 
 
-def _partners(request: Request, groups: Sequence[Sequence[FrameFile]]) -> list[FrameFile]:
+def _partners(request: Request, groups: Sequence[Sequence[FrameFile]], sensor: Sensor) -> Sequence[FrameFile | None]:
+    """The ideal scan of each frame; None where the target is found in the scan itself."""
     count = sum(len(group) for group in groups)
+    if not request.ideal and request.kind == "misfit" and isinstance(sensor, SpadArray):
+        return [None] * count
     if not request.ideal:
         what = "has no ideal scan: what its beams met is not known, and nothing can be simulated"
         raise InputError(what, file=groups[0][0].path, fix="make one: lidarcheck ideal, or name it")
