@@ -170,18 +170,20 @@ def tried(bench: Bench, nulls: int, frames: int, edits: int) -> str:
         some = rng.permutation(POOL)[:n]
         _, low, high = words(bench.misfit(k), [wrong[i] for i in some], [moved[i] for i in some])
         held += low <= true <= high
-    right = bad = 0
+    right = bad = matter = told = 0
     for k, edited in enumerate(bench.edits(edits)):
         shown = bench.seen(edited, 0, n + TRUE)
         at = difference(bench, wrong[n : n + TRUE], shown[n:])
         word, *_ = words(bench.misfit(k), wrong[:n], shown[:n])
         truth = "same" if abs(at) < LEAST else "better" if at < 0.0 else "worse"
         right += word.startswith(truth)
+        matter += truth != "same"
+        told += truth != "same" and word == truth
         bad += word in ("better", "worse") and truth in ("better", "worse") and word != truth
     share = [f"{100.0 * a / max(b, 1):.0f} %" for a, b in ((said, nulls), (held, frames), (right, edits))]
     number = bench.misfit(0).number(wrong[:n], simulated="", sample="")
     return " | ".join([f"{len(bench.on.beside)}", number.blocks, f"{number.value:.2f}", f"{number.floor:.2f}",
-                       share[0], f"{true:+.3f}", share[1], share[2], str(bad)])  # fmt: skip
+                       share[0], f"{true:+.3f}", share[1], share[2], f"{told} of {matter}", str(bad)])  # fmt: skip
 
 
 def tried_gap(scratch: Path, nulls: int) -> str:

@@ -183,9 +183,9 @@ def _key(request: Request, model: Model) -> str:
     case = () if request.case is None else tuple(sorted(request.case.rglob("*")))
     sensor = model.sensor
     how = (sensor.variant, [feature.name for feature in sensor.features], hash_of(sensor.beams))
-    found = () if request.ideal or case else (request.settings, request.distance_m, request.material, request.axis)
+    target = (request.kind, request.settings, request.distance_m, request.material, request.axis)
     files = (*request.measured, *request.ideal, *case)
-    return key_of_files(files, request.placement, how, request.kind, found)
+    return key_of_files(files, request.placement, how, () if request.ideal or case else target)
 
 
 def _frames(request: Request, model: Model, key: str) -> Frames:
