@@ -44,12 +44,12 @@ def test_each_measurement_stands_with_its_ideal_scan_or_why_it_has_no_number(fol
     assert "there is no such file" in broken[3]
     no_ideal = "no ideal scan: frame 1 of dataset.toml names none"
     assert seen == {
-        "broken/note.csv": ("profile", None, [], "no ideal scan", "no ideal scan"),
+        "broken/note.csv": ("profile", None, [], "", "no ideal scan"),
         "car/car_10m.txt": ("car", 10.0, ["ideal_car_10m.txt"], "", ""),
         "case": ("case", None, [], "a case is explained by its gap", ""),
         "ghosts/1_25m.txt": ("scan", 25.0, ["1_ideal.txt"], "", ""),
         "hall/frame_00.txt..frame_01.txt": ("frames", None, ["ideal.txt"], "", ""),
-        "profile/vertical_60m.csv": ("profile", 60.0, [], "no ideal scan", "no ideal scan"),
+        "profile/vertical_60m.csv": ("profile", 60.0, [], "", "no ideal scan"),
         "set/a.txt": ("van", 30.0, ["b.txt"], "", ""),
         "set/c.txt": ("scan", None, [], no_ideal, no_ideal),
         "sign/real_69m.txt": ("scan", 69.0, ["ideal_69m.txt"], "", ""),

@@ -54,8 +54,9 @@ class Measurement:
             return "a case is explained by its gap" if kind == "misfit" else ""
         if self.ideal:
             return ""
-        # A scan that says where its target stands shows it by itself.
-        return "" if kind == "misfit" and self.kind != "profile" and self.distance_m is not None else NO_IDEAL
+        # A profile, and a scan that says where its target stands, show it by themselves.
+        alone = kind == "misfit" and (self.kind == "profile" or self.distance_m is not None)
+        return "" if alone else NO_IDEAL
 
     def request(
         self, kind: Kind, model: Path, *, axis: Axis = "vertical", lut: Path | None = None,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from lidarcheck.calibration.blooming.csv import is_profile
 from lidarcheck.calibration.blooming.workflow import bare_of
 from lidarcheck.calibration.number.expectation import expected_means, moved
 from lidarcheck.calibration.number.frames import Frames, hash_of, key_of_files, read_frames
@@ -17,6 +18,7 @@ from lidarcheck.calibration.number.misfit import Means
 from lidarcheck.calibration.number.models import check_blooms, edited_model, said_of
 from lidarcheck.calibration.number.number import Number
 from lidarcheck.calibration.number.prepared import OnFrames
+from lidarcheck.calibration.number.profiles import OnProfile
 from lidarcheck.calibration.number.request import SAMPLE_SEEDS, WHOLE_SEEDS, Request
 from lidarcheck.calibration.number.spread import Spread
 from lidarcheck.inference.wasserstein import FIRST_GAP, FIRST_GAP_FLOOR, GAP_FLOORS, GAP_SEEDS
@@ -31,7 +33,7 @@ ProgressCallback = Callable[[int, int, str], object]
 _Seen = TypeVar("_Seen")
 
 _FRAMES: Memo[Frames] = Memo(12)
-_PREPARED: Memo[OnFrames] = Memo(12)
+_PREPARED: Memo[OnFrames | OnProfile] = Memo(12)
 _SPREAD: Memo[Spread] = Memo(6)
 _NUMBERS: Memo[Number] = Memo(400)
 _LAST: Memo[tuple[Number, Means, Lights]] = Memo(12)
@@ -97,7 +99,7 @@ def _misfit(request: Request, progress: ProgressCallback) -> Number:
         seen = _all(lights, len(seeds), prepared.seen, progress)
         words = _sample_words(len(prepared.beside), len(seeds))
         found = prepared.misfit.number(seen, simulated=lights.alike, sample=words)
-        if not request.ideal:
+        if not request.ideal and isinstance(prepared, OnFrames):
             found = replace(found, about="without an ideal scan its target is where the scan saturates")
         _LAST.put(prepared.misfit.scale, (found, prepared.misfit.means(seen), lights))
         return found
@@ -147,12 +149,14 @@ def _all(
     return found
 
 
-def _prepared(request: Request, model: Model) -> OnFrames:
+def _prepared(request: Request, model: Model) -> OnFrames | OnProfile:
     key = _key(request, model)
     bare, bright = bare_of(model, request.axis)
     about = (request.axis, request.distance_m, request.material, bright, said_of(bare))
 
-    def prepare() -> OnFrames:
+    def prepare() -> OnFrames | OnProfile:
+        if request.measured and is_profile(request.measured[0]):
+            return OnProfile.of(model, request, key)
         return OnFrames.of(_frames(request, model, key), model, request)
 
     return _PREPARED.get((key, about), prepare)

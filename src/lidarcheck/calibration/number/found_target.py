@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from lidarcheck.calibration.blooming.target import lines_and_places, target_in_scan
-from lidarcheck.calibration.blooming.workflow import model_side_of
+from lidarcheck.calibration.blooming.workflow import ModelSide, model_side_of
 from lidarcheck.calibration.number.request import Request
 from lidarcheck.errors import InputError
 from lidarcheck.formats.settings import Settings, default_settings, find_settings, load_settings
 from lidarcheck.model.spec import Model
 from lidarcheck.scan import IdealScan, Scan
 
-__all__ = ["ideal_of_target"]
+__all__ = ["bench_of", "ideal_of_target"]
 
 
 def ideal_of_target(scan: Scan, model: Model, request: Request, name: str) -> IdealScan:
@@ -24,10 +24,9 @@ def ideal_of_target(scan: Scan, model: Model, request: Request, name: str) -> Id
 
     `InputError` where nothing saturates, or the model does not say which retro-reflector the target is.
     """
-    bench = model_side_of(model, request.axis, settings=_settings(request, model), material=request.material)
-    if bench.material is None or bench.signal_at_1m is None:
-        what = "has no ideal scan, and the model does not say which retro-reflector its target is"
-        raise InputError(what, file=name, fix="say which with --target, or give its ideal scan")
+    bench = bench_of(model, request, name)
+    assert bench.material is not None
+    assert bench.signal_at_1m is not None
     target = target_in_scan(
         scan, bench.counts, request.axis, signal_at_1m=bench.signal_at_1m, settings=bench.settings,
         distance_m=request.distance_m, name=name,
@@ -43,6 +42,15 @@ def ideal_of_target(scan: Scan, model: Model, request: Request, name: str) -> Id
     order = np.lexsort((point, layer))
     nothing = np.zeros(len(line))
     return IdealScan(layer[order], point[order], distance[order], material, nothing, beams=scan.beams, file=name)
+
+
+def bench_of(model: Model, request: Request, name: str) -> ModelSide:
+    """What a scan or profile of a target that nobody else describes is held against."""
+    bench = model_side_of(model, request.axis, settings=_settings(request, model), material=request.material)
+    if bench.material is None or bench.signal_at_1m is None:
+        what = "has no ideal scan, and the model does not say which retro-reflector its target is"
+        raise InputError(what, file=name, fix="say which with --target, or give its ideal scan")
+    return bench
 
 
 def _settings(request: Request, model: Model) -> Settings:

@@ -48,18 +48,19 @@ class Means:
 @dataclass(frozen=True)
 class Sums:
     """What some seeds, or one measurement, show of each beam: echoes `hits` (n,) and their summed `total` (n, features)
-    in `seeds` simulations."""
+    in `seeds` simulations, the `first` of which is kept."""
 
     hits: FloatArray
     total: FloatArray
     seeds: int
+    first: Seen
 
     @classmethod
     def of(cls, seen: Sequence[Seen]) -> Sums:
         """Over all of them."""
         hits = np.array([one.hit for one in seen]).sum(axis=0).astype(np.float64)
         total = np.array([np.where(one.hit[:, None], one.value, 0.0) for one in seen]).sum(axis=0)
-        return cls(hits, total, len(seen))
+        return cls(hits, total, len(seen), seen[0])
 
 
 def means_of(sums: Sums, cell: IndexArray, cells: int) -> Means:
@@ -77,15 +78,18 @@ def _sums(number: IndexArray, value: FloatArray, count: int) -> FloatArray:
 
 
 class Misfit:
-    """A measurement beside its targets, ready to be compared: `seen` is what was measured of the beams."""
+    """A measurement beside its targets, ready to be compared: `seen` is what was measured of the beams. `spread`: of
+    one beam in each cell, (cells, 1 + features), where the measurement itself does not show it."""
 
-    def __init__(self, beside: Beside, slots: Sequence[Slot], seen: Seen, key: str) -> None:
+    def __init__(
+        self, beside: Beside, slots: Sequence[Slot], seen: Seen, key: str, spread: FloatArray | None = None
+    ) -> None:
         self.beside, self.slots, self.seen = beside, tuple(slots), seen
         pairs = np.column_stack([beside.target, np.round(beside.offset, 6)])
         self.cells, cell = np.unique(pairs, axis=0, return_inverse=True)
         self.cell: IndexArray = cell.ravel()
         self.measured = self.means([seen])
-        self.spread = self._spreads()
+        self.spread = self._spreads() if spread is None else spread
         shown = self.measured.hits > 0
         self.beams = float(self.measured.n[shown].sum()) or float(len(beside))
         self.scale = hashlib.sha256(
@@ -229,14 +233,26 @@ class Misfit:
         """What each beam of one side adds, shape (n,); `means`: over all beams of that side."""
         of, hits, n = self.cell, means.hits[self.cell], means.n[self.cell]
         share = slope[of, 0] * (sums.hits - sums.seeds * means.share[of]) / n
-        off = sums.total - sums.hits[:, None] * means.value[of]
-        # A single echo is its own mean: its distance from it says nothing, its spread does.
-        off = np.where((hits == 1.0)[:, None], sums.hits[:, None] * self.spread[of, 1:], off)
-        off = off * np.sqrt(hits / np.maximum(hits - 1.0, 1.0))[:, None]
+        beams = _sums(self.cell, (sums.hits > 0.0).astype(np.float64), len(self.cells))[of]
+        off = (sums.total - sums.hits[:, None] * means.value[of]) * _put_right(beams)[:, None]
+        off = np.where((beams <= 1.0)[:, None], self._alone(sums, means), off)
         return np.asarray(share + (slope[of, 1:] * off).sum(axis=1) / np.maximum(hits, 1.0))
+
+    def _alone(self, sums: Sums, means: Means) -> FloatArray:
+        """The same of beams that are alone in their cells, (n, features): a measured one is its own mean, so that only
+        its spread says how far it may be off; of simulations the first stands for all."""
+        if sums.seeds == 1:
+            return np.where(np.isfinite(self.spread[self.cell, 1:]), self.spread[self.cell, 1:], 0.0)
+        off = np.where(sums.first.hit[:, None], sums.first.value - means.value[self.cell], 0.0)
+        return np.asarray(off * np.sqrt(sums.seeds) * _put_right(np.array([sums.seeds], dtype=np.float64)))
 
     def _lacking(self) -> str:
         return "" if self.slots else "by the share of echoes alone: the measured scan has no feature of the sensor"
+
+
+def _put_right(n: FloatArray) -> FloatArray:
+    """How much farther from the true mean than from their own n values are."""
+    return np.asarray(np.sqrt(n / np.maximum(n - 1.0, 1.0)))
 
 
 def _without(together: Means, one: Means) -> Means:
