@@ -14,11 +14,20 @@ from lidarcheck.tui.widgets.themes import Role
 if TYPE_CHECKING:
     from lidarcheck.calibration.number.number import Number, Step
 
-__all__ = ["Context", "context_line", "course_of", "number_text", "step_text", "step_words"]
+__all__ = [
+    "Context",
+    "context_line",
+    "course_of",
+    "groups_line",
+    "number_text",
+    "step_text",
+    "step_words",
+    "value_text",
+]
 
 BEFORE_FROM, COURSE_FROM = 100, 116
 """Columns from which on the number before stands in the line, and its course and the state."""
-_MOST_COURSE, _NARROW = 20, 79
+_MOST_COURSE, _NARROW, _FILE_GOES = 20, 79, 9
 _LEVELS = ".-=#"
 
 
@@ -39,35 +48,49 @@ class Context:
 
 
 class _Part(NamedTuple):
-    """Some words of the line. `first`: it begins one of the groups that strokes are between; `goes`: in which order
-    parts are left out where there is no room, 0 for never."""
+    """Some words of the line. `goes`: in which order parts are left out where there is no room, 0 for never; `first`:
+    it begins one of the groups that strokes are between; `short`: what is tried before it is left out.
+    """
 
     text: str
     role: Role
     goes: int
     first: bool = False
+    short: str = ""
 
 
 def context_line(context: Context, width: int) -> Line:
     """The line for so many columns: whole words and numbers, and of these as many as there is room for."""
     parts = [part for part in [*_looked_at(context, width), *_number(context, width)] if part.text]
-    while len(_joined(parts)) > 1 and sum(len(text) for text, _ in _joined(parts)) > width:
-        going = [part for part in parts if part.goes]
-        if not going:
-            break
-        parts.remove(min(going, key=lambda part: part.goes))
+    while _length(parts) > width and (going := [part for part in parts if part.goes]):
+        part = min(going, key=lambda part: part.goes)
+        at = parts.index(part)
+        parts[at : at + 1] = [part._replace(text=part.short, short="", goes=_FILE_GOES)] if part.short else []
     return _joined(parts)
 
 
+def groups_line(groups: Sequence[tuple[str, Role]], width: int) -> Line:
+    """Groups of words with strokes between them, as many of the first ones as there is room for."""
+    parts = [_Part(printable(text), role, 1, first=True) for text, role in groups if text]
+    while len(parts) > 1 and _length(parts) > width:
+        parts.pop()
+    return _joined(parts)
+
+
+def _length(parts: Sequence[_Part]) -> int:
+    return sum(len(text) for text, _ in _joined(parts))
+
+
 def _looked_at(context: Context, width: int) -> list[_Part]:
+    file = printable(context.file)
     model = context.model if width >= BEFORE_FROM else context.model.removesuffix(".toml")
     unsaved = f"*{context.unsaved}" if context.unsaved else ""
     return [
-        _Part(printable(context.file), "title", 6, first=True),
+        _Part(file, "title", 3, True, file.rpartition(".")[0]),
         _Part(unsaved, "edited", 7),
         _Part(printable(model), "text", 2),
         _Part(printable(context.measurement), "title", 0, first=True),
-        _Part(context.place, "text", 4),
+        _Part(context.place, "text", 5),
     ]
 
 
@@ -89,8 +112,8 @@ def _number(context: Context, width: int) -> list[_Part]:
         start = f" start {known.since_start.difference:+.2f}" if known.since_start is not None else ""
     if width >= COURSE_FROM:
         course = _Part(course_of(context.course), "dim", 1, first=True)
-        return [*parts, _Part(start, "text", 3), course, state._replace(first=True)]
-    return [*parts, state._replace(text=f" {known.state}") if known.state != CURRENT else _Part(start, "text", 3)]
+        return [*parts, _Part(start, "text", 4), course, state._replace(first=True)]
+    return [*parts, state._replace(text=f" {known.state}") if known.state != CURRENT else _Part(start, "text", 4)]
 
 
 def _joined(parts: Sequence[_Part]) -> Line:

@@ -54,6 +54,9 @@ class Host(Protocol):
     def show_screen(self, name: str) -> None:
         """Go to a screen, as soon as it is there."""
 
+    def show_context(self) -> None:
+        """Draw the second line anew: what a screen says there is another."""
+
     def read_project(self) -> None:
         """Look at the project's files again, beside the interface."""
 

@@ -13,6 +13,8 @@ from textual.app import ComposeResult
 from lidarcheck.effects.finding import find
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.table import counted
+from lidarcheck.inference.intervals import Gap
+from lidarcheck.tui.context import groups_line, value_text
 from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.jobs.explain_cases import CaseState, case_files, look_at, make_results_directory
 from lidarcheck.tui.jobs.explain_process import PROGRAM, ExplainProcess, command_of
@@ -124,8 +126,19 @@ class Explain(Adopting):
 
     # What is shown
 
+    def context_line(self, width: int) -> Line | None:
+        """The case under the cursor, its model, and how much of its gap an explanation has closed."""
+        case = self.chosen
+        if case is None:
+            return None
+        gap = "" if case.found is None else _gap_words(case.found.gap)
+        model = "" if case.model is None else case.model.name
+        return groups_line([(f"case {case.name}", "title"), (gap, "focus"), (model, "text")], width)
+
     def draw(self) -> None:
         """All panes."""
+        if self.is_chosen:
+            self.host.show_context()
         self.set_class(self.running, "runs")
         lines = [self._line(number, case) for number, case in enumerate(self.cases)]
         shown = lines or [line(f" {text}", "dim") for text in _EMPTY]
@@ -318,3 +331,9 @@ class Explain(Adopting):
     def on_resize(self, _event: events.Resize) -> None:
         """The answer is laid out anew."""
         self.draw()
+
+
+def _gap_words(gap: Gap) -> str:
+    """Before and after, what no model goes below, and what share of the gap is closed."""
+    values = f"gap {value_text(gap.before.value)} -> {value_text(gap.after.value)} sd"
+    return f"{values}  floor {value_text(gap.floor.value)}  closed {100 * gap.closed:.0f} %"

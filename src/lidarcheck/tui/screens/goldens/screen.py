@@ -16,6 +16,8 @@ from lidarcheck.formats.table import counted
 from lidarcheck.harness.review.review import ReviewReport, review
 from lidarcheck.harness.review.wording import objections
 from lidarcheck.session.node import ProgressCallback
+from lidarcheck.session.session import SAVED
+from lidarcheck.tui.context import groups_line
 from lidarcheck.tui.jobs.proposals import Review, Waiting, kpi_line, reviewed, run_reviews, stamp_of, state_of, waiting
 from lidarcheck.tui.screens.goldens.accept import Accepting
 from lidarcheck.tui.screens.shared.background import StoppableRun, read_beside
@@ -102,6 +104,13 @@ class Goldens(Accepting):
         self.looks += 1
         self.draw()
         self.inputs_changed()
+
+    def context_line(self, width: int) -> Line | None:
+        """What a review is of: the files as they are saved."""
+        unsaved, scenarios = self.host.session.unsaved(), len(self.host.project.of("scenario"))
+        of = f"{SAVED}, {counted(unsaved, 'edit')} not in it" if unsaved else SAVED
+        waiting = f"{counted(len(self.waiting), 'proposal')} of {counted(scenarios, 'scenario')}"
+        return groups_line([(of, "edited" if unsaved else "title"), (waiting, "text")], width)
 
     def inputs_changed(self) -> None:
         """Find out, beside the interface, whether proposals belong to them; until then nothing is said of it."""
