@@ -150,7 +150,7 @@ def _source_of_shown() -> str:
 
 def _secret_of_user() -> bytes:
     """The secret, made at the first call on a machine; `OSError` where it cannot be kept, or others could read it."""
-    from lidarcheck.model.jit import base_directory
+    from lidarcheck.jit import base_directory
 
     path = base_directory() / f"results-{os.getuid()}.secret"
     try:
