@@ -96,7 +96,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=_ALONE),
     # Overview
     Action("go", "overview", ("enter",), "Go", "the screen that shows the measurement; of a scenario: run it", "go", reason=_PLACE),
-    Action("renew", "overview", ("r",), "Renew", "compute the number under the cursor again, or run the scenario", "renew", "check", "SCENARIO"),
+    Action("renew", "overview", ("r",), "Renew", "compute the number under the cursor again, or run the scenario", "renew", "gap", "helped"),
     Action("run all", "overview", ("R",), "Run all", "whole frames of all measurements with 64 seeds, or all scenarios", "all", "check", "all by default"),
     Action("cancel", "overview", ("escape", "x"), "Stop", "stop what is computed", "stop", reason=_STOP),
     Action("next distance", "overview", ("n",), "Dist", "look at the next distance", "distance(1)", reason=_MOVE),

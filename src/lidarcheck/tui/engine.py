@@ -81,6 +81,8 @@ class Engine:
         self.asked: tuple[Asked, ...] = ()
         self.on_change: Callable[[], object] = lambda: None
         self.on_number: Callable[[Asked], object] = lambda _asked: None
+        self.on_news: Callable[[str], object] = lambda _now: None
+        self._news = ""
         self._later, self._soon = later, soon
         self._timer: Any = None
         self._tickets: dict[str, tuple[Any, str]] = {}
@@ -288,8 +290,11 @@ class Engine:
         if ticket is not None and ticket.live:
             self._tickets[key] = ticket, how
 
-    def _told(self, _done: int, _of: int, _now: str) -> None:
-        """In the worker's thread."""
+    def _told(self, _done: int, of: int, now: str) -> None:
+        """In the worker's thread; what is not counted, as that kernels are compiled, is said once."""
+        if of <= 1 and now and now != self._news:
+            self._news = now
+            self._soon(self.on_news, now)
         self._soon(self.on_change)
 
     def _arrived(self, asked: Asked, key: str, how: str, derived: Derived | None) -> None:

@@ -36,6 +36,7 @@ class Numbers:
     ) -> None:
         self.engine = Engine(session, later, soon, on=on)
         self.engine.on_number = self._arrived
+        self.engine.on_news = lambda now: say(f"numbers wait: {now}")
         self.measured = Measured(project)
         self.began = time.time()
         self._asked: dict[str, Asked] = {}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lidarcheck.figures.words import squeezed
 from lidarcheck.session.measurements import Measurement
 from lidarcheck.session.session import CURRENT
-from lidarcheck.tui.context import number_text, step_text, value_text
+from lidarcheck.tui.context import groups_line, number_text, value_text
 from lidarcheck.tui.engine import Known
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.lines import Line, is_old, line, printable
@@ -98,19 +98,16 @@ def summary(numbers: Numbers, order: Sequence[Measurement]) -> tuple[str, str]:
     return ", ".join(f"{word} at {count}" for word, count in words.items()), mean
 
 
-def detail(numbers: Numbers, one: Measurement) -> Line:
+def detail(numbers: Numbers, one: Measurement, width: int) -> Line:
     """The number of a measurement in full: by feature, what a right model leaves, and what was simulated."""
     known, whole = numbers.known(one), numbers.engine.whole(numbers.asked(one))
-    if known.number is None:
-        return line(f" {numbers.project.inside(known.state)}" if known.state else " ", "dim")
     number = known.number
+    if number is None:
+        return line(f" {numbers.project.inside(known.state)}" if known.state else " ", "dim")
     parts = " ".join(f"{name} {value_text(value)}" for name, value in number.parts.items())
-    words = [f"floor {value_text(number.floor)}", parts, f"{number.sample}, {number.seconds:.1f} s"]
-    if known.step is not None:
-        words.insert(0, step_text(known.step))
-    if whole is not None:
-        words.insert(0, f"whole frames {value_text(whole.value)} ({whole.sample})")
-    return line(f" {' | '.join(words)}", "dim")
+    words = [f"floor {value_text(number.floor)}", number.sample, parts, f"{number.seconds:.1f} s"]
+    words = [f"whole frames {value_text(whole.value)} ({whole.sample})", *words] if whole is not None else words
+    return ((" ", "dim"), *groups_line([(text, "dim") for text in words], width - 1))
 
 
 def edit_lines(numbers: Numbers, width: int, *, several: bool) -> tuple[str, list[Line]]:

@@ -130,7 +130,7 @@ class Overview(Scenarios):
             return
         at = order.index(self.seen)
         listed, (did, mean) = measured_lines(numbers, order, at, pane.size.width), summary(numbers, order)
-        above, below = [detail(numbers, self.seen)], [line(f" {mean}", "dim")] if mean else []
+        above, below = [detail(numbers, self.seen, pane.size.width)], [line(f" {mean}", "dim")] if mean else []
         shown = [*above, *listed.lines, *below]
         models = counted(len(self.host.project.of("model")), "model")
         words = f"Measured: {counted(len(order), 'set')}, {models}{f'; {did}' if did else ''}"
