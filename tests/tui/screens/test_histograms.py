@@ -100,8 +100,8 @@ def test_the_project_is_grouped_and_what_is_missing_is_said(bench):
     groups = {group.name: group for group in groups_of(project)}
     assert [m.distance_m for m in groups["car SMART"].measurements] == [10.0, 16.0, 22.0, 28.0, 50.0]
     models = project.of("model")
-    assert options_of(groups["car SMART"], models) == [FILES, "models/SMART.toml", "models/SLIM.toml"]
-    assert options_of(groups["van SLIM"], models) == ["models/SLIM.toml", "models/SMART.toml"]
+    assert options_of(groups["car SMART"], models) == [FILES, "models/SMART.toml"]
+    assert options_of(groups["van SLIM"], models) == ["models/SLIM.toml"]
     job = job_of(groups["car SMART"], "models/SMART.toml", models)
     assert job.words == "at 10, 16, 22, 28 m, simulated with models/SMART.toml"
     assert job.notes == ("left out: car_50m_SMART_real.txt: no ideal scan is named like it",)
@@ -122,6 +122,10 @@ def test_features_side_by_side_where_there_is_room(bench):
         await sees(app, pilot, "car_50m_SMART_real.txt:2: 'Z' is 'x', not a number")
         await pilot.press("n")
         await sees(app, pilot, "22 m, PEAK")
+        # A distance is chosen for all screens, and one that is chosen elsewhere is gone to.
+        assert app.choice.of("measurement") == "car_22m_SMART_real.pcd"
+        app.choice.choose("measurement", "car_16m_SMART_real.pcd")
+        await sees(app, pilot, "10 m, PEAK")
         # At 80 columns one plot, and the numbers of all three.
         await pilot.resize_terminal(80, 24)
         view.turned = 0

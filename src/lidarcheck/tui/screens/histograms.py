@@ -185,6 +185,39 @@ class Histograms(PageView):
             self.distance += by
             self._say_place()
             self.draw()
+        self._choose_seen()
+
+    # The distance that all screens look at
+
+    def follow(self) -> None:
+        """Go to the vehicle and the distance that were chosen."""
+        super().follow()
+        page, chosen = self.page, self.host.choice.measured(self.host.project)
+        measured = self._vehicles[self.at].measurements if self._vehicles else ()
+        wanted_m = next((one.distance_m for one in measured if one.path == chosen), None)
+        if page is None or wanted_m is None:
+            return
+        distances = [at.distance_m for at in self.result]
+        self.distance = min(range(len(distances)), key=lambda at: abs(distances[at] - wanted_m))
+        groups, words = self.groups(page), _at_words(distances[self.distance])
+        there = [number for number, figures in enumerate(groups) if any(words in figure.title for figure in figures)]
+        if there and self.turned not in there:
+            self.turned = there[0]
+
+    def _choose_seen(self) -> None:
+        """The distance that is seen now is the one that all screens look at."""
+        page = self.page
+        if page is None or not self._vehicles or not self.result:
+            return
+        measured = self._vehicles[self.at].measurements
+        titles = [figure.title for figure, _ in self.shown(page)[1]]
+        beside = self.result[self.distance].distance_m if self.side_by_side else None
+        for at in self.result:
+            if at.distance_m == beside or any(_at_words(at.distance_m) in title for title in titles):
+                near = [(abs(m.distance_m - at.distance_m), m) for m in measured if m.distance_m is not None]
+                if near:
+                    self.host.choice.choose_measured(min(near, key=lambda one: one[0])[1].path, self.host.project)
+                return
 
     def action_kind(self) -> None:
         """Another kind of picture; the vehicles are seen from above and from the side at once."""
@@ -252,13 +285,18 @@ class Histograms(PageView):
         return {SHEET: partial(_write_sheet, made.result, kind)}
 
 
+def _at_words(distance_m: float) -> str:
+    """How the titles of figures say a distance."""
+    return f" at {distance_m:.0f} m, "
+
+
 def number_lines(distances: Sequence[AtDistance], figure: Figure | None) -> tuple[str, list[Line]]:
     """A title and a line for each feature at the distance of a histogram: how far real and simulated are apart."""
     from lidarcheck.figures.data import Distribution
 
     if not isinstance(figure, Distribution):
         return "Numbers", []
-    at = next((one for one in distances if f" at {one.distance_m:.0f} m, " in figure.title), None)
+    at = next((one for one in distances if _at_words(one.distance_m) in figure.title), None)
     if at is None:
         return "Numbers", []
     lines: list[Line] = []
