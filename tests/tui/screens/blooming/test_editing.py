@@ -122,7 +122,7 @@ def test_the_expected_profile_follows_an_edit(project):
         beside = ~view.plots.expected.on_target
         assert (view.plots.expected.value[beside, 1] >= before[beside, 1]).all()
         assert view.plots.expected.value[beside, 1].mean() > 1.05 * before[beside, 1].mean()
-        await sees(app, pilot, "expected")
+        await sees(app, pilot, "now")
 
     drive(app_on(project), do)
 
