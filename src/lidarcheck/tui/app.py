@@ -94,7 +94,8 @@ class LidarcheckApp(Everywhere):
         self.numbers = Numbers(
             self.project, self.session, self.choice, self.set_timer, self.soon, self.say, on=worker is not None
         )
-        self.marks = level_of(marks or self.state.marks, os.environ)
+        self.state.marks = marks or self.state.marks
+        self.marks = level_of(self.state.marks, os.environ)
         self.animation_level = "none"
         self._wanted = (screen or self.state.screen, theme or self.state.theme)
         self.bars = Bars()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,6 +21,8 @@ from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.help import help_lines
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.palette import Palette
+from lidarcheck.tui.plots.marks import MARKS, Level, level_of
+from lidarcheck.tui.plots.pane import PlotPane
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import Line, Lines, line
@@ -38,6 +41,7 @@ class Everywhere(App[int]):
     session: Session
     state: State
     bars: Bars
+    marks: Level
     overlay: Overlay
     numbers: Numbers
 
@@ -178,6 +182,15 @@ class Everywhere(App[int]):
         self.state.theme = self.theme
         self.say(f"theme: {self.theme}")
         self.files_changed()
+
+    def action_marks(self) -> None:
+        """The next marks of plots, as far as the terminal shows them."""
+        now = self.state.marks if self.state.marks in MARKS else MARKS[0]
+        self.state.marks = wanted = MARKS[(MARKS.index(now) + 1) % len(MARKS)]
+        self.marks = level_of(wanted, os.environ)
+        for plot in self.query(PlotPane):
+            plot.draw_now()
+        self.say(f"marks: {wanted}" if self.marks == wanted else f"marks: {wanted}; this terminal shows {self.marks}")
 
     def _pane(self) -> Lines:
         return self.focused if isinstance(self.focused, Lines) else self.view.panes()[0]

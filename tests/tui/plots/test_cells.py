@@ -89,7 +89,7 @@ def test_real_now_and_saved_differ_without_colour(level):
     if level == "ascii":
         assert "".join(lines).isascii()
         assert [set(row) - {" "} for row in (solid, opened, dotted)] == [{"#"}, {"o"}, {"."}]
-    samples = [text for text, role in legend(chart, Look(), level, 60) if role in ("real", "now", "saved")]
+    samples = [text for text, role in legend(chart, Look(), level, 60)[0] if role in ("real", "now", "saved")]
     assert len(set(samples)) == 3
 
 

@@ -155,14 +155,14 @@ def test_a_dataset_is_seen_step_by_step(project):
         await says(app, pilot, "the steps are on the page of a single dataset")
         page = await computed(app, pilot, view, "signs/1_25m.txt")
         await says(app, pilot, "signs/1_25m.txt: 1 sign")
-        await sees(app, pilot, "1_25m: AREA of sign and ghost")
-        await sees(app, pilot, "1_25m: PEAK of sign and ghost")
+        await sees(app, pilot, "AREA of sign and ghost")
+        await sees(app, pilot, "PEAK of sign and ghost")
         await as_stored(app, pilot, "ghosts_80x24")
         for number, title in enumerate(STEPS, start=1):
             await pilot.press("s")
             await sees(app, pilot, f"1_25m: step {number} of 7, {title}: from above")
         rows = page.sections[-1].tables[0].rows
-        await sees(app, pilot, f"sign: {rows[-2][3]}   # ghost: {rows[-1][3]}")
+        await sees(app, pilot, f"sign: {rows[-2][3]} o ghost: {rows[-1][3]}")
         await pilot.press("b")
         await sees(app, pilot, "step 6 of 7")
         await pilot.press("s", "s")

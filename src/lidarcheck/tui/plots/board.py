@@ -22,11 +22,12 @@ __all__ = ["LEAST_HEIGHT", "LEAST_WIDTH", "PlotBoard"]
 
 LEAST_WIDTH, LEAST_HEIGHT = 38, 10
 """What a figure with its title needs to be read."""
-_GAP, _MOST = 2, 9
+_GAP, _MOST, _WIDE = 2, 9, 60
+"""Columns between figures; how many there are at most; columns from which on a title says which of how many it is."""
 
 
 class PlotBoard(Grid):
-    """`title`: before that of the first figure. `when_resized`: there is other room."""
+    """`across`: how many are side by side at most. `when_resized`: there is other room."""
 
     DEFAULT_CSS = "PlotBoard { width: 1fr; height: 1fr; }"
 
@@ -34,6 +35,7 @@ class PlotBoard(Grid):
         super().__init__(id="board")
         self.when_resized: Callable[[], object] = lambda: None
         self.when_said: Callable[[str], object] = lambda _words: None
+        self.across = _MOST
         self._looks: dict[Hashable, Look] = {}
         self._figures: list[tuple[Figure, str]] = []
         self._title, self._state, self._common = "", "", ""
@@ -61,10 +63,14 @@ class PlotBoard(Grid):
         """All panes, seen or not."""
         return list(self.query(Plot))
 
-    def room(self, most: int, across: int = _MOST) -> int:
-        """How many figures, up to so many, can be seen at once, at most `across` of them side by side."""
-        beside = min((self.size.width + _GAP) // (LEAST_WIDTH + _GAP), across)
-        return max(min(beside * max(self.size.height // LEAST_HEIGHT, 1), most, _MOST), 1)
+    @property
+    def beside(self) -> int:
+        """How many figures have room side by side."""
+        return max(min((self.size.width + _GAP) // (LEAST_WIDTH + _GAP), self.across), 1)
+
+    def room(self, most: int) -> int:
+        """How many figures, up to so many, can be seen at once."""
+        return max(min(self.beside * max(self.size.height // LEAST_HEIGHT, 1), most, _MOST), 1)
 
     @property
     def columns(self) -> int:
@@ -90,7 +96,7 @@ class PlotBoard(Grid):
             self._draw(number)
 
     def _lay_out(self, count: int) -> None:
-        beside = max(min(count, (self.size.width + _GAP) // (LEAST_WIDTH + _GAP)), 1)
+        beside = min(count, self.beside)
         down = math.ceil(count / beside)
         if (self.styles.grid_size_columns, self.styles.grid_size_rows) != (beside, down):
             self.styles.grid_gutter_vertical = _GAP if beside > 1 else 0
@@ -108,7 +114,7 @@ class PlotBoard(Grid):
         from lidarcheck.tui.plots.from_figure import chart_of
 
         chart = chart_of(figure, kind, pane.size.width)
-        before = f"{self._title} " if number == 0 and self._title else ""
+        before = f"{self._title} " if number == 0 and self._title and pane.size.width >= _WIDE else ""
         if chart is not None:
             pane.plot(replace(chart, title=chart.title.removeprefix(self._common)), state=self._state, before=before)
         else:

@@ -43,8 +43,10 @@ class Drawn(NamedTuple):
     zoom: float
 
 
-def drawn(chart: Chart, look: Look, size: tuple[int, int], level: Level) -> Drawn | None:
-    """The chart on `size` (columns, lines); None where there is no room."""
+def drawn(chart: Chart, look: Look, size: tuple[int, int], level: Level, more: Line = ()) -> Drawn | None:
+    """The chart on `size` (columns, lines); None where there is no room. `more`: what the title has no room for of the
+    legend; it stands below where nothing is read.
+    """
     width, height = size
     if width < LEAST[0] or height < LEAST[1]:
         return None
@@ -60,7 +62,11 @@ def drawn(chart: Chart, look: Look, size: tuple[int, int], level: Level) -> Draw
     frame = _frame(axes, (across, up), left, level)
     cells = cells_of_traces(seen_traces(chart, look), axes, level)
     lines = [_row(frame[y], left, cells, y, _overlay(chart, look, axes, cells, y, level)) for y in range(rows)]
-    lines += [line(frame[rows], "dim"), line(frame[rows + 1], "dim"), _label_line(chart, look, axes, strip, width)]
+    lines += [
+        line(frame[rows], "dim"),
+        line(frame[rows + 1], "dim"),
+        _label_line(chart, look, axes, strip, width, more),
+    ]
     if strip is not None:
         lines += _strip_lines(strip, axes[0], left, level)
     return Drawn(lines, axes, left, _zoom(chart, look, axes))
@@ -74,19 +80,18 @@ def _zoom(chart: Chart, look: Look, axes: tuple[Axis, Axis]) -> float:
     return max(parts) if max(parts) > 1.0 else min(parts)
 
 
-def legend(chart: Chart, look: Look, level: Level, room: int) -> Line:
-    """The marks with the names of what they stand for, hidden ones in brackets; what has no room is left out."""
+def legend(chart: Chart, look: Look, level: Level, room: int) -> tuple[Line, Line]:
+    """The marks with the names of what they stand for, hidden ones in brackets: what has room, and the rest."""
     parts: list[tuple[str, Role]] = []
+    fits = 0
     for trace in chart.traces:
         hidden = trace.name in look.hidden
         sample = sample_of(trace, level)
         words = f" ({trace.name})" if hidden else f" {trace.name}"
-        need = 1 + len(sample) + len(words)
-        if need > room:
-            break
-        room -= need
+        room -= 1 + len(sample) + len(words)
+        fits += 2 if room >= 0 else 0
         parts += [(f" {sample}", "dim" if hidden else cast("Role", trace.role)), (words, "dim" if hidden else "text")]
-    return tuple(parts)
+    return tuple(parts[:fits]), tuple(parts[fits:])
 
 
 def _up_ticks(chart: Chart, axis: Axis) -> list[Tick]:
@@ -165,7 +170,7 @@ def _points(chart: Chart, look: Look) -> list[tuple[float, float]]:
     return [point for point in found if np.isfinite(point).all()]
 
 
-def _label_line(chart: Chart, look: Look, axes: tuple[Axis, Axis], strip: Strip | None, width: int) -> Line:
+def _label_line(chart: Chart, look: Look, axes: tuple[Axis, Axis], strip: Strip | None, width: int, more: Line) -> Line:
     """The x axis's label and the readout; without a cursor the words of the strip. The label gives way, unit first."""
     scale = "" if axes[0].transform.scale == "lin" else f", {axes[0].transform.scale}"
     label = f"{chart.x_label}{scale}"
@@ -175,6 +180,9 @@ def _label_line(chart: Chart, look: Look, axes: tuple[Axis, Axis], strip: Strip 
         entries.pop()
     words = ", ".join(entries) or (strip.words if strip else "")
     room = width - len(words) - 3
+    if not words and more:
+        room = width - sum(len(text) for text, _ in more) - 2
+        return (*line(f"{next((f' {one} ' for one in labels if len(one) <= room), '')}", "dim"), *more)
     if not words:
         return line(next((f" {one}" for one in labels if len(one) < width), ""), "dim")
     shown = next((f" {one}  " for one in labels if len(one) <= room), " ")

@@ -75,23 +75,33 @@ class PlotPane(Lines):
         if self.chart is None or not self.size.area:
             return
         self._shown_s = time.monotonic()
-        self.drawn = drawn(self.chart, self.look, (self.size.width, self.rows), self.level)
+        self._title = f"{self._before}{self.chart.title}"
+        more = self._words_and_legend()[2]
+        self.drawn = drawn(self.chart, self.look, (self.size.width, self.rows), self.level, more)
         lines = [line(" no room for a plot here", "dim")] if self.drawn is None else self.drawn.lines
-        super().show(lines, title=f"{self._before}{self.chart.title}", state=self.state)
+        super().show(lines, title=self._title, state=self.state)
 
     def _heading(self) -> Line:
-        """The title, how far it is zoomed, and the legend: what has no room of it is left out."""
+        """The title, how far it is zoomed, and as much of the legend as has room."""
         if self.chart is None:
             return super()._heading()
-        label = f"[{self.label}] " if self.label else ""
-        words = printable(f"{'>' if self.has_focus else ' '}{label}{self._title}{self._zoom_words()}")
-        room = max(self.size.width - (cell_len(printable(self._short_state)) + 1 if self.state else 0), 0)
-        if cell_len(words) > room:
-            words = squeezed(words, room, "..")[:room]
-        marks = legend(self.chart, self.look, self.level, room - cell_len(words) - 1)
-        rest = room - cell_len(words) - sum(cell_len(text) for text, _ in marks)
+        words, marks, _ = self._words_and_legend()
+        rest = self._title_room() - cell_len(words) - sum(cell_len(text) for text, _ in marks)
         look = line(words, "focus" if self.has_focus else "title")
         return (*look, *marks, *line(" " * (rest + (1 if self.state else 0))))
+
+    def _title_room(self) -> int:
+        return max(self.size.width - (cell_len(printable(self._short_state)) + 1 if self.state else 0), 0)
+
+    def _words_and_legend(self) -> tuple[str, Line, Line]:
+        """The words of the title, the legend behind it, and what of that has no room there."""
+        assert self.chart is not None
+        label = f"[{self.label}] " if self.label else ""
+        words = printable(f"{'>' if self.has_focus else ' '}{label}{self._title}{self._zoom_words()}")
+        room = self._title_room()
+        if cell_len(words) > room:
+            words = squeezed(words, room, "..")[:room]
+        return words, *legend(self.chart, self.look, self.level, room - cell_len(words) - 1)
 
     def _zoom_words(self) -> str:
         """How far it is zoomed."""

@@ -112,8 +112,9 @@ class Histograms(PageView):
         bars = [figure for figure in page.figures() if isinstance(figure, Distribution)]
         others = [(figure,) for figure in page.figures() if not isinstance(figure, Distribution)]
         names = list(dict.fromkeys(figure.quantity for figure in bars))
-        if self.board.room(len(names), len(names)) >= len(names) > 1 and self.size.width >= _ACROSS_FROM:
-            down = max(self.board.room(len(names) * _AT_ONCE, len(names)) // len(names), 1)
+        self.board.across = max(len(names), 1)
+        if self.board.beside == len(names) and self.size.width >= _ACROSS_FROM:
+            down = max(self.board.room(len(names) * _AT_ONCE) // len(names), 1)
             return [*together(bars, len(names) * down), *others]
         return [*((figure,) for name in names for figure in bars if figure.quantity == name), *others]
 
