@@ -1,5 +1,10 @@
 """What a plot draws in its cells: dots of several curves merged, forms that need no colour, outlines, and the frame."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -139,3 +144,25 @@ def test_whatever_the_values_there_is_a_plot_of_the_same_size(y, scale):
     lines = rows_of(Chart("k", "t", "x", "y", (trace,), scale, scale), Look(cursor=3.0))
     assert len(lines) == 12
     assert max(map(len, lines)) <= 50
+
+
+_DRAWN = """
+import numpy as np
+from test_cells import X, curves, rows_of
+from lidarcheck.tui.plots.look import Look
+for level in ("braille", "ascii"):
+    print(*rows_of(curves(np.sin(X), np.cos(X), np.sin(X) + 0.02 * X), Look(cursor=3.0), level=level), sep="\\n")
+"""
+
+
+def test_the_same_is_drawn_whatever_the_seed_of_hashes():
+    drawn = [
+        subprocess.run(
+            [sys.executable, "-c", _DRAWN],
+            env=os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
+            cwd=Path(__file__).parent, capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    assert drawn[0] == drawn[1]
+    assert len(drawn[0].splitlines()) == 24

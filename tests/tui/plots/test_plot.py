@@ -73,6 +73,8 @@ def test_the_readout_says_the_data_and_the_difference_and_enter_names_the_point(
         assert readout(plot).endswith(f"at {at}: real {REAL[at]:g}, now {NOW[at]:g}, diff {REAL[at] - NOW[at]:+.3g}")
         await pilot.press("space", "right", "right")
         await seen(pilot, plot, lambda: f"from {at}: dx +2" in readout(plot))
+        apart = np.sqrt(np.mean((REAL - NOW)[at : at + 3] ** 2))
+        assert f"dx +2, rms {apart:.3g} over 3" in readout(plot)
         await pilot.press("down", "enter")
         assert (app.entered[-1].trace.name, app.entered[-1].point) == ("now", at + 2)
         await pilot.press("1")
@@ -82,7 +84,7 @@ def test_the_readout_says_the_data_and_the_difference_and_enter_names_the_point(
         await pilot.press("3")
         assert app.said == ["there are 2 curves"]
 
-    on_plot(do)
+    on_plot(do, size=(100, 16))
 
 
 def test_zoom_pan_and_scales_by_keys_and_all_is_as_it_was():

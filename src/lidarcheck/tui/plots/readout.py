@@ -101,4 +101,16 @@ def _second(look: Look, traces: list[Trace], scales: tuple[Transform, Transform]
         here, there = read(trace, look.cursor, scales), read(trace, look.second, scales)
         if here is not None and there is not None:
             words.append(f"{trace.name} {here.y - there.y:+.3g}")
+    words[1:1] = _between(traces, *sorted((look.second, look.cursor)))
     return words
+
+
+def _between(traces: list[Trace], low: float, high: float) -> list[str]:
+    """How far the first two traces are apart from one cursor to the other: of what both know the root mean square."""
+    if len(traces) < 2 or any(trace.is_histogram for trace in traces[:2]):
+        return []
+    first, second = traces[0], traces[1]
+    _, at, other = np.intersect1d(np.round(first.x, 6), np.round(second.x, 6), return_indices=True)
+    off = (first.y[at] - second.y[other])[(first.x[at] >= low) & (first.x[at] <= high)]
+    off = off[np.isfinite(off)]
+    return [f"rms {np.sqrt(np.mean(off**2)):.3g} over {len(off)}"] if off.size else []
