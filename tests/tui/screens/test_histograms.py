@@ -139,7 +139,7 @@ def test_features_side_by_side_where_there_is_room(bench):
             await pilot.press("n", "n", "n", "n")
             await sees(app, pilot, f"10 m, {feature}")
         await pilot.press("n", "n", "n", "n")
-        await sees(app, pilot, "car at 10 m, points: from above")
+        await sees(app, pilot, "10 m, points: from above")
         await pilot.press("p", "v")
         await says(app, pilot, "drawn as: qq")
         await sees(app, pilot, "quantiles of simulated")

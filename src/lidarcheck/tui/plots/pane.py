@@ -110,8 +110,7 @@ class PlotPane(Lines):
         factor = self.drawn.zoom
         return f" x {factor:.3g}"
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Another size, another drawing; zoom and cursor stay."""
+    def on_resize(self, _event: events.Resize) -> None:
+        """Another size, another drawing; zoom and cursor stay. The base's own is called besides, by Textual."""
         if self.chart is not None:
             self.draw_now()
-        super().on_resize(event)

@@ -60,8 +60,7 @@ class Histograms(PageView):
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("histograms"), *MOVES]
     DEFAULT_CSS = """
-    Histograms #numbers { height: 4; display: none; }
-    Histograms.one #numbers { display: block; }
+    Histograms #numbers { height: 4; }
     Histograms.wide #words { dock: bottom; width: 1fr; height: 16; }
     """
 
@@ -91,8 +90,7 @@ class Histograms(PageView):
         yield Lines("Numbers", label="n", id="numbers")
 
     def on_resize(self, event: events.Resize) -> None:
-        """One plot and numbers, or features side by side."""
-        super().on_resize(event)
+        """One plot and numbers, or features side by side. The base's own is called besides, by Textual."""
         self.set_class(event.size.width < _ACROSS_FROM and event.size.height >= _NUMBERS_FROM, "one")
 
     def _draw_page(self) -> None:
@@ -101,6 +99,7 @@ class Histograms(PageView):
         pane, page = self.query_one("#numbers", Lines), self.page
         shown = [] if page is None or not self.has_class("one") else self.shown(page)[1]
         title, lines = number_lines(self.result, shown[0][0] if shown else None)
+        pane.display = bool(lines)
         pane.show(lines, title=title, state=self.state if lines else "")
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:

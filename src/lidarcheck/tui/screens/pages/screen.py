@@ -119,7 +119,10 @@ class PageView(PageWork):
 
     def on_resize(self, event: events.Resize) -> None:
         """Words and figures side by side, or one of them."""
-        self.set_class(event.size.width >= _BOTH_FROM, "wide")
+        wide = event.size.width >= _BOTH_FROM
+        self.set_class(wide, "wide")
+        if not wide and not self.has_class("words") and self.query_one("#words", Lines).has_focus:
+            self.board.tiles()[0].focus()
 
     def opened(self) -> None:
         """Show the project's files as they are now."""
