@@ -63,7 +63,7 @@ async def settled(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def overview(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """All scenarios are run; the hour and how long each took are not those of the day that the picture was made."""
     view = cast(Overview, app.view)
-    await pilot.press("a")
+    await pilot.press("R")
     await until(pilot, lambda: len(view.runs.last) == len(SCENARIOS) and not view.running)
     noon = time.mktime((2030, 1, 2, 12, 0, 0, 0, 0, -1))
     for name, outcome in view.runs.last.items():
@@ -83,7 +83,7 @@ async def blooming(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def blooming_four(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """All four features, and the settings of distances."""
     await blooming(app, pilot)
-    await pilot.press("V", "E")
+    await pilot.press("b", "E")
 
 
 async def computed(app: LidarcheckApp, pilot: Pilot[int]) -> None:
@@ -104,7 +104,7 @@ async def histograms(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def with_model(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """The same with the project's own model, where the screen asks which of two is meant."""
     view = cast(PageView, app.view)
-    await pilot.press("m")
+    await app.do(next(action for action in app.able() if action.name == "next source"))
     await until(pilot, lambda: view.job is not None and "SLIM.toml" in view.job.words)
     await computed(app, pilot)
 

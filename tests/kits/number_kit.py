@@ -66,4 +66,6 @@ def project(folder: Path, variant="SLIM", axis="vertical", seed=3, **scene) -> P
 
 
 def asked(folder: Path, kind="misfit", **more) -> Request:
-    return Request(kind, folder / "model.toml", (folder / "real_100m.parquet",), (folder / "ideal_100m.parquet",), **more)
+    return Request(
+        kind, folder / "model.toml", (folder / "real_100m.parquet",), (folder / "ideal_100m.parquet",), **more
+    )

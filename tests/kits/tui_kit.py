@@ -167,6 +167,11 @@ async def as_stored(app, pilot, name):
     await until(pilot, lambda: undated(app) == stored.read_text(), lambda: difference(stored, app))
 
 
+async def done(app, name):
+    """Do what has no key, as the menu does it."""
+    await app.do(next(action for action in app.able() if action.name == name))
+
+
 def blooming(app):
     """The screen Blooming."""
     return next(view for view in app.views() if view.NAME == "blooming")

@@ -17,6 +17,7 @@ from tui_kit import (
     app_on,
     as_stored,
     blooming,
+    done,
     drive,
     make_project,
     misses,
@@ -82,7 +83,8 @@ def test_what_is_everywhere(project, monkeypatch):
 def test_the_next_start_is_as_the_last_one_was(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
-        await pilot.press("o", "down", "down", "T", "L")
+        await done(app, "next file")
+        await pilot.press("down", "down", "T", "L")
         assert view.at == 2
 
     drive(app_on(project), do)
@@ -105,7 +107,7 @@ def test_any_size_down_to_one_by_one(project, screen):
             await pilot.resize_terminal(*size)
             await pilot.press("down", "f1", "escape", "ctrl+p", "escape")
             await pilot.pause()
-        await sees(app, pilot, "F1 Help")
+        await sees(app, pilot, "? Help")
 
     drive(app_on(project, screen=screen), do)
 
@@ -116,7 +118,7 @@ def test_keys_in_one_go_with_a_screens_key_act_on_that_screen(project):
         overview = next(one for one in app.views() if one.NAME == "overview")
         before = scaled(view, 0)
         # As a terminal hands over what was typed ahead: no key waits for the one before.
-        for key, character in (("f2", None), ("f", "f"), ("f5", None), ("plus", "+")):
+        for key, character in (("f2", None), ("v", "v"), ("f5", None), ("plus", "+")):
             app.post_message(events.Key(key, character))
         await until(pilot, lambda: view.file.current.tables[view.axis].rows()[0].scaled == before + 1)
         assert overview.fallen_only
@@ -172,7 +174,9 @@ def test_an_empty_project_says_so(tmp_path):
         async with app.run_test(size=(80, 24)) as pilot:
             await until(pilot, lambda: app.reads)
             await sees(app, pilot, "no scenario here")
-            await pilot.press("r", "a", "f5", "plus", "5", "enter", "u", "s", "d", "n", "m", "t", "o", "ctrl+s", "R")
+            await pilot.press(
+                "r", "R", "f5", "plus", "5", "enter", "u", "s", "d", "n", "U", "f", "b", "ctrl+s", "ctrl+r"
+            )
             await pilot.pause(0.3)
             await sees(app, pilot, "no LUT file in this project")
 

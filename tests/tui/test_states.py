@@ -208,7 +208,16 @@ def test_words_about_states_are_true_after_each_step(project, runs, monkeypatch)
         await everything_computed(app, pilot)
         path = project / "a_lut.ini"
         at = ("home", *["down"] * ROW)
-        steps = ((*at, *"512", "enter"), ("u",), ("r",), ("S", "enter"), ("u",), ("R", "r"), ("plus",), ("d", "escape"))
+        steps = (
+            (*at, *"512", "enter"),
+            ("u",),
+            ("U",),
+            ("S", "enter"),
+            ("u",),
+            ("ctrl+r", "r"),
+            ("plus",),
+            ("d", "escape"),
+        )
         for step in steps:
             view = await go(app, pilot, "blooming")
             await pilot.press(*step)

@@ -68,7 +68,7 @@ def which_model(models: Sequence[Entry]) -> str:
     return (
         "there is no model in this project"
         if not models
-        else f"any of {len(models)} models could be meant: m chooses one"
+        else f"any of {len(models)} models could be meant: o chooses one"
     )
 
 

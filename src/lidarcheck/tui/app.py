@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
+from textual.driver import Driver
 from textual.message import Message
 from textual.widgets import ContentSwitcher
 
@@ -74,6 +75,8 @@ class LidarcheckApp(Everywhere):
             super().__init__()
             self.do, self.arguments = do, arguments
 
+    ALLOW_SELECT: ClassVar[bool] = False
+
     def __init__(
         self,
         root: Path,
@@ -83,8 +86,10 @@ class LidarcheckApp(Everywhere):
         marks: str = "",
         check: Any = None,
         worker: Worker | None = None,
+        driver: type[Driver] | None = None,
     ) -> None:
-        super().__init__()
+        # Without colours the terminal's own two are left as they are: a theme's would be sent as greys.
+        super().__init__(driver_class=driver, ansi_color=True if "NO_COLOR" in os.environ else None)
         self.project = Project(root)
         self.reads = 0
         self.session = Session(Store(disk=DiskStore(root)), worker)
@@ -121,6 +126,7 @@ class LidarcheckApp(Everywhere):
         logging.getLogger("lidarcheck").addHandler(self._warnings)
         self.bars.log.set_class(self.state.log, "shown")
         self.show_screen(next(iter(SCREENS)))
+        self.watch(self.screen, "focused", self._show_keys, init=False)
         if screen in SCREENS:
             self.show_screen(screen)
         self._listen()
@@ -199,7 +205,7 @@ class LidarcheckApp(Everywhere):
         for entry in project.faults:
             self.note(entry.fault, True)
         cut = "; there are more, which are not looked at" if project.cut else ""
-        self.say((project.in_words() or "nothing here that lidarcheck knows: see F1") + cut)
+        self.say((project.in_words() or "nothing here that lidarcheck knows: see ?") + cut)
         self.files_changed()
         self.numbers.project_read(project)
         self._numbers_changed()
@@ -241,6 +247,11 @@ class LidarcheckApp(Everywhere):
     def _bars(self) -> None:
         self.bars.show(self.view.NAME, self.project, self.size.width)
         self.show_context()
+        self._show_keys()
+
+    def _show_keys(self) -> None:
+        """The last line is that of the pane that has the focus."""
+        self.bars.show_keys(self.able(), self.size.width)
 
     def progress(self, text: str, screen: str) -> None:
         """What a run of a screen says while it runs; empty when it has ended."""
@@ -305,8 +316,10 @@ class LidarcheckApp(Everywhere):
 
 def run(root: Path, *, theme: str = "", screen: str = "", marks: str = "", mouse: bool = True) -> int:
     """Run the interface on a project until the user leaves; the exit code."""
+    from lidarcheck.tui.driver import TerminalDriver
+
     # What starts processes keeps the terminal's stderr, which Textual takes away for as long as it runs.
     resource_tracker.ensure_running()
-    app = LidarcheckApp(root, theme=theme, screen=screen, marks=marks, worker=Worker())
+    app = LidarcheckApp(root, theme=theme, screen=screen, marks=marks, worker=Worker(), driver=TerminalDriver)
     code = app.run(mouse=mouse)
     return app.return_code or 0 if code is None else code

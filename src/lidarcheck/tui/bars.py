@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
+from collections.abc import Sequence
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.project import Project
-from lidarcheck.tui.actions import SCREENS, Action, actions_of, key_name
+from lidarcheck.tui.actions import SCREENS, Action, key_name
+from lidarcheck.tui.entries import Entry, key_entries, line_of, tab_entries
 from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
+from lidarcheck.tui.widgets.seven_bit import is_seven_bit
 from lidarcheck.tui.widgets.themes import Role
 
 __all__ = ["Bars"]
@@ -25,7 +29,8 @@ class Bars:
     """Four lines and a pane. `context`: filled by `context.context_line`; `status`: what was said last, and whether it
     is bad.
 
-    `sensor`: what the project's models are of, besides the built-in SPAD arrays.
+    `sensor`: what the project's models are of, besides the built-in SPAD arrays. `labelled`: the tabs show the letters
+    to jump by. `tabs`, `entries`: what of the first and the last line is where.
     """
 
     def __init__(self) -> None:
@@ -39,21 +44,38 @@ class Bars:
         self._progress: dict[str, str] = {}
         self._screen = ""
         self._said_s = float("-inf")
+        self._project = ""
+        self.seven_bit = is_seven_bit(os.environ)
+        self.labelled = False
+        self.tabs: list[Entry] = []
+        self.entries: list[Entry] = []
 
     def show(self, screen: str, project: Project, width: int) -> None:
-        """Everything anew, for the screen that is seen."""
+        """The tabs and what was said, for the screen that is seen."""
         self._screen, self._width = screen, width
-        parts: list[tuple[str, Role]] = [
-            (f"{key_name(place.key)} {place.short} ", "focus" if name == screen else "dim")
-            for name, place in SCREENS.items()
-        ]
-        if width >= _ROOM_FOR_NAME:
-            parts.append((f"  lidarcheck: {project.root.resolve().name}", "title"))
-        self.top.show([tuple(parts)])
-        own = [action for action in actions_of(screen) if action.short and action.screen]
-        everywhere = [action for action in actions_of("") if action.short and action.name not in SCREENS]
-        self.keys.show([line("  ".join(map(_word, [everywhere[0], *own, *everywhere[1:]])), "dim")])
+        self._project = project.root.resolve().name
+        self._show_tabs()
         self._show_status()
+
+    def _show_tabs(self) -> None:
+        if not self._screen:
+            return
+        how = {"bracketed": self.seven_bit, "labelled": self.labelled}
+        self.tabs = tab_entries(self._screen, self._progress.keys(), self._width, **how)
+        tabs = line_of(self.tabs)
+        if self._width >= _ROOM_FOR_NAME and not self.labelled:
+            tabs = (*tabs, (f"   lidarcheck: {self._project}", "title"))
+        self.top.show([tabs])
+
+    def show_labels(self, are_shown: bool) -> None:
+        """The letters to jump by, in the tabs."""
+        self.labelled = are_shown
+        self._show_tabs()
+
+    def show_keys(self, actions: Sequence[Action], width: int) -> None:
+        """The last line: what can be done here."""
+        self.entries = key_entries(actions, width)
+        self.keys.show([line_of(self.entries)])
 
     def _show_status(self) -> None:
         running = self._running() if time.monotonic() - self._said_s >= _READ_S else ""
@@ -82,6 +104,7 @@ class Bars:
                 self._said_s = float("-inf")
             self._progress[screen] = text
         self._show_status()
+        self._show_tabs()
 
     def say(self, text: str | LidarcheckError, project: Project, bad: bool) -> None:
         """One line for the user, which the log keeps."""
@@ -104,7 +127,3 @@ class Bars:
         """The log's lines, the last one in sight."""
         lines: list[Line] = [line(text, "bad" if bad else "dim") for text, bad in self.said]
         self.log.show(lines, cursor=len(self.said) - 1)
-
-
-def _word(action: Action) -> str:
-    return f"{key_name(action.keys[0])} {action.short}"

@@ -13,14 +13,17 @@ from textual import events
 from textual.app import App
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
+from lidarcheck.session.choice import Choice
 from lidarcheck.session.project import Project
 from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
 from lidarcheck.tui.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
+from lidarcheck.tui.chooser import Chooser, Opening
 from lidarcheck.tui.help import help_lines
 from lidarcheck.tui.numbers import Numbers
-from lidarcheck.tui.palette import Palette
+from lidarcheck.tui.openings import openings
+from lidarcheck.tui.palette import Jump, Menu, Palette
 from lidarcheck.tui.plots.marks import MARKS, Level, level_of
 from lidarcheck.tui.plots.pane import PlotPane
 from lidarcheck.tui.screens.shared.view import View
@@ -32,6 +35,8 @@ from lidarcheck.tui.widgets.themes import THEMES
 __all__ = ["Everywhere"]
 
 T = TypeVar("T")
+_RECENT, _MOST_RECENT = "opened", 20
+"""What was opened last, in the state."""
 
 
 class Everywhere(App[int]):
@@ -40,6 +45,7 @@ class Everywhere(App[int]):
     project: Project
     session: Session
     state: State
+    choice: Choice
     bars: Bars
     marks: Level
     overlay: Overlay
@@ -108,24 +114,53 @@ class Everywhere(App[int]):
         """Help for what has the focus, and every key."""
         pane = self.focused.id if self.focused else ""
         words = self.view.WORDS.get(pane or "", "") or next(iter(self.view.WORDS.values()), "")
-        lines = help_lines(words, self.view.NAME, min(self.size.width, Ask.widest) - 8)
+        kind = self.focused.KIND if isinstance(self.focused, Lines) else ""
+        lines = help_lines(words, self.view.NAME, min(self.size.width, Ask.widest) - 8, kind)
         self.ask(Ask(f"Help: {SCREENS[self.view.NAME].title}, {pane}", lines, {}))
+
+    def able(self) -> list[Action]:
+        """What can be done here: with the pane that has the focus, on the screen, everywhere."""
+        return actions_of(self.view.NAME, pane=self.focused.KIND if isinstance(self.focused, Lines) else "")
 
     def action_palette(self) -> None:
         """Any action by its name."""
-        self.ask(Palette(actions_of(self.view.NAME)), self._chosen)
+        self.ask(Palette(self.able()), self.do)
 
-    async def _chosen(self, action: Action | None) -> None:
+    def action_open(self) -> None:
+        """Anything that can be opened; first of the kind that the focused pane shows."""
+        pane = self.focused.id if self.focused else None
+        recent = self.state.selected.get(_RECENT, "").split("\n")
+        self.ask(Chooser(openings(self), recent, self.view.OPENS.get(pane or "", "")), self._opened)
+
+    def _opened(self, one: Opening | None) -> object:
+        if one is None:
+            return None
+        kept = [key for key in self.state.selected.get(_RECENT, "").split("\n") if key and key != one.key]
+        self.state.selected[_RECENT] = "\n".join([one.key, *kept][:_MOST_RECENT])
+        return one.do()
+
+    def action_menu(self) -> None:
+        """What can be done here, with its keys."""
+        self.ask(Menu(f"Menu: {SCREENS[self.view.NAME].title}", self.able()), self.do)
+
+    async def do(self, action: Action | None) -> None:
+        """An action, as its key would do it."""
         if action is not None:
-            await self.run_action(action.method, self.view if action.screen else self)
+            own = self.focused if action.pane else self.view if action.screen else self
+            await self.run_action(action.method, own)
 
     def action_jump(self) -> None:
         """By label: screens in capitals, panes in small letters."""
-        places = {place.label: place.title for place in SCREENS.values()}
-        places |= {pane.label: pane.id or "" for pane in [*self.view.panes(), self.bars.log]}
-        self.ask(Ask("Go to", [], places), self._jumped)
+        self._show_labels(True)
+        self.ask(Jump(), self._jumped)
+
+    def _show_labels(self, are_shown: bool) -> None:
+        self.bars.show_labels(are_shown)
+        for pane in [*self.view.panes(), self.bars.log]:
+            pane.show_label(are_shown)
 
     def _jumped(self, key: str | None) -> None:
+        self._show_labels(False)
         screen = next((name for name, place in SCREENS.items() if key == place.label), "")
         if screen:
             self.show_screen(screen)

@@ -1,4 +1,4 @@
-"""What is said in words: the lines of F1, and the package's warnings for the log."""
+"""What is said in words: the lines of help, and the package's warnings for the log."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class LogHandler(logging.Handler):
         self._soon(self._note, record.getMessage(), False)
 
 
-def help_lines(words: str, screen: str, width: int) -> list[Line]:
-    """What a pane is, then every action of its screen with its keys and its twin on the command line."""
+def help_lines(words: str, screen: str, width: int, pane: str = "") -> list[Line]:
+    """What a pane is (`pane`: its kind), then every action with its keys and its twin on the command line."""
     lines: list[Line] = [line(text) for text in textwrap.wrap(words, max(min(width, 100) - 2, 20))] + [line("")]
-    for action in actions_of(screen):
+    for action in actions_of(screen, pane):
         keys = " ".join(key_name(key) for key in action.keys)
         lines += [line(text) for text in _beside(keys, action.help, width)]
         if action.twin:

@@ -23,7 +23,7 @@ from lidarcheck.tui.jobs.explain_process import ExplainProcess, ExplainProgress,
 from lidarcheck.tui.screens.explain.lines import found_lines, step_lines
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.themes import THEMES
-from tui_kit import app_on, as_stored, drive, says, sees, status, text_of, until
+from tui_kit import app_on, as_stored, done, drive, says, sees, status, text_of, until
 
 PROGRAM = """
 import json, pathlib, shutil, signal, sys, time
@@ -151,7 +151,7 @@ def test_a_project_without_a_case_says_what_one_is(tmp_path):
         await says(app, pilot, "there is no case here")
         await pilot.press("a")
         await says(app, pilot, "no case to accept a model of")
-        await pilot.press("u", "v", "b", "R", "down")
+        await pilot.press("u", "v", "left", "ctrl+r", "down")
         await says(app, pilot, "there is no case")
 
     drive(app_on(tmp_path), do)
@@ -203,7 +203,7 @@ def test_the_answer_part_by_part(explained):
         for words in ("AREA is 20 % lower than modelled", "accepted (like rain)", "no retro-reflector", 'name = "fog"'):
             await pilot.press("v")
             await sees(app, pilot, words)
-        await pilot.press(*("b",) * 6)
+        await pilot.press(*("left",) * 6)
         assert view.part == 0
         await pilot.press("tab", "end")
         await sees(app, pilot, "with pictures: .lidarcheck/tui/explain/")
@@ -221,7 +221,7 @@ def test_an_earlier_answer_is_there_at_the_next_start_and_says_what_changed(expl
         with (explained / "fog/m1.txt").open("a") as stream:
             stream.write("\n")
         looks = view.looks
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await until(pilot, lambda: view.looks > looks)
         await sees(app, pilot, "explained: fog  OLD, ")
         await sees(app, pilot, "m1.txt changed since")
@@ -273,12 +273,12 @@ def test_seed_and_exclusions_go_to_the_run(made, project):
         view = await on_explain(app, pilot, made)
         await choose(view, pilot, "fog")
         for key, text, words in (
-            ("s", "one", "one is no seed"),
-            ("s", "7", "the next run has the seed 7"),
-            ("e", "fgo", "did you mean fog?"),
-            ("e", "rain, fog", "does not name 2 effects"),
+            ("seed", "one", "one is no seed"),
+            ("seed", "7", "the next run has the seed 7"),
+            ("exclude", "fgo", "did you mean fog?"),
+            ("exclude", "rain, fog", "does not name 2 effects"),
         ):
-            await pilot.press(key)
+            await done(app, key)
             await asked(app, pilot, AskText)
             await pilot.press(*("space" if letter == " " else "comma" if letter == "," else letter for letter in text))
             await pilot.press("enter")
@@ -290,7 +290,7 @@ def test_seed_and_exclusions_go_to_the_run(made, project):
         case = str(project / "fog/case.toml")
         assert given == command_of(project / "fog/case.toml", out_of(project), seed="7", exclude="rain,fog", program=())
         assert given[:2] == ["explain", case]
-        await pilot.press("e")
+        await done(app, "exclude")
         await asked(app, pilot, AskText)
         await pilot.press(*("backspace",) * 8, "minus", "enter")
         await says(app, pilot, "all effects may be named")
@@ -547,8 +547,8 @@ def test_any_size_down_to_one_by_one(explained):
         await choose(view, pilot, "fog")
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
-            await pilot.press("v", "tab", "down", "f1", "escape", "b")
-        await sees(app, pilot, "F1 Help")
+            await pilot.press("v", "tab", "down", "f1", "escape", "left")
+        await sees(app, pilot, "? Help")
         await sees(app, pilot, "explained: fog")
 
     drive(app_on(explained), do)

@@ -15,7 +15,7 @@ from lidarcheck.session.project import read_project
 from lidarcheck.session.state import load_state
 from lidarcheck.tui.jobs.ghosts import ALL, FIT, ghost_jobs, sign_scans
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from tui_kit import app_on, as_stored, drive, says, sees, text_of, until
+from tui_kit import app_on, as_stored, done, drive, says, sees, text_of, until
 
 HEAD = "X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n"
 FAINT = HEAD + "".join(f"20 {y} 0 {480 - y} 260 1 9 310 60\n" for y in range(3))
@@ -129,7 +129,7 @@ def test_datasets_are_told_by_their_names(tmp_path):
 
 def test_what_cannot_be_computed_says_why(project):
     jobs = {job.name: job for job in ghost_jobs(read_project(project), NONE, None)}
-    assert jobs[FIT].fault == "a fit needs a model: m chooses one"
+    assert jobs[FIT].fault == "a fit needs a model: o chooses one"
     assert "4_85m.txt: the file is empty" in jobs["signs/4_85m.txt"].fault
     for path in project.glob("signs/*_ideal.txt"):
         path.unlink()
@@ -151,7 +151,7 @@ def test_a_dataset_is_seen_step_by_step(project):
     async def do(app, pilot):
         view = await on_ghosts(app, pilot)
         await sees(app, pilot, "1_25m_ideal.txt, SLIM.toml")
-        await pilot.press("s")
+        await pilot.press("right_square_bracket")
         await says(app, pilot, "the steps are on the page of a single dataset")
         page = await computed(app, pilot, view, "signs/1_25m.txt")
         await says(app, pilot, "signs/1_25m.txt: 1 sign")
@@ -159,19 +159,19 @@ def test_a_dataset_is_seen_step_by_step(project):
         await sees(app, pilot, "PEAK of sign and ghost")
         await as_stored(app, pilot, "ghosts_80x24")
         for number, title in enumerate(STEPS, start=1):
-            await pilot.press("s")
+            await pilot.press("right_square_bracket")
             await sees(app, pilot, f"1_25m: step {number} of 7, {title}: from above")
         rows = page.sections[-1].tables[0].rows
         await sees(app, pilot, f"sign: {rows[-2][3]} o ghost: {rows[-1][3]}")
-        await pilot.press("b")
+        await pilot.press("left_square_bracket")
         await sees(app, pilot, "step 6 of 7")
-        await pilot.press("s", "s")
+        await pilot.press("right_square_bracket", "right_square_bracket")
         await sees(app, pilot, "step 1 of 7")
         await pilot.press("v")
         await sees(app, pilot, "all points: from the side")
         await pilot.press("v")
         await sees(app, pilot, "all points: as the sensor sees it")
-        await pilot.press("p")
+        await pilot.press("left")
         await sees(app, pilot, "1_25m: sign and ghost: as the sensor sees it")
         await pilot.press("t")
         await sees(app, pilot, "What was found")
@@ -200,7 +200,7 @@ def test_all_datasets_show_the_course_and_who_is_left_out(project):
         await sees(app, pilot, "Beams of the sign with a ghost")
         await sees(app, pilot, "Left out: signs/3_65m.txt: no sign")
         await as_stored(app, pilot, "ghosts_160x50")
-        await pilot.press("n")
+        await pilot.press("f")
         await sees(app, pilot, "Ghost over sign: range and size")
 
     drive(app_on(project), do, size=(160, 50))
@@ -228,7 +228,7 @@ def test_the_effect_is_fitted_and_its_model_written(project):
         rows = {row[0]: row for row in parameters.rows}
         assert float(rows["strength"][2]) < 2e-4 < float(rows["strength"][3])
         await says(app, pilot, "fit: retro_ghost: strength")
-        await pilot.press("d")
+        await done(app, "stripped points")
         await until(pilot, lambda: isinstance(app.asking, AskText))
         await sees(app, pilot, "model.toml, the model with the effect")
         await pilot.press("enter")
@@ -244,23 +244,23 @@ def test_the_effect_is_fitted_and_its_model_written(project):
 def test_what_is_left_is_written_and_nothing_replaced(project):
     async def do(app, pilot):
         view = await on_ghosts(app, pilot)
-        await pilot.press("d")
+        await done(app, "stripped points")
         await says(app, pilot, "nothing is computed here yet")
         await computed(app, pilot, view, ALL)
         for said in ("ghosts: 1_25m_ghosts.pcd, 2_45m_ghosts.pcd written", "1_25m_ghosts.pcd: is there already"):
-            await pilot.press("d")
+            await done(app, "stripped points")
             await until(pilot, lambda: isinstance(app.asking, AskText))
             await pilot.press("enter")
             await says(app, pilot, said)
-        await pilot.press("d")
+        await done(app, "stripped points")
         await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("escape")
         await until(pilot, lambda: not isinstance(app.asking, AskText))
-        await pilot.press("d")
+        await done(app, "stripped points")
         await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press(*"/a/b", "enter")
         await says(app, pilot, "cannot be made")
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await until(pilot, lambda: app.reads == 2)
         assert [job.name for job in view.listed][:2] == [ALL, FIT]
         assert len(view.listed) == 6, "what was written is no dataset"
@@ -278,20 +278,20 @@ def test_the_least_and_the_model_are_chosen_and_kept(project):
         view = await on_ghosts(app, pilot)
         with_model = await computed(app, pilot, view, "signs/1_25m.txt")
         assert any("real" in getattr(figure, "samples", {}) for figure in with_model.figures())
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "no model: real scans alone")
         assert view.page is None
         page = await computed(app, pilot, view, "signs/1_25m.txt")
         assert "Not compared with a model: none is chosen." in page.sections[0].words
         for typed, said in ((*"x",), "x is no amplitude"), ((*"7000",), "bright from 7000; r computes with it"):
-            await pilot.press("i")
+            await done(app, "least amplitude")
             await until(pilot, lambda: isinstance(app.asking, AskText))
             await pilot.press("end", *["backspace"] * 5, *typed, "enter")
             await says(app, pilot, said)
         await sees(app, pilot, "bright from 7000")
         await pilot.press("r")
         await says(app, pilot, "a sign's have at least 7000")
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "model: signs/SLIM.toml")
 
     drive(app_on(project), do)
@@ -302,7 +302,7 @@ def test_the_least_and_the_model_are_chosen_and_kept(project):
         view = await on_ghosts(app, pilot)
         assert view.job.name == "signs/1_25m.txt"
         assert "bright from 7000" in view.job.words
-        await pilot.press("i")
+        await done(app, "least amplitude")
         await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("end", *["backspace"] * 4, "0", "enter")
         await says(app, pilot, "bright by the sensor")
@@ -325,9 +325,9 @@ def test_without_scans_it_says_what_they_are_called(tmp_path):
         await sees(app, pilot, "no scans of signs: called as 1_25m.txt")
         await pilot.press("r")
         await says(app, pilot, "there is nothing to compute here")
-        await pilot.press("n", "s", "b", "v", "d", "t", "m")
+        await pilot.press("f", "right_square_bracket", "left_square_bracket", "v", "e", "t", "n")
         await says(app, pilot, "there is no model in the project")
-        await pilot.press("t", "g", "m", "f1")
+        await pilot.press("t", "g", "n", "f1")
         await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Datasets: scans called as 1_25m.txt")
 
@@ -342,7 +342,7 @@ def test_any_size_can_be_had(project, size):
         for width, height in ((1, 1), (30, 8), (200, 3), (5, 60), size):
             await pilot.resize_terminal(width, height)
             await until(pilot, lambda width=width: app.size.width == width)
-            await pilot.press("s", "n")
+            await pilot.press("right_square_bracket", "f")
         await sees(app, pilot, "1_25m")
 
     drive(app_on(project), do, size=size)

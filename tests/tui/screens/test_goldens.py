@@ -106,9 +106,9 @@ def test_without_a_proposal_it_says_how_to_make_one(bench):
         await pilot.press("r")
         await says(app, pilot, "nothing waits for review; e reviews every scenario")
         await pilot.press("a")
-        await pilot.press("A", "d", "space", "x")
+        await pilot.press("A", "D", "space", "x")
         await says(app, pilot, "nothing runs")
-        await pilot.press("e")
+        await pilot.press("R")
         await says(app, pilot, "nothing to accept: all is as the goldens say")
         await until(pilot, lambda: not view.running)
         assert names(view) == []
@@ -296,11 +296,11 @@ def test_a_proposal_is_dropped(bench):
 
     async def do(app, pilot):
         view = await on_goldens(app, pilot, bench)
-        await pilot.press("d")
+        await pilot.press("D")
         await sees(app, pilot, "Drop the proposal for one?")
         await pilot.press("escape")
         assert bench.proposal("one").exists()
-        await pilot.press("d")
+        await pilot.press("D")
         await asked(app, pilot, Ask)
         await pilot.press("enter")
         await says(app, pilot, "one: proposal dropped")
@@ -326,7 +326,7 @@ def test_a_review_is_stopped(bench):
     async def do(app, pilot):
         view = await on_goldens(app, pilot, bench)
         view.review = slow
-        await pilot.press("e")
+        await pilot.press("R")
         await until(pilot, going.is_set)
         await pilot.press("r")
         await says(app, pilot, "a review is going on")
@@ -398,7 +398,7 @@ def test_a_scenario_without_a_golden_gets_one(bench):
         view = await on_goldens(app, pilot, bench)
         assert names(view) == ["new"]
         await sees(app, pilot, "not run, no golden")
-        await pilot.press("d")
+        await pilot.press("D")
         await says(app, pilot, "there is no proposal under the cursor")
         await pilot.press("a")
         await asked(app, pilot, Ask)
@@ -438,7 +438,7 @@ def test_any_size_down_to_one_by_one(bench):
         for size in ((1, 1), (5, 3), (40, 10), (200, 60), (3, 40), (80, 24)):
             await pilot.resize_terminal(*size)
             await pilot.press("down", "tab", "up", "f1", "escape")
-        await sees(app, pilot, "F1 Help")
+        await sees(app, pilot, "? Help")
         await sees(app, pilot, "REGRESSED")
 
     drive(app_on(bench.root), do)

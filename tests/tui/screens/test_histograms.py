@@ -13,7 +13,7 @@ from lidarcheck.session.project import Entry, Project, read_project
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.jobs.vehicles import FILES, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.histograms import Histograms
-from tui_kit import apart_from_key, as_stored, drive, misses, says, sees, text_of, until
+from tui_kit import apart_from_key, as_stored, done, drive, misses, says, sees, text_of, until
 
 
 @pytest.fixture
@@ -157,11 +157,11 @@ def test_the_export_is_what_the_command_writes(inside, capsys):
         await sees(app, pilot, "to which directory")
         await pilot.press("enter")
         await says(app, pilot, "car_SMART_out: report.html, result.json, pictures/, distances.png")
-        await pilot.press("i")
+        await done(app, "sheet")
         await sees(app, pilot, "to which PNG file")
         await pilot.press("enter")
         await says(app, pilot, "car_SMART_distances.png: all distances")
-        await pilot.press("i")
+        await done(app, "sheet")
         await sees(app, pilot, "to which PNG file")
         await pilot.press("ctrl+u", *"x.bmp", "enter")
         await says(app, pilot, "no name of a PNG picture; end it with .png")
@@ -213,22 +213,23 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
         assert view.board.tiles()[0].chart.key[0] == "car SMART at 16 m"
         await pilot.press("minus", "minus", "plus", "right_square_bracket")
         await sees(app, pilot, "X 0.25 m, Y -3.25 m (suggested 0 and -3), 2 of 4")
-        await pilot.press("o")
+        await done(app, "merged cloud")
         await sees(app, pilot, "as one cloud")
         await pilot.press("enter")
         await says(app, pilot, "car_SMART_16m_merged.pcd: ")
         await until(pilot, lambda: not view.exports.writing)
         await pilot.press("p")
         await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 1 of 4")
-        await pilot.press("n", "left_square_bracket", "s")
+        await pilot.press("n", "left_square_bracket")
+        await done(app, "suggested")
         await sees(app, pilot, "X 0 m, Y -3 m (suggested 0 and -3), 2 of 4")
-        await pilot.press("o")
+        await done(app, "merged cloud")
         await sees(app, pilot, "as one cloud")
         await pilot.press("ctrl+u", *"car.doc", "enter")
         await says(app, pilot, "car.doc")
         await pilot.press("b")
         await sees(app, pilot, "10 m, PEAK")
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await until(pilot, lambda: app.reads == 2)
         assert [job.name for job in view.listed] == ["car SMART", "van SLIM", "truck SMART"]
 
@@ -247,22 +248,24 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
 def test_the_source_is_chosen_and_kept_and_going_back_computes_nothing(bench):
     async def do(app, pilot, view):
         await computed(pilot, view)
-        await pilot.press("m")
+        await done(app, "next source")
         await says(app, pilot, "car SMART: models/SMART.toml (2 of 3)")
         await sees(app, pilot, "left out: car_50m_SMART_real.txt: no ideal scan is named like it")
-        await pilot.press("m", "r")
+        await done(app, "next source")
+        await pilot.press("r")
         await says(app, pilot, "the model is of SLIM, not SMART")
         await until(pilot, lambda: view.running is None)
-        await pilot.press("m")
+        await done(app, "next source")
         await says(app, pilot, "car SMART: simulated files (1 of 3)")
         await until(pilot, lambda: "10 m, PEAK" in text_of(app))
         assert view.running is None
-        await pilot.press("m")
+        await done(app, "next source")
         await on_vehicle(pilot, view, "truck SMART")
         await sees(app, pilot, "truck SMART cannot be computed: no simulated file or ideal scan")
-        await pilot.press("m")
+        await done(app, "next source")
         await says(app, pilot, "there is nothing to compare with")
-        await pilot.press("o", "i")
+        await done(app, "merged cloud")
+        await done(app, "sheet")
         await says(app, pilot, "r computes it first")
 
     async def again(app, pilot, view):
@@ -290,7 +293,7 @@ def test_a_fault_in_every_file_is_that_of_the_vehicle(bench):
 def test_an_empty_project_says_what_is_needed(tmp_path):
     async def do(app, pilot):
         await sees(app, pilot, "car_20m_real.txt")
-        await pilot.press("r", "n", "v", "t", "e", "m", "b", "plus", "s", "o", "i", "down")
+        await pilot.press("r", "n", "v", "t", "e", "b", "plus", "down")
         await says(app, pilot, "r computes it first")
 
     drive(LidarcheckApp(tmp_path, screen="histograms"), do)

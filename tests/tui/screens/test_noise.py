@@ -14,7 +14,7 @@ from lidarcheck.session.state import load_state
 from lidarcheck.tui.jobs import noise
 from lidarcheck.tui.jobs.noise import halls_of, noise_jobs
 from lidarcheck.tui.widgets.dialogs import Ask
-from tui_kit import app_on, as_stored, drive, says, sees, text_of, until
+from tui_kit import app_on, as_stored, done, drive, says, sees, text_of, until
 
 HEAD = "X Y Z Point Layer EchoNumber WIDTH AREA PEAK\n"
 ROW = "20 0 0 480 260 1 5 60 12\n"
@@ -137,7 +137,7 @@ def test_one_rule_for_the_model_that_is_meant():
     assert likely_model(both, Path("p"), "") is None
     assert likely_model(both[:1], Path("p"), "SMART").name == "a/SLIM.toml"
     assert likely_model([], Path("p"), "SMART") is None
-    assert which_model(both) == "any of 3 models could be meant: m chooses one"
+    assert which_model(both) == "any of 3 models could be meant: o chooses one"
     assert which_model([]) == "there is no model in this project"
 
 
@@ -178,7 +178,7 @@ def test_panels_are_found_and_gone_through(project):
         await until(pilot, lambda: view.query_one("#panels").has_focus)
         await pilot.press("up", "pageup", "down")
         await sees(app, pilot, "Panel 2 of 3")
-        await pilot.press("a")
+        await pilot.press("b")
         await sees(app, pilot, "Detection over range")
         await sees(app, pilot, "Panels, figures of all of them")
         await sees(app, pilot, ">   2")
@@ -196,7 +196,7 @@ def test_all_figures_of_all_panels_are_seen(project):
     async def do(app, pilot):
         view = await on_noise(app, pilot)
         page = await computed(app, pilot, view)
-        await pilot.press("a")
+        await pilot.press("b")
         titles = [[figure.title for figure in group] for group in view.groups(page)]
         seen = ("Detection over range", "Range noise over range", "Walk over all panels", "Range noise over amplitude")
         for title in seen:
@@ -233,16 +233,16 @@ def test_models_are_gone_through_and_pages_are_kept(project):
         view = await on_noise(app, pilot)
         with_model = await computed(app, pilot, view)
         assert "simulated [%]" in with_model.panels.header
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "no model: real frames alone")
         await sees(app, pilot, "not computed yet")
         without = await computed(app, pilot, view)
         assert "simulated [%]" not in without.panels.header
         assert without.panels.rows[0][3].startswith("material ")
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "model: hall/model.toml")
         assert view.page is with_model
-        await pilot.press("m")
+        await done(app, "next model")
         assert view.page is without
 
     drive(app_on(project), do)
@@ -277,9 +277,9 @@ def test_without_frames_it_says_what_it_needs(tmp_path):
         await sees(app, pilot, "no frames of panels: scans of one scene, numbered")
         await pilot.press("r")
         await says(app, pilot, "there is nothing to compute here")
-        await pilot.press("n", "a", "v", "t", "m")
+        await pilot.press("n", "b", "v", "t", "n")
         await says(app, pilot, "there is no model in the project")
-        await pilot.press("t", "g", "m", "f1")
+        await pilot.press("t", "g", "n", "f1")
         await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Frames of one hall with panels")
 
@@ -331,7 +331,7 @@ def test_any_size_can_be_had(project, size):
         for width, height in ((1, 1), (30, 8), (200, 3), (5, 60), size):
             await pilot.resize_terminal(width, height)
             await until(pilot, lambda width=width: app.size.width == width)
-            await pilot.press("a", "n")
+            await pilot.press("b", "n")
         await sees(app, pilot, "Panel")
 
     drive(app_on(project), do, size=size)

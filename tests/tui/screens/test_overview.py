@@ -23,9 +23,9 @@ def test_a_scenario_is_run_and_kept(project):
         await until(pilot, lambda: view.runs.last and not view.running)
         assert view.runs.last["background_SMART"].verdict == "fell out"
         await sees(app, pilot, "REGRESSED")
-        await pilot.press("f")
+        await pilot.press("v")
         assert {entry.path.stem for entry in view.entries()} == {"background_SMART", "broken", "bad_lut", "empty"}
-        await pilot.press("f", "end", "r")
+        await pilot.press("v", "end", "r")
         await says(app, pilot, "no scenario under the cursor")
         assert app.state.selected["overview"] == "measured/empty.txt"
         await pilot.press("ctrl+r")

@@ -105,13 +105,13 @@ def test_figures_are_turned_and_drawn_in_other_ways(project):
             await pilot.press("v")
             await says(app, pilot, f"drawn as: {kind}")
             await sees(app, pilot, words)
-        await pilot.press("v", "n", "right")
+        await pilot.press("v", "f", "l")
         await sees(app, pilot, "3/4 ")
-        await pilot.press("n")
+        await pilot.press("f")
         await sees(app, pilot, "points: from above")
         await pilot.press("v")
         await sees(app, pilot, "points: from the side")
-        await pilot.press("p", "left")
+        await pilot.press("left", "h")
         await sees(app, pilot, "2/4 ")
         await sees(app, pilot, "one, AREA")
 
@@ -174,7 +174,7 @@ def test_a_computation_is_stopped_and_answers_keys_meanwhile(project):
         await sees(app, pilot, "computing ...")
         await pilot.press("down", "r")
         await says(app, pilot, "one is being computed; x stops it")
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await until(pilot, lambda: app.reads == 2)
         await until(pilot, lambda: "computing" in shown(view, "jobs").splitlines()[0])
         await pilot.press("x")
@@ -217,11 +217,11 @@ def test_a_job_that_is_gone_when_it_is_ready(project):
         await until(pilot, view.begun.is_set)
         for name in ("one", "two", "bad", "worse"):
             (project / f"{name}.txt").unlink()
-        await pilot.press("R")
+        await pilot.press("ctrl+r")
         await sees(app, pilot, "no fake here")
         view.gate.set()
         await says(app, pilot, "one.txt: was changed while this was computed")
-        await pilot.press("r", "down", "n", "v", "t", "e")
+        await pilot.press("r", "down", "f", "v", "t", "e")
         await says(app, pilot, "nothing is computed here yet")
 
     fakes(project, do)
@@ -325,7 +325,7 @@ def test_any_size_down_to_one_by_one(project):
         await computed(pilot, view)
         for size in SIZES:
             await pilot.resize_terminal(*size)
-            await pilot.press("t", "n", "v", "down", "up", "tab")
+            await pilot.press("t", "f", "v", "down", "up", "tab")
             await pilot.pause()
         await sees(app, pilot, "F1 Help")
 

@@ -14,7 +14,7 @@ from lidarcheck.tui.jobs.scenes import Effects, offers_of
 from lidarcheck.tui.screens.cloud.screen import Cloud
 from lidarcheck.tui.widgets.choose import Choose
 from lidarcheck.tui.widgets.lines import Lines
-from tui_kit import apart_from_key, as_stored, drive, says, sees, text_of, until
+from tui_kit import apart_from_key, as_stored, done, drive, says, sees, text_of, until
 
 STREET = "scenes/SMART_real_street.pcd"
 
@@ -102,12 +102,12 @@ def test_where_it_disagrees_comes_first(bench):
 def test_a_model_is_chosen_and_kept(bench):
     async def do(app, pilot, view):
         assert view.job.words == "ideal_street.parquet, models/SMART.toml"
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "model: models/SMART.toml (1 of 1)")  # SLIM's is not meant for it
         van = next(job for job in view.listed if "van" in job.name)
         assert van.words.endswith("models/SLIM.toml")
         (bench / "models/SMART.toml").unlink()
-        await pilot.press("m", "r")
+        await pilot.press("r")
         await says(app, pilot, "SMART.toml")
         await until(pilot, lambda: view.running is None)
 
@@ -142,7 +142,7 @@ def test_effects_are_switched_and_pages_kept(bench):
         assert view.page is not plain
         assert "effects: signal_gain, seed 0" in view.page.provenance["model"]
         assert view.worker is not worker
-        await pilot.press("d")
+        await done(app, "own effects")
         await says(app, pilot, "models/SMART.toml, as its file says")
         await until(pilot, lambda: view.page is plain)
         dialog = await effects_of(app, pilot)
@@ -230,14 +230,14 @@ def test_a_project_without_models_or_frames_says_so(tmp_path, bench):
     async def without(app, pilot, view):
         await on_frame(pilot, view, STREET)
         await sees(app, pilot, f"{STREET} cannot be computed: there is no model")
-        for key in ("m", "E", "r"):
+        for name in ("next model", "settings", "renew"):
             app.say("")
-            await pilot.press(key)
+            await done(app, name)
             await says(app, pilot, "there is no model in this project")
 
     async def empty(app, pilot):
         await sees(app, pilot, "ideal_street.pcd")
-        await pilot.press("r", "n", "v", "t", "e", "down", "plus", "b", "w", "E", "d", "m")
+        await pilot.press("r", "n", "v", "t", "e", "down", "plus", "b", "w", "E")
         await says(app, pilot, "no model")
 
     scenes(bench, without)

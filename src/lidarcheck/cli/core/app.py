@@ -176,7 +176,7 @@ COMMANDS = (
         "[PROJECT] [OPTIONS]",
         "Open the terminal interface.",
         "PROJECT is a directory with scenarios, goldens, models, blooming tables, settings and measurements. Scenarios "
-        "are run and looked at, tables are edited beside what they make of the measurements. F1 helps, q "
+        "are run and looked at, tables are edited beside what they make of the measurements. ? helps, q "
         "leaves; an edit "
         "survives a lost connection.",
         ("lidarcheck tui", "lidarcheck tui bench --screen blooming --theme plain --no-mouse"),

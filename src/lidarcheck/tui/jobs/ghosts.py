@@ -128,7 +128,7 @@ def _fit_job(scans: Sequence[SignScan], given: _Given, model: str) -> Job:
     some = [scan for scan in scans if scan.ideal is not None]
     fault = ""
     if given.model is None:
-        fault = "a fit needs a model: m chooses one"
+        fault = "a fit needs a model: o chooses one"
     elif not some:
         fault = "a fit needs ideal scans, and no dataset has one: 1_25m_ideal.txt belongs to 1_25m.txt"
     words = f"{GHOST} to {len(some)} of {len(scans)} datasets, {model}"

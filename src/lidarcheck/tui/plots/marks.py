@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from lidarcheck.arrays import BoolArray, IndexArray
 from lidarcheck.tui.plots.raster import ACROSS, DOWN
+from lidarcheck.tui.widgets.seven_bit import is_seven_bit
 
-__all__ = ["LETTERS", "LEVELS", "MARKS", "Level", "Marks", "glyphs", "is_seven_bit", "level_of"]
+__all__ = ["LETTERS", "LEVELS", "MARKS", "Level", "Marks", "glyphs", "level_of"]
 
 Marks = Literal["braille", "blocks", "ascii", "char"]
 MARKS: tuple[Marks, ...] = ("braille", "blocks", "ascii", "char")
@@ -26,18 +27,6 @@ _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 _QUADRANTS = np.array(list(" ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
 """By bits: upper left 1, upper right 2, lower left 4, lower right 8."""
 _HALVES = np.array(list(" ▀▄█"))
-
-
-def is_seven_bit(environ: Mapping[str, str]) -> bool:
-    """Whether the locale says that the terminal shows no UTF-8.
-
-    Python itself sets LC_CTYPE to C.UTF-8 where the locale is C (PEP 538), so that alone says nothing.
-    """
-    said = environ.get("LC_ALL") or ""
-    if not said:
-        own = environ.get("LC_CTYPE", "")
-        said = own if own and own != "C.UTF-8" else environ.get("LANG", "")
-    return "utf" not in said.lower()
 
 
 def level_of(wanted: str, environ: Mapping[str, str]) -> Level:

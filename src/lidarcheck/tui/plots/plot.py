@@ -48,6 +48,7 @@ _PAN = 0.25
 class Plot(PlotMouse):
     """`when_entered`: gets what is under the cursor. `when_said`: gets words for the status line."""
 
+    KIND = "plot"
     BINDINGS: ClassVar[list[Any]] = [Binding(keys, action, show=False) for keys, action, _, _ in PLOT_KEYS]
 
     def __init__(self, title: str = "", *, label: str = "", id: str | None = None) -> None:

@@ -35,12 +35,13 @@ class Ghosts(PageView):
     EMPTY = "no scans of signs: called as 1_25m.txt, or with sign or ghost in their name or directory"
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "Datasets: scans called as 1_25m.txt, or with sign or ghost in their name or directory; all of them "
-        f"together; and the fit of {GHOST} to those that have an ideal scan (1_25m_ideal.txt). m chooses the model "
-        "that simulates the same, i the least AREA of a sign's echo. Enter or r computes; what was computed is kept.",
+        f"together; and the fit of {GHOST} to those that have an ideal scan (1_25m_ideal.txt). o chooses the model "
+        "that simulates the same, the menu (m) has the least AREA of a sign's echo. Enter or r computes; what was "
+        "computed is kept.",
         "words": "What was found: counts, where the ghost stands, ghost over sign in count, AREA, PEAK, range and "
-        "size, what each step holds. d writes signs and ghosts alone as PCD, of a fit the model.",
-        "figures": "Histograms of sign and ghost, real against simulated, the course over the datasets. s goes through "
-        "the steps from all points to what is left, b back; v looks from top, side and front.",
+        "size, what each step holds. The menu (m) has what writes signs and ghosts alone as PCD, of a fit the model.",
+        "figures": "Histograms of sign and ghost, real against simulated, the course over the datasets. ] goes through "
+        "the steps from all points to what is left, [ back; v looks from top, side and front.",
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("ghosts"), *MOVES]
     DEFAULT_CSS = "Ghosts #jobs { height: 7; }"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from textual import events
 from textual.app import ComposeResult
 
+from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.jobs.job import Computed, Job
 from lidarcheck.tui.jobs.vehicles import Group, groups_of, job_of, options_of, source_of
 from lidarcheck.tui.screens.pages.export import file_name
@@ -41,19 +42,21 @@ class Histograms(PageView):
     """
 
     NAME = "histograms"
+    OPENS: ClassVar[dict[str, str]] = {"jobs": "@"}
     EMPTY = (
         "no vehicle was measured here: that takes scans with car, van or truck in their names, as car_20m_real.txt, "
         "and for each a simulated scan, car_20m_sim.txt, or an ideal one, car_20m_ideal.txt, and a model"
     )
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "The vehicles that were measured, by kind and variant as their names say. r compares all distances of "
-        "one: with the simulated files, or with what a model makes of the ideal scans; m chooses. What is left out "
+        "one: with the simulated files, or with what a model makes of the ideal scans; o chooses. What is left out "
         "stands in the panes below.",
         "figures": "PEAK, AREA and WIDTH on log scales: real filled, simulated an outline, as shares; below, their "
         "ratio, o where chance allows it and ! where not. From 120 columns on the three are side by side, a row a "
         "distance; n and p go on to other distances and features, then to the points. b shows both vehicles beside "
         "each other, the centroids laid onto each other and moved apart: + and - move the simulated one to the left "
-        "and to the right, ] and [ forward and backward, s as suggested, o writes both as one cloud.",
+        "and to the right, ] and [ forward and backward, and the menu (m) has what "
+        "lays them as suggested and writes both as one cloud.",
         "numbers": "How far real and simulated are apart at the distance that is seen: the Kolmogorov-Smirnov "
         "distance, what it passes by chance in one case of twenty, and in words.",
         "words": "The numbers of all distances, and how each vehicle was found.",
@@ -258,6 +261,20 @@ class Histograms(PageView):
         self.host.choice.choose("model", chosen)
         self.say(f"{group.name}: {chosen} ({(now + 1) % len(options) + 1} of {len(options)})")
         self.project_changed()
+
+    def openings(self) -> list[Opening]:
+        """What the vehicles can be compared with that is no model."""
+        files = {one for group in self._vehicles for one in options_of(group, [])}
+        return [Opening("source", name, "of vehicles", partial(self._compare_with, name)) for name in sorted(files)]
+
+    def _compare_with(self, source: str) -> None:
+        self.host.choice.choose("model", source)
+        self.host.show_screen(self.NAME)
+        self.project_changed()
+
+    def action_next_distance(self, by: int) -> None:
+        """The distances are on the page."""
+        self.action_turn(by)
 
     def action_write_cloud(self) -> None:
         """Both vehicles as one cloud, as `vehicles merge` writes them."""

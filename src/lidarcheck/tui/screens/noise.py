@@ -36,11 +36,12 @@ class Noise(PageView):
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "Frames of one hall with panels: scans of one directory whose names differ by the number at their end, "
         "and single scans called panel, lab or hall. An ideal scan beside them says where panels are and what they "
-        "are of; with it m simulates the same with a model. Enter or r computes, Ctrl+R looks at the files again.",
+        "are of; with it a model simulates the same; o chooses which. Enter or r computes, Ctrl+R looks at the "
+        "files again.",
         "panels": "The panels that were found, in order of range, with how often each is detected. '>' marks the one "
         "whose figures are shown; n and p go on, and so do the arrows here.",
         "words": "What lidarcheck panels says of them: tables of all panels, distances between real and simulated.",
-        "figures": "Amplitude, distance and walk of the panel with the '>'; a shows all panels instead: detection, "
+        "figures": "Amplitude, distance and walk of the panel with the '>'; b shows all panels instead: detection, "
         "noise, amplitude over range, walk and noise over amplitude. v draws distributions in another way.",
     }
     BINDINGS: ClassVar[list[Any]] = [*bindings("noise"), *MOVES]
@@ -107,7 +108,7 @@ class Noise(PageView):
             return
         last = len(page.panels.rows) - 1
         at = min(self._panel(page), last)
-        title = "Panels, figures of all of them (a: of one)" if self.all else f"Panel {at + 1} of {last + 1}"
+        title = "Panels, figures of all of them (b: of one)" if self.all else f"Panel {at + 1} of {last + 1}"
         pane.show(_panel_lines(page.panels, at), title=title, cursor=at + 1)
 
     def action_move(self, key: str) -> None:
@@ -120,6 +121,10 @@ class Noise(PageView):
             page = self.page
             self._go_to(page, cursor_after(key, self._panel(page), len(page.own), PAGE_ROWS))
             self.draw()
+
+    def action_next_distance(self, by: int) -> None:
+        """The next panel."""
+        self.action_turn(by)
 
     def action_over_all(self) -> None:
         """All panels' figures, or those of the panel that was looked at."""

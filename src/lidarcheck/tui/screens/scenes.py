@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.model_choice import NONE, chosen_model, suits, which_model
 from lidarcheck.session.pairing import labels_of
 from lidarcheck.session.project import Entry
+from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.scenes import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.pages.lines import together
@@ -35,11 +37,11 @@ class Scenes(PageView):
     )
     WORDS: ClassVar[dict[str, str]] = {
         "jobs": "The measured frames, each with the ideal scan of its name. r has the model show the same frame and "
-        "compares the two; m takes the next model, E switches effects on and off, so that you see what an effect "
+        "compares the two; o chooses another model, E switches effects on and off, so that you see what an effect "
         "explains. Pages of other choices are kept.",
         "figures": "Maps over azimuth and elevation of where the two disagree: echoes, AREA, range, stray echoes, "
-        "measured minus simulated; n and p go on to the points of the largest disagreement and to detection over "
-        "elevation.",
+        "measured minus simulated; f, Right and Left go on to the points of the largest disagreement and to detection "
+        "over elevation.",
         "words": "The disagreements, the largest first; overlap and Chamfer distance beside those of two simulations; "
         "the distances of the distributions; each object; each sector.",
     }
@@ -123,6 +125,38 @@ class Scenes(PageView):
                 self._choose(entry, Effects(tuple(name for name in own if name not in on), added))
 
         self.host.ask(Choose(f"Effects of {entry.name}", offers), taken)
+
+    def openings(self) -> list[Opening]:
+        """The catalogue's effects, each to be switched."""
+        from lidarcheck.effects import catalogue
+
+        return [Opening("effect", name, "on or off", partial(self._switch, name)) for name in sorted(catalogue())]
+
+    def _switch(self, name: str) -> None:
+        """An effect of the model that is chosen, on or off."""
+        from lidarcheck.model import load_model
+
+        entry = self._model(self._scan())
+        if entry is None:
+            self.say(which_model(self._models()))
+            return
+        try:
+            model = load_model(entry.path)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        effects, own = self._effects(entry), {effect.name for effect in model.effects}
+        offer = next(offer for offer in offers_of(model, effects) if offer.name == name)
+        self.host.show_screen(self.NAME)
+        if not offer.able:
+            self.say(f"{name}: {offer.words}")
+            return
+        without, added = set(effects.without) - {name}, set(effects.added) - {name}
+        if offer.on and name in own:
+            without |= {name}
+        elif not offer.on and name not in own:
+            added |= {name}
+        self._choose(entry, Effects(tuple(sorted(without)), tuple(sorted(added))))
 
     def action_own_effects(self) -> None:
         """The model as its file says."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Sequence
 from itertools import groupby
+from typing import ClassVar
 
 from rich.cells import cell_len
 from rich.segment import Segment
@@ -125,6 +126,8 @@ class Lines(Widget, can_focus=True):
     `folds`: a line that is wider than the pane goes on in the next, so that all of it can be read.
     """
 
+    KIND: ClassVar[str] = ""
+    """The kind of pane, as of an `Action`."""
     DEFAULT_CSS = "Lines { height: 1fr; width: 1fr; } Lines.bar { height: 1; }"
 
     def __init__(
@@ -133,6 +136,7 @@ class Lines(Widget, can_focus=True):
         super().__init__(id=id, classes="bar" if bar else None)
         self.bar, self.folds = bar, folds
         self.label = label
+        self._labelled = False
         self.can_focus = not bar
         self.lines: list[Line] = []
         self.cursor: int | None = None
@@ -191,6 +195,11 @@ class Lines(Widget, can_focus=True):
         """Scroll a page up or down, by one of `CURSOR_KEYS`."""
         self.page(-1 if key in ("up", "pageup", "home") else 1)
 
+    def show_label(self, is_shown: bool) -> None:
+        """Have the letter to jump here stand out."""
+        self._labelled = is_shown
+        self._redraw()
+
     def _redraw(self) -> None:
         rows = self.rows
         if self._row is not None and rows:
@@ -213,7 +222,8 @@ class Lines(Widget, can_focus=True):
     def _line(self, y: int) -> Line:
         if not self.bar:
             if y == 0:
-                return (*self._heading(), *line(self._short_state, "dim" if self.state == "current" else "edited"))
+                heading = self._over_label(self._heading()) if self._labelled else self._heading()
+                return (*heading, *line(self._short_state, "dim" if self.state == "current" else "edited"))
             y -= 1
         at = self._top + y
         if at >= len(self._rows):
@@ -222,6 +232,12 @@ class Lines(Widget, can_focus=True):
         if is_old(self.state):
             parts = tuple((text, "dim") for text, _ in parts)
         return tuple((text, "cursor") for text, _ in parts) if at == self._row and self.has_focus else parts
+
+    def _over_label(self, heading: Line) -> Line:
+        """The title with its letter standing out."""
+        (words, look), *others = heading
+        before, label, after = words.partition(f"[{self.label}]")
+        return ((before, look), (label, "cursor"), (after, look), *others)
 
     def _heading(self) -> Line:
         """The title, up to where the state begins."""

@@ -51,6 +51,10 @@ class Dialog(Generic[T]):
         """The lines between title and keys, for so many columns."""
         raise NotImplementedError
 
+    def last(self, _width: int) -> Sequence[Line]:
+        """Lines between the body and the keys that always stay."""
+        return ()
+
     def cursor(self) -> int | None:
         """The line of the body that has to be seen."""
         return None
@@ -145,7 +149,7 @@ class Overlay(Lines):
             return
         columns, rows = self.app.size
         roomy = columns >= _ROOM_FROM[0] and rows >= _ROOM_FROM[1]
-        width, most = (columns - 4, 3 * rows // 4) if roomy else (columns, rows)
+        width, most = (columns - 4, 2 * rows // 3) if roomy else (columns, rows)
         if dialog.steady and roomy:
             width, most = min(width, max(columns - 2 * _MARGIN, _LEAST)), max(rows // 2, _LEAST_ROWS)
         width = max(min(width, dialog.widest), 1)
@@ -168,7 +172,7 @@ class Overlay(Lines):
         above = [] if heading else list(folded(line(dialog.title, "title"), inner))
         if dialog.typed is not None:
             above.append((("> ", "title"), *dialog.typed.line(inner - 2)))
-        below = folded(line(dialog.keys, "title"), inner)
+        below = [*dialog.last(inner), *folded(line(dialog.keys, "title"), inner)]
         body = list(dialog.body(inner))
         room = max(most - 2 - len(above) - len(below), 1)
         dialog.rows = room if dialog.steady else min(len(body), room)
@@ -190,7 +194,7 @@ class Overlay(Lines):
     def _place(self, dialog: Dialog[Any], width: int, height: int, roomy: bool) -> tuple[int, int]:
         """Where the box lies: beside the row that it is about, on none of the bars where there is room."""
         columns, rows = self.app.size
-        first, last = (1, rows - 2) if roomy else (0, rows)
+        first, last = (2, rows - 2) if roomy else (0, rows)
         if dialog.at is not None:
             x, y = dialog.at
             return max(min(x, columns - width), 0), max(min(y, last - height), 0)

@@ -39,7 +39,7 @@ def test_distances_stand_side_by_side_on_a_wide_terminal(project):
         await pilot.press("n")
         await sees(app, pilot, "<157.0 m>, 2/2")
         await sees(app, pilot, " 69.0 m, 1/2")
-        await pilot.press("v", "v")
+        await pilot.press("f", "f")
         await until(pilot, lambda: text_of(app).count("WIDTH [ns]") == 2)
         await pilot.resize_terminal(*NARROW)
         await until(pilot, lambda: len(view.tile_panes()) == 1)
@@ -51,7 +51,7 @@ def test_distances_stand_side_by_side_on_a_wide_terminal(project):
 def test_all_features_of_one_distance_by_one_key(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
-        await pilot.press("V")
+        await pilot.press("b")
         for unit in ("AREA", "PEAK", "WIDTH [ns]", "range [m]"):
             await sees(app, pilot, unit)
         assert len(view.tile_panes()) == 4
@@ -59,17 +59,17 @@ def test_all_features_of_one_distance_by_one_key(project):
         assert app.focused.id == "profile"
         await pilot.press("right_square_bracket")  # + zooms the plot that has the focus
         await says(app, pilot, "X = -160: scaled 449")
-        await pilot.press("v")
+        await pilot.press("f")
         await says(app, pilot, "all four are shown")
         await pilot.press("n")
         await until(pilot, lambda: all("157.0 m" in head for head in heads(app)))
-        await pilot.press("V")
+        await pilot.press("b")
         await sees(app, pilot, "a_lut.ini vertical *")
         assert app.focused.id == "table"
-        await pilot.press("V", "E")
+        await pilot.press("b", "E")
         await sees(app, pilot, "Settings vertical")
         await pilot.resize_terminal(*WIDE)
-        await pilot.press("V")
+        await pilot.press("b")
         await until(pilot, lambda: len(view.tile_panes()) == 4)
         await sees(app, pilot, "Settings vertical")
 
@@ -84,7 +84,7 @@ def test_only_what_is_seen_is_computed_and_only_once(project):
         await pilot.press("n")
         await until(pilot, lambda: view.plots.expected is not None)
         assert view.plots.worker.computed == 2
-        await pilot.press("p", "n", "p", "v", "V", "V")
+        await pilot.press("p", "n", "p", "f", "b", "b")
         await rested(pilot, view)
         assert view.plots.worker.computed == 2
         await pilot.press("plus")
@@ -94,7 +94,7 @@ def test_only_what_is_seen_is_computed_and_only_once(project):
         await rested(pilot, view)
         assert view.plots.worker.computed == 3
         assert view.plots.expected is not None
-        await pilot.press("r", "n")
+        await pilot.press("U", "n")
         await until(pilot, lambda: view.plots.expected is not None)
         assert view.plots.worker.computed == 4
 

@@ -6,7 +6,7 @@ from lidarcheck.formats.lut import load_lut
 from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.tui.widgets import dialogs
 from lidarcheck.tui.widgets.dialogs import Ask
-from tui_kit import LUT, app_on, blooming, drive, make_project, on_blooming, says, scaled, sees, text_of, until
+from tui_kit import LUT, app_on, blooming, done, drive, make_project, on_blooming, says, scaled, sees, text_of, until
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_every_edit_by_its_key(project):
         await pilot.press("escape", "home", "down", "down", "s")
         assert view.marked == set()
         assert first < scaled(view, 2) < 700
-        await pilot.press("a")
+        await pilot.press("asterisk")
         assert len(view.marked) == 26
         await pilot.press("a", *"0.02", "enter")
         assert view.file.current.tables["vertical"].y[2] == 0.02
@@ -76,7 +76,7 @@ def test_every_edit_by_its_key(project):
         await pilot.press("escape", *("u",) * 20)
         await says(app, pilot, "nothing to take back")
         assert not view.file.dirty
-        await pilot.press("d", "s", "R")
+        await pilot.press("d", "s", "ctrl+r")
         await says(app, pilot, "read again")
 
     drive(app_on(project), do)
@@ -85,28 +85,29 @@ def test_every_edit_by_its_key(project):
 def test_tables_files_datasets_models(project):
     async def do(app, pilot):
         view = await on_blooming(app, pilot)
-        await pilot.press("t")
+        await done(app, "other table")
         await says(app, pilot, "one table")
-        await pilot.press("o")
+        await done(app, "next file")
         assert view.file.path.name == "both_lut.ini"
-        await pilot.press("t")
+        await done(app, "other table")
         assert view.axis == "horizontal"
         await until(pilot, lambda: "no measured profile" in text_of(app))
         await pilot.press("n")
         await says(app, pilot, "no measurement")
-        await pilot.press("t", "plus", "o")
+        await pilot.press("plus")
+        await done(app, "next file")
         await says(app, pilot, "save the edits first")
         await pilot.press("u")
         selection = view.selection
         assert selection.model.stem in ("SLIM", "sign_SLIM")
         await pilot.press("n")
         assert selection.datasets[selection.dataset].name == "measured/sign_157m.csv"
-        await pilot.press("p", "v")
+        await pilot.press("p", "f")
         assert selection.dataset == 0
         assert selection.feature == 1
-        await pilot.press("k")
+        await done(app, "next target")
         await says(app, pilot, "target: material")
-        await pilot.press("m")
+        await done(app, "next model")
         await says(app, pilot, "model: models/")
 
     drive(app_on(project), do)
@@ -117,7 +118,7 @@ def test_the_expected_profile_follows_an_edit(project):
         view = await on_blooming(app, pilot)
         await until(pilot, lambda: view.plots.expected is not None)
         before, count = view.plots.expected.value.copy(), view.plots.worker.computed
-        await pilot.press("a", "right_square_bracket", "right_square_bracket", "right_square_bracket")
+        await pilot.press("asterisk", "right_square_bracket", "right_square_bracket", "right_square_bracket")
         await until(pilot, lambda: view.plots.worker.computed > count and view.plots.expected is not None)
         beside = ~view.plots.expected.on_target
         assert (view.plots.expected.value[beside, 1] >= before[beside, 1]).all()
@@ -177,7 +178,7 @@ def test_another_instance_is_noticed(project):
         await pilot.press("plus")
         await says(app, pilot, "is being edited by process")
         session.close()
-        await pilot.press("R", "plus")
+        await pilot.press("ctrl+r", "plus")
         assert view.file.dirty
         await pilot.press("u")
 

@@ -15,7 +15,7 @@ from lidarcheck.session.edited_file import ChangedOnDisk
 from lidarcheck.session.edited_settings import EditedSettings, left_behind, settings_path
 from lidarcheck.session.project import read_project
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from tui_kit import LUT, app_on, drive, says, sees, text_of, until
+from tui_kit import LUT, app_on, done, drive, says, sees, text_of, until
 
 NAME = "Blooming_Calibration_V_SLIM.json"
 ODD = (
@@ -196,16 +196,16 @@ def test_an_edit_moves_the_target_and_is_saved_after_its_diff(project):
 def test_distances_are_added_by_the_name_of_what_is_shown(project):
     async def do(app, pilot):
         view = await on_settings(app, pilot)
-        await pilot.press("X")
+        await pilot.press("D")
         await until(pilot, lambda: not view.settings.file.current.entries)
         await sees(app, pilot, "no setting fits")
         await sees(app, pilot, "no distance: A adds one")
-        await pilot.press("A")
+        await pilot.press("i")
         await until(pilot, lambda: isinstance(app.asking, AskText))
         await pilot.press("enter")
         await until(pilot, lambda: view.settings.count() == 5)
         assert view.settings.file.current.entries[0].distance_m == 69.0
-        await pilot.press("s", "E", "X")
+        await pilot.press("s", "E", "D")
         await says(app, pilot, "E shows them")
         await pilot.press("q")
         await sees(app, pilot, "not saved")
@@ -216,12 +216,13 @@ def test_distances_are_added_by_the_name_of_what_is_shown(project):
 def test_another_model_has_other_settings(project):
     async def do(app, pilot):
         view = await on_settings(app, pilot)
-        await pilot.press("space", *"70", "enter", "m")
+        await pilot.press("space", *"70", "enter")
+        await done(app, "next model")
         await sees(app, pilot, "Settings vertical SMART")
         await sees(app, pilot, "no file: these are the defaults")
         assert view.settings.file.path.name == "Blooming_Calibration_V_SMART.json"
         assert view.unsaved() == 1
-        await pilot.press("m")
+        await done(app, "next model")
         await sees(app, pilot, "Settings vertical SLIM *")
 
     drive(app_on(project, screen="blooming"), do)
@@ -247,7 +248,7 @@ def test_settings_with_a_fault_are_said_where_they_would_be_used(project):
         await until(pilot, lambda: text_of(app).count("is out of range") == 1)
         await pilot.press("E")
         await until(pilot, lambda: text_of(app).count("is out of range") == 2)
-        await pilot.press("5", "enter", "plus", "u", "A", "escape", "X", "R", "d", "E", "plus")
+        await pilot.press("5", "enter", "plus", "u", "i", "escape", "D", "ctrl+r", "d", "E", "plus")
         assert blooming(app).file.dirty
 
     drive(app_on(project, screen="blooming"), do, (160, 50))

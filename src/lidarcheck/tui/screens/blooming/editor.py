@@ -91,12 +91,10 @@ class Editor(Generic[S]):
         """X or Y of the row; only a table has both."""
 
     def add_row(self) -> None:
-        """A row more."""
-        self.view.say("rows are added to a table; A adds a distance")
+        """A row more, where that needs no question."""
 
     def remove_rows(self) -> None:
         """Rows less."""
-        self.view.say("rows are taken out of a table; X takes out a distance")
 
     def read_again(self) -> None:
         """The file was read anew."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar
 
 from textual import events
@@ -13,6 +14,7 @@ from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
 from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.session.node import Node
+from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.plots.plot import PLOT_WORDS
 from lidarcheck.tui.screens.blooming.edit_actions import EditActions
 from lidarcheck.tui.screens.blooming.hand import connect
@@ -34,6 +36,7 @@ class Blooming(EditActions):
     """Two editors that share the left side, and the plots."""
 
     NAME = "blooming"
+    OPENS: ClassVar[dict[str, str]] = {"table": "%"} | dict.fromkeys(TILES, "@")
     WORDS: ClassVar[dict[str, str]] = {
         "table": "The table: X, Y as a whole number from 1 to 1000 on the log scale (0.007 decades a step; 0 is no "
         "light), and the true Y. '*' marks rows that edits are for; without any it is the row under the cursor. '~' "
@@ -49,9 +52,9 @@ class Blooming(EditActions):
         "the mouse a point is dragged up and down.",
         "profile": "What was measured over the offset from the target, and what is expected, without noise, "
         "with the table as it is edited. It follows an edit by itself. n and p go to the next and previous distance, "
-        "v to the next feature. The strip below says how far real and now are apart. " + PLOT_WORDS + " Enter names "
+        "f to the next feature. The strip below says how far real and now are apart. " + PLOT_WORDS + " Enter names "
         "the beams. From 150 columns on up to three distances stand side by side, and < > is about the "
-        "one that n and p go on from. V shows all four features of one distance, and goes back.",
+        "one that n and p go on from. b shows all four features of one distance, and goes back.",
     }
     WORDS |= dict.fromkeys(TILES, WORDS["profile"])
     BINDINGS: ClassVar[list[Any]] = [
@@ -197,23 +200,42 @@ class Blooming(EditActions):
         self.query_one("#table", Lines).focus()
         self.draw()
 
-    def action_add_distance(self) -> None:
-        """Settings of one more distance."""
-        if self._is_on_settings():
+    def action_add_row(self) -> None:
+        """A row of the table, or settings of one more distance."""
+        if self.editor is not self.settings:
+            super().action_add_row()
+        else:
             guess = self.plots.distance_in_words()
             self.host.ask(AskText("Settings for which distance [m]?", guess), self.settings.add)
 
-    def action_remove_distance(self) -> None:
-        """No settings for the distance under the cursor."""
-        if self._is_on_settings():
-            self.settings.remove()
-
-    def _is_on_settings(self) -> bool:
-        if self.editor is not self.settings:
-            self.say("that is for the settings of distances: E shows them")
-        return self.editor is self.settings
-
     # Other tables, files and datasets
+
+    def openings(self) -> list[Opening]:
+        """LUT files, their settings, the tables of the one that is open, the model's retro-reflectors."""
+        project = self.host.project
+        found = [Opening("lut", one.name, "", partial(self._open, one.name)) for one in project.of("lut")]
+        found += [Opening("settings", one.name, "", self._open_settings) for one in project.of("settings")]
+        tables = () if self.file is None else self.file.current.tables
+        found += [Opening("table", f"{axis} table", "", partial(self._show_axis, axis)) for axis in tables]
+        for material in self.selection.retros():
+            found.append(Opening("target", f"material {material}", "retro", partial(self.selection.aim, material)))
+        return found
+
+    def _open(self, name: str) -> None:
+        self.host.show_screen(self.NAME)
+        self.editor = self.table
+        self.table.go_to(name)
+        self._look_for_datasets()
+
+    def _open_settings(self) -> None:
+        self.host.show_screen(self.NAME)
+        if self.editor is not self.settings:
+            self.action_settings()
+
+    def _show_axis(self, axis: Axis) -> None:
+        self.host.show_screen(self.NAME)
+        if self.axis != axis:
+            self.action_next_table()
 
     def action_next_table(self) -> None:
         """The other table of the file."""

@@ -124,10 +124,19 @@ class Selection:
         self.view.say(f"target: material {self.material} of {', '.join(map(str, retros))}")
         return True
 
+    def retros(self) -> list[int]:
+        """The retro-reflecting materials of the model."""
+        return _retros(self.model) if self.model else []
+
+    def aim(self, material: int) -> None:
+        """A material as the target."""
+        self.view.host.choice.choose("target", str(material))
+        self.view.say(f"target: material {material}")
+
     def next_feature(self) -> bool:
         """AREA, PEAK, WIDTH, range."""
         if self.four:
-            self.view.say("all four are shown; V goes back to one of them")
+            self.view.say("all four are shown; b goes back to one of them")
             return False
         self.view.host.choice.next_feature()
         return True

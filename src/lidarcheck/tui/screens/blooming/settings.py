@@ -80,7 +80,7 @@ class SettingsEditor(Editor[EditedSettings]):
         rows = zip(file.rows(), file.edited(), strict=True)
         lines = [self._row(number, row, edited, here) for number, (row, edited) in enumerate(rows)]
         words = ["" if file.there else "no file: these are the defaults", self.view.setting_in_words()]
-        words += [] if lines else ["no distance: A adds one"]
+        words += [] if lines else ["no distance: i adds one"]
         notes = [line(f" {text}", "dim") for text in words if text]
         title = f"Settings {file.axis} {self.variant}{' *' if file.dirty else ''}"
         return title, [*lines, *notes], bool(lines)
@@ -127,7 +127,7 @@ class SettingsEditor(Editor[EditedSettings]):
         if typed:
             self.edit(lambda file: file.add(typed))
 
-    def remove(self) -> None:
+    def remove_rows(self) -> None:
         """No settings for the distance under the cursor."""
         if not self.count():
             self.view.say("there are no settings to take out")

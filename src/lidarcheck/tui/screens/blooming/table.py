@@ -76,6 +76,16 @@ class TableEditor(Editor[EditedLut]):
             app.show_screen(self.view.NAME)
             self.ask_back()
 
+    def go_to(self, name: str) -> None:
+        """Open a LUT file, unless it is open."""
+        now = self.file.path if self.file is not None else None
+        if next((entry.path for entry in self.view.host.project.of("lut") if entry.name == name), None) == now:
+            return
+        if self.file is not None and self.file.dirty:
+            self.view.say("save the edits first (^S), or take them back (u)", bad=True)
+            return
+        self.open(name)
+
     def next_file(self) -> bool:
         """The next LUT file; whether there is one."""
         names = self.names()

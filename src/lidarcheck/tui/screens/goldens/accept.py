@@ -48,7 +48,7 @@ class Accepting(View):
     def action_accept(self) -> None:
         """The marked KPIs of the scenario, or all of it."""
         if self.chosen is None:
-            self.say("nothing waits for review; e reviews every scenario")
+            self.say("nothing waits for review; R reviews every scenario")
             return
         self.start([[self.chosen.path]], sorted(self.marked) or [ALL])
 
@@ -56,7 +56,7 @@ class Accepting(View):
         """All that is listed, at once or not at all."""
         paths = [one.path for one in self.waiting]
         if not paths:
-            self.say("nothing waits for review; e reviews every scenario")
+            self.say("nothing waits for review; R reviews every scenario")
             return
         self.start([paths], [ALL])
 

@@ -29,8 +29,8 @@ __all__ = ["Goldens"]
 
 _EMPTY = (
     "nothing waits for review",
-    "A run on Overview (F2, then r or a) leaves a proposal here where a value is not the golden's.",
-    "e reviews every scenario of the project now, which takes 8 seeds each, and 64 where something moved.",
+    "A run on Overview (F2, then r or R) leaves a proposal here where a value is not the golden's.",
+    "R reviews every scenario of the project now, which takes 8 seeds each, and 64 where something moved.",
 )
 
 
@@ -228,7 +228,7 @@ class Goldens(Accepting):
     def action_review_one(self) -> None:
         """Review the scenario under the cursor."""
         if self.chosen is None:
-            self.say("nothing waits for review; e reviews every scenario")
+            self.say("nothing waits for review; R reviews every scenario")
             return
         self.start([[self.chosen.path]])
 

@@ -89,7 +89,7 @@ class Scenarios(View):
         entries = self.entries()
         self.at = max(min(self.at, len(entries) - 1), 0)
         lines = [self._line(entry) for entry in entries]
-        empty = "no scenario here: press F1, or see docs/scenarios.md" if not self.fallen_only else "nothing fell out"
+        empty = "no scenario here: press ?, or see docs/scenarios.md" if not self.fallen_only else "nothing fell out"
         last = [
             self.runs.last[e.path.stem] for e in self._entries if e.kind == "scenario" and e.path.stem in self.runs.last
         ]

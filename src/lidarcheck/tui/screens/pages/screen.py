@@ -255,6 +255,9 @@ class PageView(PageWork):
             if pane.has_focus:
                 pane.scroll_by_key(key)
                 return
+        self._go_to(key)
+
+    def _go_to(self, key: str) -> None:
         before, self.at = self.at, cursor_after(key, self.at, len(self.listed), PAGE_ROWS)
         if self.at != before:
             self.turned = 0
@@ -276,6 +279,10 @@ class PageView(PageWork):
             self.turned = (self.turned + by) % count
             self.say(f"figures {self.turned + 1} of {count}")
             self.draw()
+
+    def action_next_distance(self, by: int) -> None:
+        """The next measurement of the list, wherever the focus is."""
+        self._go_to("down" if by > 0 else "up")
 
     def action_kind(self) -> None:
         """Draw the figures that are seen as the next kind."""

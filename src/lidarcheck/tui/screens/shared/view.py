@@ -11,12 +11,14 @@ from textual.containers import Vertical
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.node import Node
 from lidarcheck.tui.actions import ACTIONS
+from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.host import Host
 from lidarcheck.tui.widgets.lines import CURSOR_KEYS, Line, Lines
 
 __all__ = ["MOVES", "View", "bindings"]
 
-MOVES: list[BindingType] = [Binding(key, f"move('{key}')", show=False) for key in CURSOR_KEYS]
+_ALSO = {"up": "up,k", "down": "down,j"}
+MOVES: list[BindingType] = [Binding(_ALSO.get(key, key), f"move('{key}')", show=False) for key in CURSOR_KEYS]
 """The keys of a screen with a cursor, whose `action_move` gets the key."""
 
 
@@ -40,6 +42,9 @@ class View(Vertical):
         Binding("tab", "app.next_pane(1)", show=False),
         Binding("shift+tab", "app.next_pane(-1)", show=False),
     ]
+
+    OPENS: ClassVar[dict[str, str]] = {}
+    """A pane's id to the kind that the chooser begins with, as in `chooser.PREFIXES`."""
 
     @property
     def host(self) -> Host:
@@ -76,6 +81,10 @@ class View(Vertical):
     def context_line(self, _width: int) -> Line | None:
         """What the second line says on this screen; None for what it says of the measurement that is looked at."""
         return None
+
+    def openings(self) -> list[Opening]:
+        """What the chooser offers of this screen, besides the project's files; also while another one is seen."""
+        return []
 
     def closing(self) -> None:
         """The app ends."""
