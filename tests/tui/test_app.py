@@ -42,6 +42,7 @@ def test_what_is_everywhere(project, monkeypatch):
     async def do(app, pilot):
         await pilot.press("f1")
         await sees(app, pilot, "Every scenario with the verdict")
+        await pilot.press("pagedown")
         await sees(app, pilot, "as: lidarcheck check")
         await pilot.press("escape", "tab", "f1")
         await sees(app, pilot, "The KPIs of the scenario")

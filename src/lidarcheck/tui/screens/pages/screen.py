@@ -255,9 +255,9 @@ class PageView(PageWork):
             if pane.has_focus:
                 pane.scroll_by_key(key)
                 return
-        self._go_to(key)
+        self._move_in_list(key)
 
-    def _go_to(self, key: str) -> None:
+    def _move_in_list(self, key: str) -> None:
         before, self.at = self.at, cursor_after(key, self.at, len(self.listed), PAGE_ROWS)
         if self.at != before:
             self.turned = 0
@@ -282,7 +282,7 @@ class PageView(PageWork):
 
     def action_next_distance(self, by: int) -> None:
         """The next measurement of the list, wherever the focus is."""
-        self._go_to("down" if by > 0 else "up")
+        self._move_in_list("down" if by > 0 else "up")
 
     def action_kind(self) -> None:
         """Draw the figures that are seen as the next kind."""
