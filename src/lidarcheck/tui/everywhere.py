@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from textual import events
-from textual.app import App
 
 from lidarcheck.errors import InputError, LidarcheckError, UsageError
 from lidarcheck.session.choice import Choice
@@ -21,6 +20,7 @@ from lidarcheck.tui.actions import SCREENS, Action, actions_of
 from lidarcheck.tui.bars import Bars
 from lidarcheck.tui.chooser import Chooser, Opening
 from lidarcheck.tui.help import help_lines
+from lidarcheck.tui.mouse import Mouse
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.openings import openings
 from lidarcheck.tui.palette import Jump, Menu, Palette
@@ -39,7 +39,7 @@ _RECENT, _MOST_RECENT = "opened", 20
 """What was opened last, in the state."""
 
 
-class Everywhere(App[int]):
+class Everywhere(Mouse):
     """An app with screens of panes, bars and a log."""
 
     project: Project
@@ -129,8 +129,12 @@ class Everywhere(App[int]):
     def action_open(self) -> None:
         """Anything that can be opened; first of the kind that the focused pane shows."""
         pane = self.focused.id if self.focused else None
+        self.open_with(self.view.OPENS.get(pane or "", ""))
+
+    def open_with(self, typed: str) -> None:
+        """The chooser, with what is typed in it."""
         recent = self.state.selected.get(_RECENT, "").split("\n")
-        self.ask(Chooser(openings(self), recent, self.view.OPENS.get(pane or "", "")), self._opened)
+        self.ask(Chooser(openings(self), recent, typed), self._opened)
 
     def _opened(self, one: Opening | None) -> object:
         if one is None:
@@ -141,7 +145,11 @@ class Everywhere(App[int]):
 
     def action_menu(self) -> None:
         """What can be done here, with its keys."""
-        self.ask(Menu(f"Menu: {SCREENS[self.view.NAME].title}", self.able()), self.do)
+        self.show_menu(Menu(f"Menu: {SCREENS[self.view.NAME].title}", self.able()))
+
+    def show_menu(self, menu: Menu) -> None:
+        """What can be done here."""
+        self.ask(menu, self.do)
 
     async def do(self, action: Action | None) -> None:
         """An action, as its key would do it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
-from itertools import groupby
+from itertools import accumulate, groupby
 from typing import ClassVar
 
 from rich.cells import cell_len
@@ -191,6 +191,21 @@ class Lines(Widget, can_focus=True):
         self._top = max(min(self._top + pages * max(self.rows, 1), len(self._rows) - self.rows), 0)
         self._redraw()
 
+    def scroll_lines(self, by: int) -> None:
+        """Scroll by lines, where there is no cursor."""
+        self._top = max(min(self._top + by, len(self._rows) - self.rows), 0)
+        self._redraw()
+
+    def line_at(self, y: int) -> int | None:
+        """The number of the line on a row of the screen; None for the title and below the last."""
+        row = self._top + y - self.region.y - (0 if self.bar else 1)
+        if not self._top <= row < len(self._rows):
+            return None
+        if not self.folds or self.size.width <= 0:
+            return row
+        ends = accumulate(len(folded(parts, self.size.width)) for parts in self.lines)
+        return next((number for number, end in enumerate(ends) if row < end), None)
+
     def scroll_by_key(self, key: str) -> None:
         """Scroll a page up or down, by one of `CURSOR_KEYS`."""
         self.page(-1 if key in ("up", "pageup", "home") else 1)
@@ -284,8 +299,3 @@ class Lines(Widget, can_focus=True):
     def on_blur(self) -> None:
         """It is elsewhere."""
         self._redraw()
-
-    def on_click(self) -> None:
-        """The mouse can choose a pane, and no more."""
-        if self.can_focus:
-            self.focus()

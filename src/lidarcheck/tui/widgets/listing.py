@@ -42,6 +42,10 @@ class Listing(Dialog[T]):
         elif event.key in CURSOR_KEYS:
             self.number = cursor_after(event.key, self.number, len(self.items), max(self.rows, 1))
 
+    def wheel(self, by: int) -> None:
+        """Move the cursor."""
+        self.number = max(min(self.number + by, len(self.items) - 1), 0)
+
     def clicked(self, number: int) -> None:
         """Take that one."""
         if number < len(self.items):

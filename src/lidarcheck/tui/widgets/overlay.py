@@ -75,6 +75,10 @@ class Dialog(Generic[T]):
     def clicked(self, number: int) -> None:
         """A line of the body was clicked."""
 
+    def wheel(self, by: int) -> None:
+        """The wheel was turned."""
+        self.top += by
+
     def page(self, pages: int) -> None:
         """Scroll."""
         self.top += pages * max(self.rows, 1)
@@ -213,12 +217,26 @@ class Overlay(Lines):
     def _laid_out(self) -> None:
         self._is_laid_out = True
 
-    def on_click(self, event: events.Click | None = None) -> None:
+    def on_click(self, event: events.Click) -> None:
         """A line of the body."""
-        dialog = self.dialog
-        number = -1 if event is None else event.y - self._first_body
-        if dialog is not None and 0 <= number < dialog.rows:
+        event.stop()
+        dialog, number = self.dialog, event.y - self._first_body
+        if dialog is not None and dialog.listens() and 0 <= number < dialog.rows:
             dialog.clicked(dialog.top + number)
+            self.draw()
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Go on in the body."""
+        self._wheel(event, 1)
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Go back in it."""
+        self._wheel(event, -1)
+
+    def _wheel(self, event: events.MouseEvent, by: int) -> None:
+        event.stop()
+        if self.dialog is not None:
+            self.dialog.wheel(by)
             self.draw()
 
 

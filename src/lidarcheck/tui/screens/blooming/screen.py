@@ -22,7 +22,7 @@ from lidarcheck.tui.screens.blooming.panes import TILES
 from lidarcheck.tui.screens.blooming.plots import DEBOUNCE_S, BloomingPlots
 from lidarcheck.tui.screens.blooming.selection import Selection
 from lidarcheck.tui.screens.blooming.settings import SettingsEditor
-from lidarcheck.tui.screens.blooming.table import TableEditor
+from lidarcheck.tui.screens.blooming.table import X_COLUMNS, TableEditor
 from lidarcheck.tui.screens.shared.view import MOVES, bindings
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import Lines
@@ -209,6 +209,11 @@ class Blooming(EditActions):
             self.host.ask(AskText("Settings for which distance [m]?", guess), self.settings.add)
 
     # Other tables, files and datasets
+
+    def clicked(self, pane: Lines, column: int) -> None:
+        """X or Y of the row."""
+        if pane.id == "table" and self.editor is self.table:
+            self.action_cell("x" if column < X_COLUMNS else "y")
 
     def openings(self) -> list[Opening]:
         """LUT files, their settings, the tables of the one that is open, the model's retro-reflectors."""

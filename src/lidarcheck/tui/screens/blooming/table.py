@@ -13,7 +13,10 @@ from lidarcheck.tui.screens.blooming.editor import Editing, Editor
 from lidarcheck.tui.widgets.lines import Line, line
 from lidarcheck.tui.widgets.themes import Role
 
-__all__ = ["TableEditor"]
+__all__ = ["X_COLUMNS", "TableEditor"]
+
+X_COLUMNS = 11
+"""Of a line of the table those up to the end of X."""
 
 _AXES: tuple[Axis, Axis] = ("vertical", "horizontal")
 

@@ -82,6 +82,9 @@ class View(Vertical):
         """What the second line says on this screen; None for what it says of the measurement that is looked at."""
         return None
 
+    def clicked(self, pane: Lines, column: int) -> None:
+        """A pane was clicked in one of its columns; its row has the cursor already."""
+
     def openings(self) -> list[Opening]:
         """What the chooser offers of this screen, besides the project's files; also while another one is seen."""
         return []
