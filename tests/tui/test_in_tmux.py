@@ -24,21 +24,21 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     tmux.start(project, (80, 24), "--screen", "blooming", "--no-mouse")
     tmux.sees("a_lut.ini")
     tmux.keys("Down", "Down", "Down", "4", "5", "5", "Enter")
-    tmux.sees(" 455")
-    first = next(line for line in lines(tmux.text) if " 455" in line)
+    tmux.sees(" 455 ")
+    first = next(line for line in lines(tmux.text) if " 455 " in line)
     # Resized while something is computed: nothing is lost, and the cursor's row is the same.
     tmux.keys("+", "-")
     for size in ((120, 36), (60, 20), (30, 8), (80, 24)):
         tmux.resize(*size)
         time.sleep(0.3)
-    tmux.sees(" 455")
+    tmux.sees(" 455 ")
     assert first[:30] in tmux.text, tmux.text
     # Attached by two terminals one after the other: the second one sees what the first one saw.
     seen = []
     for _ in range(2):
         terminal = Terminal([*tmux.words, "attach", "-t", "t"], (80, 25))
-        terminal.until(lambda screen: " 455" in screen.text, 20.0)
-        seen.append([line for line in lines(terminal.screen.text) if " 455" in line])
+        terminal.until(lambda screen: " 455 " in screen.text, 20.0)
+        seen.append([line for line in lines(terminal.screen.text) if " 455 " in line])
         terminal.press(b"\x02d")
         terminal.quiet(0.5, 5.0)
         os.close(terminal.end)
@@ -57,10 +57,10 @@ def test_an_edit_outlives_resizing_detaching_and_a_hang_up(tmux, tmp_path):  # n
     tmux.start(project, (80, 24), "--screen", "blooming", "--no-mouse")
     tmux.sees("bring them back")
     tmux.keys("b")
-    tmux.sees(" 455")
+    tmux.sees(" 455 ")
     tmux.keys("u", "u", "u")
     end = time.monotonic() + 20.0
-    while " 455" in tmux.text:
+    while " 455 " in tmux.text:
         assert time.monotonic() < end, tmux.text
         time.sleep(0.05)
 

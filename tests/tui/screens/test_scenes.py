@@ -36,7 +36,7 @@ def scenes(project, do, size=(80, 24)):
     async def on_it(app, pilot):
         await until(pilot, lambda: isinstance(app.view, Cloud) and app.view.listed)
         app.view.show_maps(True)
-        await until(pilot, lambda: app.focused is app.view.query_one("#jobs"))
+        await until(pilot, lambda: app.focused is app.view.query_one("#jobs") and app.view.running is None)
         await do(app, pilot, app.view)
 
     drive(LidarcheckApp(project, screen="cloud"), on_it, size)
@@ -81,10 +81,10 @@ def test_where_it_disagrees_comes_first(bench):
         assert not any("sim" in job.name for job in view.listed)
         await computed(pilot, view)
         await says(app, pilot, "disagree in one place; most: 100 % fewer echoes in layer 240")
-        await sees(app, pilot, "Echoes, measured minus simulated")
-        await sees(app, pilot, "AREA, measured over simulated")
+        await sees(app, pilot, "Echoes, measured min")
+        await sees(app, pilot, "AREA, measured over simu")
         await pilot.press("right")
-        await sees(app, pilot, "Range, measured minus simulated")
+        await sees(app, pilot, "Range, measured min")
         await pilot.press("right")
         await sees(app, pilot, "Where they disagree most: from above")
         await pilot.press("right")
