@@ -103,7 +103,7 @@ def cheap(monkeypatch, runs):
         return lambda _what, given, *_more, **_: page(name, getattr(given, "model", given), kind)
 
     monkeypatch.setattr(vehicles, "_compare", lambda _labels, _used, _files, model, *_: page("histograms", model))
-    monkeypatch.setattr(scenes, "_compare", lambda _m, _ideal, model, _effects, _told: page("cloud", model))
+    monkeypatch.setattr(scenes, "_compare", lambda _m, _ideal, model, *_, **__: page("cloud", model))
     monkeypatch.setattr(clouds, "_clouds", lambda _entry, source, _told: page("points", source.model))
     monkeypatch.setattr(noise, "_page", one("noise", noise.NoisePage))
     monkeypatch.setattr(ghosts, "_find_page", one("ghosts", ghosts.GhostPage))

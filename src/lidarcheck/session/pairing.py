@@ -12,7 +12,6 @@ from lidarcheck.session.project import Entry, Project
 __all__ = [
     "NUMBER_AND_RANGE",
     "Labels",
-    "ideal_for",
     "ideal_of",
     "is_simulated",
     "labels_of",
@@ -87,12 +86,6 @@ def partner_of(scan: Entry, others: Sequence[Entry]) -> Path | None:
     alike = [entry for entry in others if _rest(entry) == own and labels_of(entry).agrees(labels)]
     alike.sort(key=lambda entry: (entry.path.parent != scan.path.parent, -sum(map(bool, labels_of(entry)))))
     return alike[0].path if alike else None
-
-
-def ideal_for(scan: Entry, ideals: Sequence[Entry]) -> Path | None:
-    """The ideal scan of a frame: by name as `ideal_of` or `partner_of`, else what its directory calls `ideal` alone."""
-    beside = [entry for entry in ideals if entry.path.parent == scan.path.parent and not _rest(entry)]
-    return ideal_of(scan, ideals) or partner_of(scan, ideals) or (beside[0].path if len(beside) == 1 else None)
 
 
 def _key(entry: Entry) -> str:

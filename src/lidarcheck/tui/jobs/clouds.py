@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.session.model_choice import sensor_of_models
 from lidarcheck.session.node import ProgressCallback
 from lidarcheck.session.pairing import Labels, labels_of
@@ -28,7 +29,8 @@ _STEPS = 3
 class Source:
     """What is shown beside a measured frame: a simulated file, or what a model makes of the ideal scan.
 
-    `lacking`: why there is neither; `models`: those that may say what sensor measured.
+    `lacking`: why there is neither; `models`: those that may say what sensor measured; `placement`: what is declared
+    of the measured file.
     """
 
     simulated: Path | None
@@ -37,6 +39,7 @@ class Source:
     effects: Effects
     lacking: str = ""
     models: tuple[Path, ...] = ()
+    placement: Placement = AS_IT_IS
 
     def words(self) -> str:
         """What it is, as titles have it."""
@@ -89,7 +92,7 @@ def _clouds(entry: Entry, source: Source, on_progress: ProgressCallback) -> Comp
         except LidarcheckError as error:  # what was measured is seen nevertheless, unless the fault is its own
             why = _words(error)
     if clouds is None:
-        clouds = Clouds(scan_of(entry.path, sensor=sensor), None, why, no_vehicle=why)
+        clouds = Clouds(scan_of(entry.path, source.placement, sensor), None, why, no_vehicle=why)
     shown = "no simulated side" if clouds.simulated is None else f"{len(clouds.simulated)} simulated"
     return Computed(Page("Cloud", f"{len(clouds.real)} echoes, {shown}", ()), None, clouds)
 
@@ -103,7 +106,15 @@ def _both(path: Path, source: Source, labels: Labels, sensor: Sensor | None, on_
     if source.simulated is None and source.model is not None:
         model = source.effects.applied(load_model(source.model))
     on_progress(1, _STEPS, "simulating; steps" if model is not None else "reading; steps")
-    pair = read_pair(path, source.simulated, source.ideal, model, distance_m=distance_in_name(path), sensor=sensor)
+    pair = read_pair(
+        path,
+        source.simulated,
+        source.ideal,
+        model,
+        distance_m=distance_in_name(path),
+        sensor=sensor,
+        placement=source.placement,
+    )
     on_progress(2, _STEPS, "looking for the vehicle; steps")
     if not labels.vehicle:
         words = "no vehicle is named by the file or its directory"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lidarcheck.errors import LidarcheckError
+from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.session.model_choice import which_model
 from lidarcheck.session.node import ProgressCallback
-from lidarcheck.session.pairing import ideal_for, measured_in
+from lidarcheck.session.pairing import measured_in
 from lidarcheck.session.project import Entry, Project
+from lidarcheck.tui.jobs.beside import Beside
 from lidarcheck.tui.jobs.job import Computed, Job
 
 if TYPE_CHECKING:
@@ -82,26 +84,27 @@ def offers_of(model: Model, effects: Effects) -> list[Offer]:
     return offers
 
 
-def scene_jobs(project: Project, chosen: Callable[[Entry], tuple[Entry | None, Effects]]) -> list[Job]:
+def scene_jobs(
+    project: Project, found: Mapping[Path, Beside], chosen: Callable[[Entry], tuple[Entry | None, Effects]]
+) -> list[Job]:
     """A job for each measured frame, those that can be computed first.
 
-    `chosen`: the model, None where there is none, and its effects, for a measured frame.
+    `found`: what stands beside each, by its resolved path. `chosen`: the model, None where there is none, and its
+    effects, for a measured frame.
     """
-    ideals = project.of("ideal")
     jobs = []
     for scan in measured_in(project, sound=False):
-        ideal = ideal_for(scan, ideals)
-        jobs.append(_job(scan, ideal, *chosen(scan), which_model(project.of("model"))))
+        own = found.get(scan.path.resolve(), Beside(None))
+        jobs.append(_job(scan, own, *chosen(scan), which_model(project.of("model"))))
     return sorted(jobs, key=lambda job: bool(job.fault))
 
 
-def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects, lacking: str) -> Job:
-    stem = scan.path.stem
+def _job(scan: Entry, own: Beside, model: Entry | None, effects: Effects, lacking: str) -> Job:
+    stem, ideal = scan.path.stem, own.ideal
     fault = scan.fault
     if not fault and ideal is None:
-        fault = (
-            f"no ideal scan is named like it: ideal_{stem.removeprefix('real_').removesuffix('_real')}.txt, for example"
-        )
+        like = stem.removeprefix("real_").removesuffix("_real")
+        fault = own.why or f"no ideal scan is named like it: ideal_{like}.txt, for example"
     if not fault and model is None:
         fault = lacking
     return Job(
@@ -109,16 +112,22 @@ def _job(scan: Entry, ideal: Path | None, model: Entry | None, effects: Effects,
         words=f"{ideal.name if ideal else ''}, {model.name if model else ''}{effects.words()}",
         files=tuple(path for path in (scan.path, ideal, None if model is None else model.path) if path is not None),
         compute=lambda on_progress: _compare(
-            scan.path, ideal, None if model is None else model.path, effects, on_progress
+            scan.path, ideal, None if model is None else model.path, effects, on_progress, placement=own.placement
         ),
-        choices=effects,
+        choices=(effects, own.placement),
         fault=fault,
         kind="scenes",
     )
 
 
 def _compare(
-    measured: Path, ideal: Path | None, path: Path | None, effects: Effects, on_progress: ProgressCallback
+    measured: Path,
+    ideal: Path | None,
+    path: Path | None,
+    effects: Effects,
+    on_progress: ProgressCallback,
+    *,
+    placement: Placement = AS_IT_IS,
 ) -> Computed:
     from lidarcheck.calibration.scenes.read import provenance_of, read_frame
     from lidarcheck.calibration.scenes.workflow import compare_scene
@@ -129,7 +138,7 @@ def _compare(
     assert path is not None
     model = effects.applied(load_model(path))
     on_progress(0, 2, "reading and simulating; steps")
-    frames = [read_frame(measured, ideal, model=model)]
+    frames = [read_frame(measured, ideal, model=model, placement=placement)]
     on_progress(1, 2, "comparing; steps")
     result = compare_scene(frames, materials={n: m.name for n, m in model.materials.items()})
     return Computed(page(result, provenance_of([(measured, ideal)], model)), result.to_dict(), result)

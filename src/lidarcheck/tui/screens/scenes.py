@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from lidarcheck.errors import LidarcheckError
@@ -10,6 +11,7 @@ from lidarcheck.session.model_choice import NONE, chosen_model, suits, which_mod
 from lidarcheck.session.pairing import labels_of
 from lidarcheck.session.project import Entry
 from lidarcheck.tui.chooser import Opening
+from lidarcheck.tui.jobs.beside import Beside, beside
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.jobs.scenes import Effects, offers_of, scene_jobs
 from lidarcheck.tui.screens.pages.lines import together
@@ -46,6 +48,10 @@ class Scenes(PageView):
         "the distances of the distributions; each object; each sector.",
     }
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.beside: dict[Path, Beside] = {}
+
     def jobs(self) -> list[Job]:
         """A job for each measured frame, with the model and the effects that are chosen for its variant."""
 
@@ -53,7 +59,8 @@ class Scenes(PageView):
             model = self._model(scan)
             return model, self._effects(model)
 
-        return scene_jobs(self.host.project, chosen)
+        self.beside = beside(self.host.project)
+        return scene_jobs(self.host.project, self.beside, chosen)
 
     def groups(self, page: Page) -> list[tuple[Figure, ...]]:
         """The maps first, so many at once as can be read, then all else."""

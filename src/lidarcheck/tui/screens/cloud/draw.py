@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lidarcheck.arrays import FloatArray
-from lidarcheck.session.pairing import ideal_for, is_simulated, labels_of, partner_of
+from lidarcheck.session.pairing import is_simulated, labels_of, partner_of
 from lidarcheck.session.project import Entry
+from lidarcheck.tui.jobs.beside import Beside
 from lidarcheck.tui.jobs.clouds import Clouds, Source, cloud_job
 from lidarcheck.tui.jobs.job import Job
 from lidarcheck.tui.screens.cloud.density import BELOW, LEFT
@@ -40,6 +41,7 @@ class CloudPanes(Scenes):
         self.at_view = 0
         self.lens = Lens()
         self._kept: tuple[object, Placed | None] | None = None
+        self._kept_job: tuple[list[Job], int, Job | None] | None = None
         self._kept_points: tuple[Clouds, dict[object, Points]] | None = None
 
     @property
@@ -54,14 +56,17 @@ class CloudPanes(Scenes):
         project = self.host.project
         models = tuple(entry.path for entry in project.of("model"))
         simulated = partner_of(scan, [entry for entry in project.of("scan") if is_simulated(entry)])
-        ideal = ideal_for(scan, project.of("ideal"))
+        own = self.beside.get(scan.path.resolve(), Beside(None))
+        ideal = own.ideal
         if simulated is not None and not self._is_model_chosen():
-            return Source(simulated, ideal, None, self._effects(None), models=models)
+            return Source(simulated, ideal, None, self._effects(None), "", models, own.placement)
         model = self._model(scan)
         lacking = next((job.fault for job in self.listed if job.name == scan.name), "")
         if ideal is None or model is None:
-            return Source(None, ideal, None, self._effects(None), lacking or "there is nothing to simulate", models)
-        return Source(None, ideal, model.path, self._effects(model), models=models)
+            return Source(
+                None, ideal, None, self._effects(None), lacking or "there is nothing to simulate", models, own.placement
+            )
+        return Source(None, ideal, model.path, self._effects(model), "", models, own.placement)
 
     def _is_model_chosen(self) -> bool:
         """Whether a model was chosen by hand, which goes before simulated files."""
@@ -75,8 +80,12 @@ class CloudPanes(Scenes):
     @property
     def cloud(self) -> Job | None:
         """What the clouds of the measurement under the cursor are computed by."""
-        scan = self._scan()
-        return None if scan is None else cloud_job(scan, self._source(scan))
+        kept = self._kept_job
+        if kept is None or kept[0] is not self.listed or kept[1] != self.at:
+            scan = self._scan()
+            job = None if scan is None else cloud_job(scan, self._source(scan))
+            self._kept_job = kept = (self.listed, self.at, job)  # listed anew after any choice
+        return kept[2]
 
     @property
     def clouds(self) -> Clouds | None:
