@@ -75,6 +75,8 @@ def make_bench(root: Path) -> None:
     table = f"PostPro.LUT_blooming_X = {', '.join(map(str, X))}\n"
     table += f"PostPro.LUT_blooming_Y = {', '.join(f'{y_of_scaled(s):.7f}' for s in scaled)}\n"
     (root / "signs" / "vertical_lut.ini").write_text(table, encoding="utf-8")
+    look = '\n[[effects]]\nname = "blooming_vertical"\nlut = "vertical_lut.ini"\n'
+    (root / "signs" / "SLIM.toml").write_text(MODEL.read_text(encoding="utf-8") + look, encoding="utf-8")
     for distance in ("69m", "156m", "199m"):
         ideal = root / "signs" / f"ideal_sign_{distance}.parquet"
         cast(f"sign_vertical_{distance}", (170, 380), (440, 520), ideal)
