@@ -13,9 +13,7 @@ N = 60_000
 EDGES = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 5e-324, 1e-320, 2.2250738585072014e-308, 1.0, -1.0, 0.5, 1e300,
                   -745.2, -746.0, -746.5, 709.78, 710.0, 711.0, np.pi, -np.pi / 2, 3 * np.pi / 4])  # fmt: skip
 ARGUMENTS = {
-    "exp": np.concatenate(
-        [EDGES, RNG.normal(size=N), RNG.uniform(-750.0, 712.0, N), -(10.0 ** RNG.uniform(-9, 3, N))]
-    ),
+    "exp": np.concatenate([EDGES, RNG.normal(size=N), RNG.uniform(-750.0, 712.0, N), -(10.0 ** RNG.uniform(-9, 3, N))]),
     "log": np.concatenate([EDGES, RNG.uniform(0.5, 2.0, N), 10.0 ** RNG.uniform(-323, 308, N), RNG.normal(size=N)]),
     "sin": np.concatenate([EDGES[EDGES != 1e300], RNG.uniform(-1e6, 1e6, N), RNG.normal(size=N)]),
     "cos": np.concatenate([EDGES[EDGES != 1e300], RNG.uniform(-1e6, 1e6, N), RNG.normal(size=N)]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,8 @@ from lidarcheck.errors import UsageError
 from lidarcheck.sensor import Beams, reference_beams
 
 __all__ = ["Haze", "Light", "PulseShape", "light_of_beams"]
+
+_Column = TypeVar("_Column", FloatArray, IntArray)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +138,10 @@ class Light:
         free[place] = False
         old = np.flatnonzero(free)
 
-        def merged(before: FloatArray | IntArray, further: npt.ArrayLike) -> FloatArray | IntArray:
-            column = np.empty(len(free), dtype=before.dtype)
+        def merged(before: _Column, further: npt.ArrayLike) -> _Column:
+            column: Any = np.empty(len(free), dtype=before.dtype)
             column[old], column[place] = before, np.broadcast_to(further, m)[order]
-            return column
+            return column  # type: ignore[no-any-return]
 
         first = self.first_pulse.copy()
         first[1:] += np.cumsum(np.bincount(beam, minlength=len(self)))

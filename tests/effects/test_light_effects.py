@@ -11,7 +11,7 @@ from effect_kit import MATERIALS, Around, empty, lit, plain, rows, wall
 from lidarcheck import effects
 from lidarcheck.effects.base import LightEffect
 from lidarcheck.effects.geometry.beam_rows import BeamRows, by_material
-from lidarcheck.effects.shared.draws import normals, poisson_counts
+from lidarcheck.effects.shared.draws import normals, poisson_struck, strikes
 from lidarcheck.errors import UsageError
 from lidarcheck.model import Model, simulate
 from lidarcheck.scan import Haze, Light
@@ -359,10 +359,33 @@ def test_values_of_materials_are_found_by_number() -> None:
 def test_draws_are_inverse_distribution_functions() -> None:
     grid_u = (np.arange(100_000) + 0.5) / 100_000
     for mean in (0.0, 0.3, 4.0, 150.0):
-        count = poisson_counts(grid_u, mean)
+        count = np.zeros(len(grid_u), dtype=int)
+        struck, counts = poisson_struck(grid_u, mean)
+        count[struck] = counts
+        assert np.all(counts > 0)
         assert np.array_equal(count, stats.poisson.ppf(grid_u, mean).astype(int))
     edge = np.array([0.0, 1.0 - 2.0**-53])
     assert np.isfinite(normals(edge)).all()
     assert normals(np.array([0.5, stats.norm.cdf(1.5)])) == pytest.approx([0.0, 1.5])
-    assert poisson_counts(edge, 2.0)[0] == 0
-    assert poisson_counts(edge, 2.0)[1] < 40
+    struck, counts = poisson_struck(edge, 2.0)
+    assert struck.tolist() == [1]
+    assert counts[0] < 40
+
+
+def test_events_that_strike_beams_have_numbers_of_their_own() -> None:
+    """Of a beam's draws the first says how many events there are, and two each of the next belong to one of them."""
+
+    class Drawing:
+        def uniforms(self, layer, point, draws=1):
+            assert len(layer) == len(point)
+            return np.array([np.append(0.37 * p % 1.0, 1e-3 * p + np.arange(30))[:draws] for p in point])
+
+    point = np.arange(50, dtype=np.int32)
+    beam, numbers = strikes(Drawing(), point, point, 1.5)
+    counts = stats.poisson.ppf(0.37 * point % 1.0, 1.5).astype(int)
+    assert counts.max() > 2
+    assert np.array_equal(beam, np.repeat(point, counts))
+    expected = [[1e-3 * p + 2 * k, 1e-3 * p + 2 * k + 1] for p in point for k in range(counts[p])]
+    assert numbers == pytest.approx(np.array(expected))
+    none, empty = strikes(Drawing(), point[:0], point[:0], 1.5)
+    assert (len(none), empty.shape) == (0, (0, 2))

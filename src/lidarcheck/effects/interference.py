@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lidarcheck import elementary
 from lidarcheck.arrays import FloatArray
 from lidarcheck.effects.base import LightEffect, Surroundings, parameter
-from lidarcheck.effects.shared.draws import check_interval, normals, poisson_counts
+from lidarcheck.effects.shared.draws import check_interval, normals, strikes
 from lidarcheck.scan import Light
 from lidarcheck.sensor import LIGHT_SPEED_M_PER_NS, PhotonHistogram
 
@@ -80,17 +80,12 @@ class Interference(LightEffect):
         if around.sensor.detector == PhotonHistogram.detector and not self._in_step:
             return self._floor(light, around)
         lit = np.flatnonzero(self._hit(light, around))
-        first = around.uniforms(light.layer[lit], light.point[lit])[:, 0]
-        count = poisson_counts(first, self.share / self.columns)
-        struck, count = lit[count > 0], count[count > 0]
-        if len(struck) == 0:
+        of, uniform = strikes(around, light.layer[lit], light.point[lit], self.share / self.columns)
+        if len(of) == 0:
             return light
-        most = int(count.max())
-        uniform = around.uniforms(light.layer[struck], light.point[struck], 1 + 2 * most)[:, 1:]
-        used = np.arange(most) < count[:, None]
-        beam = np.repeat(struck, count)
-        range_m = self._ranges(uniform[:, ::2][used], light.point[beam], around)
-        signal = self.signal * elementary.power(10.0, self.spread_decades * normals(uniform[:, 1::2][used]))
+        beam = lit[of]
+        range_m = self._ranges(uniform[:, 0], light.point[beam], around)
+        signal = self.signal * elementary.power(10.0, self.spread_decades * normals(uniform[:, 1]))
         return light.with_pulses(beam, range_m, signal)
 
     @property

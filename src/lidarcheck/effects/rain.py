@@ -14,7 +14,7 @@ from lidarcheck.effects.base import LightEffect, Surroundings, parameter, unfit_
 from lidarcheck.effects.geometry.beam_rows import BeamRows
 from lidarcheck.effects.geometry.own_rays import shares_that_end
 from lidarcheck.effects.shared.air import ends_of
-from lidarcheck.effects.shared.draws import poisson_counts
+from lidarcheck.effects.shared.draws import strikes
 from lidarcheck.scan import Light
 from lidarcheck.sensor import Sensor
 
@@ -108,18 +108,11 @@ class Rain(LightEffect):
         """Beam, range and signal of every drop that matters, with nothing in its way; shape (m,) each."""
         floor = self._floor(around.sensor)
         grid_m, expected = self._expected(around.sensor, floor)
-        count = poisson_counts(around.uniforms(light.layer, light.point)[:, 0], float(expected[-1]))
-        struck = np.flatnonzero(count)
-        if len(struck) == 0:
-            return struck, np.empty(0), np.empty(0)
-        count = count[struck]
-        most = int(count.max())
-        uniform = around.uniforms(light.layer[struck], light.point[struck], 1 + 2 * most)[:, 1:]
-        used = np.arange(most) < count[:, None]
-        range_m = elementary.interp(uniform[:, ::2][used] * expected[-1], expected, grid_m)
+        beam, uniform = strikes(around, light.layer, light.point, float(expected[-1]))
+        range_m = elementary.interp(uniform[:, 0] * expected[-1], expected, grid_m)
         smallest_mm = np.minimum(self._smallest_mm(range_m, around.sensor, floor), LARGEST_MM)
-        diameter_mm = self._diameter_mm(smallest_mm, uniform[:, 1::2][used])
-        return np.repeat(struck, count), range_m, self._signal(range_m, diameter_mm, around.sensor)
+        diameter_mm = self._diameter_mm(smallest_mm, uniform[:, 1])
+        return beam, range_m, self._signal(range_m, diameter_mm, around.sensor)
 
     @property
     def _slope_per_mm(self) -> float:

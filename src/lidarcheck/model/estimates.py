@@ -43,7 +43,8 @@ Keys = npt.NDArray[np.uint64]
 def is_estimate(ideal: IdealScan) -> bool:
     """Whether some row has an error of its own to draw."""
     own = REFLECTANCE_ERROR in ideal.extra and reflectance_of(ideal) is not None
-    return any(bool((_error(ideal, name) > 0.0).any()) for name in (DISTANCE_ERROR, REFLECTANCE_ERROR)[: 1 + own])
+    names = (DISTANCE_ERROR, REFLECTANCE_ERROR)[: 1 + own]
+    return any(bool((_error(ideal, name) > 0.0).any()) for name in names if name in ideal.extra)
 
 
 def row_keys(ideal: IdealScan) -> Keys:

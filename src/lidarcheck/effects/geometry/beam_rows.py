@@ -77,7 +77,8 @@ class BeamRows(NamedTuple):
         `row_end_m` (n_rows,): how far each row reaches.
         """
         if self.row is None:
-            return np.round(np.where(row_end_m[beam] > range_m, self.share[beam], 0.0), _DIGITS)
+            share = np.where(row_end_m[beam] > range_m, self.share[beam], 0.0)
+            return np.round(share, _DIGITS).astype(np.float64)
         count = np.diff(self.first)[beam]
         row = spread(self.first[beam], count)
         place = np.repeat(np.arange(len(beam)), count)

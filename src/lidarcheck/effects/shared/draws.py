@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from lidarcheck.arrays import FloatArray
+from lidarcheck.arrays import FloatArray, IndexArray, IntArray
+from lidarcheck.effects.base import Surroundings
 from lidarcheck.errors import UsageError
 
-__all__ = ["check_interval", "normals", "poisson_counts"]
+__all__ = ["check_interval", "normals", "poisson_struck", "strikes"]
 
 _HALF_STEP = 2.0**-54
 """Half the distance between two uniform numbers: what stands for 0, whose normal number would be infinite."""
@@ -21,16 +21,30 @@ def normals(uniform: FloatArray) -> FloatArray:
     return np.asarray(ndtri(np.maximum(uniform, _HALF_STEP)))
 
 
-def poisson_counts(uniform: FloatArray, mean: float) -> npt.NDArray[np.int64]:
-    """Poisson counts of that mean by the inverse of the distribution function; same shape."""
+def poisson_struck(uniform: FloatArray, mean: float) -> tuple[IndexArray, IndexArray]:
+    """Poisson counts of that mean by the inverse of the distribution function: of `uniform` (n,) the places where they
+    are not 0, and the counts there; shapes (m,)."""
     from scipy.special import pdtr
 
     last = int(mean + 12.0 * np.sqrt(mean)) + 40
     below = np.asarray(pdtr(np.arange(last), mean))
-    count = np.zeros(uniform.shape, dtype=np.int64)
-    some = np.flatnonzero(uniform.ravel() >= below[0])  # where the mean is small, most have none
-    count.ravel()[some] = np.searchsorted(below, uniform.ravel()[some], side="right")
-    return count
+    struck = np.flatnonzero(uniform >= below[0])
+    return struck, np.searchsorted(below, uniform[struck], side="right").astype(np.int64)
+
+
+def strikes(around: Surroundings, layer: IntArray, point: IntArray, mean: float) -> tuple[IndexArray, FloatArray]:
+    """Events that strike beams (n,) independently, `mean` of them in each on average: the beam of every event, in
+    order, and two uniform numbers of its own; shapes (m,), (m, 2)."""
+    struck, count = poisson_struck(around.uniforms(layer, point)[:, 0], mean)
+    most = int(count.max(initial=0))
+    numbers = np.empty((int(count.sum()), 2))
+    # Nearly all have one event; the others' further numbers are drawn for them alone.
+    for some, draws in ((count == 1, 1), (count > 1, most)):
+        rows = struck[some]
+        if len(rows):
+            drawn = around.uniforms(layer[rows], point[rows], 1 + 2 * draws)[:, 1:].reshape(-1, draws, 2)
+            numbers[np.repeat(some, count)] = drawn[np.arange(draws) < count[some, None]]
+    return np.repeat(struck, count), numbers
 
 
 def check_interval(effect: str, first: tuple[str, float], last: tuple[str, float]) -> None:

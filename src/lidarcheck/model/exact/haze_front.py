@@ -7,6 +7,7 @@ it is worked out as everywhere. The counts are the same with the table and witho
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,13 +50,19 @@ def front_of(numbers: Numbers, begin: int, rates: FloatArray, beams: int) -> Fro
     bins = min(int(bright[-1]) + 1, _MOST_BINS) if len(bright) else 0
     if beams < _WORTH_BEAMS or numbers.detectors > _MOST_DETECTORS:
         bins = 0
-    rates = np.ascontiguousarray(rates[begin : begin + bins])
+    return _front(numbers, begin, rates[begin : begin + bins].tobytes())
+
+
+@functools.lru_cache(maxsize=4)
+def _front(numbers: Numbers, begin: int, of_bins: bytes) -> Front:
+    """The front whose `rates` have these bytes; kept, since the same air stands in many frames."""
+    rates = np.frombuffer(of_bins).copy()
     armed = numbers.detectors * _armed(rates, numbers.dead)
     reach = np.ceil(5.0 * np.sqrt(armed * (1.0 - armed / numbers.detectors))).astype(np.int64) + 2
     least = np.maximum(armed.astype(np.int64) - reach, 0)
     rows = int((2 * reach + 2).max(initial=0))
-    counts = np.empty((bins, rows, _CELLS), dtype=np.uint8)
-    if bins:  # or a light without haze would wait for the kernel to be compiled
+    counts = np.empty((len(rates), rows, _CELLS), dtype=np.uint8)
+    if len(rates):  # or a light without haze would wait for the kernel to be compiled
         _tabulate(numbers.detectors, rates, least, inverses(numbers.detectors), counts)
     return Front(begin, rates, least, counts)
 

@@ -7,6 +7,7 @@ of it where it ends at a cell's edge; a row then costs the ramp of the cell that
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -62,7 +63,7 @@ def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Num
         return _without_haze(numbers)
     first, end, share = _rows_by_end(haze)
     step, density = haze.step_m / bin_m, haze.density_per_m * bin_m
-    factors = np.add.reduceat(np.append(share, 0.0), first[:-1])[first[1:] > first[:-1]]
+    factors = share if _one_each(first) else _sums(first, share)
     most = numbers.detectors * float(factors.max())
     before, behind = (int(reach) for reach in form.reach(most * density.sum() * step))
     behind = min(behind, max(numbers.bins, before))
@@ -71,12 +72,7 @@ def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Num
     lit = np.flatnonzero(density)
     if len(lit) == 0:
         return _without_haze(numbers)
-    ramps = form.ramps(before, behind)
-    columns = before + behind + 4
-    stride = seen * columns // _ROOM + 1
-    cut = np.zeros((seen // stride + 1, columns))
-    whole = np.zeros(numbers.bins)
-    _tabulate(step, density, ramps, before, stride, cut, whole)
+    whole, cut, stride, ramps = _profiles(numbers.bins, form, step, density.tobytes(), before, behind)
     begin = min(max(math.floor(lit[0] * step) - before, 0), numbers.bins)
     last = min(math.floor((lit[-1] + 1) * step) + behind + 1, numbers.bins)
     usual = float(np.partition(factors, len(factors) // 2)[len(factors) // 2])
@@ -87,6 +83,31 @@ def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Num
     return HazeRates(begin, last, first, end / bin_m, share, whole, ceiling, *tables)
 
 
+def _one_each(first: IndexArray) -> bool:
+    """Whether each beam has exactly one row."""
+    return np.array_equal(first, np.arange(len(first)))
+
+
+def _sums(first: IndexArray, share: FloatArray) -> FloatArray:
+    """The factors of each beam that sees anything, its rows together."""
+    return np.asarray(np.add.reduceat(np.append(share, 0.0), first[:-1])[first[1:] > first[:-1]])
+
+
+@functools.lru_cache(maxsize=2)
+def _profiles(
+    bins: int, form: PulseForm, step: float, cells: bytes, before: int, behind: int
+) -> tuple[FloatArray, FloatArray, int, FloatArray]:
+    """`whole`, `cut`, `stride` and `ramps` of a profile, whose `density` has these bytes; kept, since the same air
+    stands in many frames."""
+    density = np.frombuffer(cells)
+    ramps = form.ramps(before, behind)
+    columns = before + behind + 4
+    stride = len(density) * columns // _ROOM + 1
+    cut, whole = np.zeros((len(density) // stride + 1, columns)), np.zeros(bins)
+    _tabulate(step, density.copy(), ramps, before, stride, cut, whole)
+    return whole, cut, stride, ramps
+
+
 def _without_haze(numbers: Numbers) -> HazeRates:
     none, table = np.zeros(0), np.zeros((0, 0))
     front = front_of(numbers, 0, none, 0)
@@ -95,8 +116,11 @@ def _without_haze(numbers: Numbers) -> HazeRates:
 
 def _rows_by_end(haze: Haze) -> tuple[IndexArray, FloatArray, FloatArray]:
     """`first`, `end` and `share` of the rows that see anything, each beam's in order of their ends."""
+    lit = (haze.row_share > 0.0) & (haze.row_end_m > 0.0)
+    if lit.all() and _one_each(haze.first_row):
+        return haze.first_row.copy(), haze.row_end_m.copy(), haze.row_share.copy()
     beam = np.repeat(np.arange(len(haze.first_row) - 1), np.diff(haze.first_row))
-    kept = np.flatnonzero((haze.row_share > 0.0) & (haze.row_end_m > 0.0))
+    kept = np.flatnonzero(lit)
     if len(kept) < len(beam):
         beam = beam[kept]
     end, share = haze.row_end_m[kept], haze.row_share[kept]
