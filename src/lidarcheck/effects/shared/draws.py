@@ -36,14 +36,17 @@ def strikes(around: Surroundings, layer: IntArray, point: IntArray, mean: float)
     """Events that strike beams (n,) independently, `mean` of them in each on average: the beam of every event, in
     order, and two uniform numbers of its own; shapes (m,), (m, 2)."""
     struck, count = poisson_struck(around.uniforms(layer, point)[:, 0], mean)
-    most = int(count.max(initial=0))
+    first = np.cumsum(count) - count
     numbers = np.empty((int(count.sum()), 2))
+    numbers[first] = around.uniforms(layer[struck], point[struck], 3)[:, 1:]
     # Nearly all have one event; the others' further numbers are drawn for them alone.
-    for some, draws in ((count == 1, 1), (count > 1, most)):
-        rows = struck[some]
-        if len(rows):
-            drawn = around.uniforms(layer[rows], point[rows], 1 + 2 * draws)[:, 1:].reshape(-1, draws, 2)
-            numbers[np.repeat(some, count)] = drawn[np.arange(draws) < count[some, None]]
+    many = np.flatnonzero(count > 1)
+    if len(many):
+        rows, most = struck[many], int(count.max())
+        drawn = around.uniforms(layer[rows], point[rows], 1 + 2 * most)[:, 1:].reshape(-1, most, 2)
+        for event in range(1, most):
+            more = count[many] > event
+            numbers[first[many[more]] + event] = drawn[more, event]
     return np.repeat(struck, count), numbers
 
 
