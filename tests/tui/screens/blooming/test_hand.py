@@ -2,7 +2,7 @@
 
 from textual.events import MouseDown, MouseMove, MouseUp
 
-from tui_kit import LUT, app_on, drive, make_project, on_blooming, scaled, says, until
+from tui_kit import LUT, app_on, drive, make_project, on_blooming, says, scaled, until
 
 ROW = 3
 
