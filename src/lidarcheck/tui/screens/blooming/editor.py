@@ -116,7 +116,7 @@ class Editor(Generic[S]):
 
     # Edits
 
-    def edit(self, make: Callable[[S], bool | str]) -> None:
+    def edit(self, make: Callable[[S], bool]) -> None:
         """Do an edit; whatever speaks against it is one line."""
         if self.file is None:
             self.view.say("there is no file to edit here")
@@ -125,14 +125,12 @@ class Editor(Generic[S]):
             self.ask_back()
             return
         try:
-            what = make(self.file)
+            changed = make(self.file)
         except LidarcheckError as error:
             self.view.say(error)
             return
-        if what is False or what == "":
-            self.view.say("nothing to take back" if what == "" else "no row changes")
-        elif isinstance(what, str):
-            self.view.say(what)
+        if not changed:
+            self.view.say("no row changes")
         self.view.edited()
 
     def undo(self) -> None:
@@ -144,16 +142,22 @@ class Editor(Generic[S]):
         self._step("redo", "made again")
 
     def _step(self, verb: str, words: str) -> None:
-        """The last edit of all open files, whichever is shown."""
+        """The last edit of all open files, whichever is shown, and also where none is."""
+        if self.file is not None and self.file.found:
+            self.ask_back()
+            return
         session = self.view.host.session
-
-        def step(file: S) -> str:
+        try:
             made = session.undo() if verb == "undo" else session.redo()
-            if made is None or made.path is None:
-                return ""
-            return f"{words}: {made.what}" + ("" if made.path == file.path else f", in {made.path.name}")
-
-        self.edit(step)
+        except LidarcheckError as error:
+            self.view.say(error)
+            return
+        if made is None or made.path is None:
+            self.view.say("nothing to take back" if verb == "undo" else "nothing to make again")
+            return
+        here = self.file is not None and made.path == self.file.path
+        self.view.say(f"{words}: {made.what}" + ("" if here else f", in {made.path.name}"))
+        self.view.edited()
 
     # The file
 
