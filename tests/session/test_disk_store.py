@@ -179,6 +179,17 @@ def test_a_full_disk_is_no_reason_to_fail(root, monkeypatch):
     monkeypatch.undo()
 
 
+def test_whatever_is_wrong_with_the_disk_a_result_is_there_and_it_is_said_once(root, monkeypatch, caplog):
+    def broken(_self, _key):
+        raise RuntimeError("something else")
+
+    monkeypatch.setattr(DiskStore, "get", broken)
+    session = Session(Store(disk=DiskStore(root)))
+    for number in range(3):
+        assert session.compute(Node("number", 1, number, (), lambda _, number=number: number, number)).value == number
+    assert caplog.text.count("RuntimeError: something else") == 1
+
+
 def test_the_secret_is_this_users_alone(root, tmp_path):
     DiskStore(root).put(result(value="x"))
     (secret,) = (tmp_path / "user").glob("*.secret")

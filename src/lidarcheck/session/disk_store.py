@@ -113,7 +113,7 @@ class DiskStore:
             try:
                 self._secret = _secret_of_user()
             except (OSError, RuntimeError) as error:  # RuntimeError: there is no home directory
-                self.fault = f"nothing can be kept for the next start: {error}"
+                self.fault = str(error)
         return self._secret
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import sys
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from lidarcheck.session.node import Derived
 
 __all__ = ["STORE_BYTES", "Store", "size_of"]
 
+_log = logging.getLogger(__name__)
+_Result = TypeVar("_Result")
 STORE_BYTES = 256_000_000
 """Some dozen pages with their points; a bench computer has memory for other programs too."""
 
@@ -41,15 +44,28 @@ class Store:
     def find(self, key: str, edit: int = 0) -> Derived | None:
         """The same, on the disk too; `edit`: the number of the session's last edit, for what is found there."""
         found = self.get(key)
-        if found is None and self.disk is not None and (kept := self.disk.get(key)) is not None:
+        kept = self._on_disk(lambda disk: disk.get(key)) if found is None else None
+        if kept is not None:
             found = dataclasses.replace(kept, edit=edit)
             self.put(found)
         return found
 
     def save(self, derived: Derived) -> None:
         """Have the disk keep a result for the next start, where that is worth it."""
-        if self.disk is not None:
-            self.disk.put(derived)
+        self._on_disk(lambda disk: disk.put(derived))
+
+    def _on_disk(self, do: Callable[[DiskStore], _Result]) -> _Result | None:
+        """What is only kept to spare work must not cost a result, whatever fault it has: that is in its `fault`."""
+        if self.disk is None:
+            return None
+        before, found = self.disk.fault, None
+        try:
+            found = do(self.disk)
+        except Exception as error:  # noqa: BLE001 - see above
+            self.disk.fault = f"internal error, {type(error).__name__}: {error}"
+        if self.disk.fault and self.disk.fault != before:
+            _log.warning("results are not kept for the next start: %s", self.disk.fault)
+        return found
 
     def put(self, derived: Derived) -> None:
         """Keep a result; alone, if it is larger than all that may be kept."""
