@@ -59,6 +59,12 @@ def test_whole_frames_give_what_explain_prints(sign):
     assert number.value > number.floor
 
 
+def test_few_seeds_do_and_one_does_not(sign):
+    assert sample(asked(sign, "gap", seeds=2)).value > 0.0
+    with pytest.raises(UsageError, match="1 seeds tell nothing of chance"):
+        asked(sign, seeds=1)
+
+
 def of(value, left_out, simulated="a", scale="s"):
     return Number("gap", value, 0.0, {}, "", np.asarray(left_out), "", scale, simulated)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lidarcheck.calibration.number.number import Kind
+from lidarcheck.errors import UsageError
 from lidarcheck.formats.geometry import AS_IT_IS, Placement
 from lidarcheck.formats.lut import Axis
 
@@ -59,6 +60,10 @@ class Request:
         words += ["--target", str(self.material)] if self.material is not None else []
         words += ["--seed", str(self.seed)] if self.seed else []
         return shlex.join([*words, *(["--whole"] if whole else [])])
+
+    def __post_init__(self) -> None:
+        if self.seeds < 2:
+            raise UsageError(f"{self.seeds} seeds tell nothing of chance", fix="use 2 or more")
 
     @property
     def files(self) -> tuple[Path, ...]:

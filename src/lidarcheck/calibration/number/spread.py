@@ -79,7 +79,9 @@ class Spread:
 
         Without others each of some seeds is held against the rest of them.
         """
-        own = [self.scale.distance(one, seen) for one in others] or [self._rest(seen, k) for k in range(_FLOORS)]
+        own = [self.scale.distance(one, seen) for one in others] or [
+            self._rest(seen, k) for k in range(min(_FLOORS, len(seen)))
+        ]
         noise, chance = np.mean(own, axis=0), by_chance(np.array(own))
         weights, words = self._weights
         beyond = np.abs(self.scale.distances(self.measured, seen, weights) - noise)
