@@ -6,6 +6,7 @@ import pytest
 
 from fake_worker import ROW, FakeWorker, second_line
 from lidarcheck.tui.app import LidarcheckApp
+from states_kit import IDEAL, SCAN
 from tui_kit import drive, fake_check, make_project, on_blooming, sees, status, text_of, until
 
 AT_ROW = ("home", *["down"] * ROW)
@@ -13,7 +14,12 @@ AT_ROW = ("home", *["down"] * ROW)
 
 @pytest.fixture
 def project(tmp_path):
-    return make_project(tmp_path / "project")
+    root = make_project(tmp_path / "project")
+    for distance in ("69m", "157m"):
+        (root / f"measured/sign_{distance}.csv").unlink()
+        (root / f"measured/sign_{distance}.txt").write_text(SCAN)
+        (root / f"measured/sign_{distance}_ideal.txt").write_text(IDEAL)
+    return root
 
 
 def run(project, do, size=(80, 24), seconds=0.1):
@@ -22,7 +28,7 @@ def run(project, do, size=(80, 24), seconds=0.1):
 
     async def on_it(app, pilot):
         app.choice.choose("lut", "a_lut.ini")
-        app.choice.choose("measurement", "measured/sign_69m.csv")
+        app.choice.choose("measurement", "measured/sign_69m.txt")
         view = await on_blooming(app, pilot)
         await until(pilot, lambda: worker.waiting, lambda: text_of(app))
         assert worker.answer() >= 2
@@ -40,10 +46,10 @@ def line_of(app):
 def test_a_number_follows_an_edit_and_its_undo(project):
     async def do(app, pilot, view, worker):
         number, line = line_of(app)
-        assert line.startswith("a_lut.ini SLIM | profile 69 m 1/2 | misfit ")
+        assert line.startswith("a_lut.ini SLIM | sign 69 m 1/2 | misfit ")
         await pilot.press("right", *AT_ROW, *"600", "enter")
         # At once what is expected, with a tilde; the old number is not called current.
-        await until(pilot, lambda: ("expected", "sign_69m.csv", 0) in worker.asked)
+        await until(pilot, lambda: ("expected", "sign_69m.txt", 0) in worker.asked)
         assert "current" not in line_of(app)[1]
         worker.answer(how="expected")
         await until(pilot, lambda: line_of(app)[0] == "~2.60", lambda: text_of(app))
@@ -133,12 +139,12 @@ def test_a_distance_chosen_on_one_screen_is_chosen_on_all(project):
     async def do(app, pilot, view, worker):
         await pilot.press("n")
         await sees(app, pilot, "157 m 2/2")
-        assert app.choice.of("measurement") == "measured/sign_157m.csv"
+        assert app.choice.of("measurement") == "measured/sign_157m.txt"
         await pilot.press("f2")
-        await sees(app, pilot, "> profile sign_157m ")
+        await sees(app, pilot, "> sign    sign_157m ")
         await pilot.press("p")
-        await sees(app, pilot, "> profile measured/sign_69m ")
+        await sees(app, pilot, "> sign    measured/sign_69m ")
         await pilot.press("f5")
-        await sees(app, pilot, "[p] 69.0 m, 1/2")
+        await until(pilot, lambda: view.selection.current.name == "measured/sign_69m.txt")
 
     run(project, do)
