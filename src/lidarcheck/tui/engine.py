@@ -26,10 +26,11 @@ if TYPE_CHECKING:
     from lidarcheck.calibration.number.number import Number, Step
     from lidarcheck.calibration.number.request import Request
 
-__all__ = ["EXPECTED", "NONE_BECAUSE", "REST_S", "Asked", "Engine", "Known"]
+__all__ = ["EXPECTED", "NONE_BECAUSE", "NOT_YET", "REST_S", "Asked", "Engine", "Known"]
 
-EXPECTED, NONE_BECAUSE = "expected", "none: "
-"""The words for a number of the same inputs without noise, and for a measurement that has none, with why behind it."""
+EXPECTED, NONE_BECAUSE, NOT_YET = "expected", "none: ", "not yet known"
+"""The words for a number of the same inputs without noise, for a measurement that has none, with why behind it, and for
+one that was not computed yet."""
 REST_S = 0.12
 """After the last key of so long a sample is simulated."""
 _ENTRY = "lidarcheck.calibration.number.entry:{}"
@@ -113,7 +114,9 @@ class Engine:
             return word, last
         if word.startswith("computing"):
             return word, hoped or last
-        return (EXPECTED, hoped) if hoped is not None else ("" if word == CURRENT else word, last)
+        if hoped is not None:
+            return EXPECTED, hoped
+        return (word if word not in ("", CURRENT) else NOT_YET if self.on else ""), last
 
     def of(self, asked: Asked, inputs: Inputs, how: str = "sample") -> Number | None:
         """A number that is known of such inputs; of a `sample`, of `whole` frames, or `expected` without noise."""

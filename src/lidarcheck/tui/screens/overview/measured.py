@@ -10,7 +10,7 @@ from lidarcheck.figures.words import squeezed
 from lidarcheck.session.measurements import Measurement
 from lidarcheck.session.session import CURRENT
 from lidarcheck.tui.context import groups_line, number_text, value_text
-from lidarcheck.tui.engine import Known
+from lidarcheck.tui.engine import NOT_YET, Known
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.lines import Line, is_old, line, printable
 from lidarcheck.tui.widgets.themes import Role
@@ -63,7 +63,7 @@ def _head(number: str, room: int) -> Line:
 
 
 def _line(one: Measurement, kind: str, known: Known, here: bool, room: int) -> Line:
-    state = known.state or "not yet known"
+    state = known.state or NOT_YET
     name = printable(one.name.rpartition(".")[0] or one.name)
     name = squeezed(name if len(name) <= room else name.rpartition("/")[2], room, "..")
     where = "-" if one.distance_m is None else f"{one.distance_m:g} m"
@@ -89,7 +89,7 @@ def summary(numbers: Numbers, order: Sequence[Measurement]) -> tuple[str, str]:
         if numbers.asked(one).request is None or (what.state == CURRENT and what.step is None):
             continue  # what was edited is not in it
         if numbers.engine.edits:
-            step = what.step.word if what.state == CURRENT and what.step is not None else "not yet known"
+            step = what.step.word if what.state == CURRENT and what.step is not None else NOT_YET
             words[step] = words.get(step, 0) + 1
     seen = numbers.seen
     kind = "" if seen is None or (request := numbers.asked(seen).request) is None else request.kind
