@@ -30,8 +30,8 @@ def run(project, do, size=(80, 24), seconds=0.1):
         app.choice.choose("lut", "a_lut.ini")
         app.choice.choose("measurement", "measured/sign_69m.txt")
         view = await on_blooming(app, pilot)
-        await until(pilot, lambda: worker.waiting, lambda: text_of(app))
-        assert worker.answer() >= 2
+        await until(pilot, lambda: len(worker.samples()) == 2, lambda: text_of(app))
+        worker.answer()
         await sees(app, pilot, "misfit")
         await do(app, pilot, view, worker)
 
