@@ -192,6 +192,10 @@ class Histograms(PageView):
 
     # The distance that all screens look at
 
+    def measured_files(self, number: int) -> tuple[Path, ...]:
+        """The vehicle's measurements, also those that are left out."""
+        return tuple(one.path for one in self._vehicles[number].measurements)
+
     def follow(self) -> None:
         """Go to the vehicle and the distance that were chosen."""
         super().follow()

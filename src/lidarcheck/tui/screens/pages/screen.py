@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
@@ -152,19 +153,23 @@ class PageView(PageWork):
             self.follow()
             self.draw()
 
+    def measured_files(self, number: int) -> tuple[Path, ...]:
+        """The files of a job that may be a measurement that all screens look at."""
+        return self.listed[number].files
+
     def follow(self) -> None:
         """Put the cursor on what the chosen measurement is in, unless it is there."""
         path = self.host.choice.measured(self.host.project)
-        if path is None or self.job is None or path in self.job.files:
+        if path is None or self.job is None or path in self.measured_files(self.at):
             return
         name = self.host.choice.of("measurement")
-        having = [number for number, job in enumerate(self.listed) if path in job.files]
+        having = [number for number in range(len(self.listed)) if path in self.measured_files(number)]
         self.at = next((n for n in having if self.listed[n].name == name), having[0] if having else self.at)
 
     def choose_measured(self) -> None:
         """What is under the cursor is looked at from now on, on every screen; nothing where several are."""
-        own = {entry.path for kind in ("scan", "profile") for entry in self.host.project.of(kind)}
-        files = [path for path in self.job.files if path in own] if self.job is not None else []
+        own = {entry.path for kind in ("scan", "profile") for entry in self.host.project.of(kind, sound=False)}
+        files = [path for path in self.measured_files(self.at) if path in own] if self.job is not None else []
         if files and self.host.choice.measured(self.host.project) not in files:
             self.host.choice.choose_measured(files[0], self.host.project)
 
