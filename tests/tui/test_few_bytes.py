@@ -6,6 +6,7 @@ import re
 import pytest
 
 from lidarcheck.tui.few_bytes import FewBytes, seven_bit_text
+from lidarcheck.tui.pasted import Pasted
 
 SGR = ("1;38;5;110;48;5;16", "38;5;251;48;5;16", "7;38;2;200;204;208;48;2;16;20;24", "31", "1", "4;39;49", "97;100")
 
@@ -107,3 +108,12 @@ def test_ascii_fills_the_same_cells():
     assert text.isascii()
     assert "-+| ## # 25 oC . e um ?? s ?" in text
     assert len(seven_bit_text("éß漢→")) == 5  # one wide letter
+
+
+def test_what_is_pasted_comes_whole_and_as_text():
+    start, end, pasted = "\x1b[200~", "\x1b[201~", Pasted()
+    assert pasted("ab\x1b[A") == "ab\x1b[A"
+    assert pasted(f"a{start}x\x1b[31m") == "a"
+    assert pasted("q\x03\x9b\n\ty\x1b[20") == ""
+    assert pasted(f"1~b{start}{end}") == f"{start}x[31mq\n\ty{end}b{start}{end}"
+    assert pasted("q") == "q"

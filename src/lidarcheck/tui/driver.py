@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+import selectors
+from codecs import getincrementaldecoder
+from contextlib import suppress
 from typing import Any
 
+from textual._parser import ParseError
+from textual._xterm_parser import XTermParser
 from textual.drivers.linux_driver import LinuxDriver
 
 from lidarcheck.tui.few_bytes import FewBytes
+from lidarcheck.tui.pasted import Pasted
 from lidarcheck.tui.widgets.seven_bit import is_seven_bit
 
 __all__ = ["TerminalDriver"]
@@ -15,9 +21,11 @@ __all__ = ["TerminalDriver"]
 _MOUSE = "\x1b[?1000h\x1b[?1002h\x1b[?1006h"
 """Buttons, motion while one is held, and columns beyond 223. Textual asks for any motion, each a line over SSH."""
 
+_TICK_S, _MOST = 0.1, 4096
+
 
 class TerminalDriver(LinuxDriver):
-    """Textual's, with what it writes made shorter."""
+    """Textual's, with what it writes made shorter; and bytes that are no text do not end it."""
 
     def __init__(self, *arguments: Any, **how: Any) -> None:
         super().__init__(*arguments, **how)
@@ -26,6 +34,28 @@ class TerminalDriver(LinuxDriver):
     def write(self, data: str) -> None:
         """Write to the terminal."""
         super().write(self._few(data))
+
+    def run_input_thread(self) -> None:
+        """Hand on what comes. What is pasted may be anything: Textual's own decoder ends at bytes that are no UTF-8."""
+        parser, pasted = XTermParser(self._debug), Pasted()
+        decode = getincrementaldecoder("utf-8")("replace").decode
+        with selectors.SelectSelector() as selector:
+            selector.register(self.fileno, selectors.EVENT_READ)
+            while not self.exit_event.is_set():
+                if selector.select(_TICK_S):
+                    try:
+                        text = decode(os.read(self.fileno, _MOST))
+                    except OSError:  # the terminal is gone, which a signal tells as well
+                        return
+                    for event in parser.feed(keys) if (keys := pasted(text)) else ():
+                        self.process_message(event)
+                    if not text:
+                        self.exit_event.wait(_TICK_S)
+                for event in parser.tick():
+                    self.process_message(event)
+        with suppress(EOFError, ParseError):
+            for _ in parser.feed(""):
+                pass
 
     def _enable_mouse_support(self) -> None:
         if self._mouse:

@@ -63,14 +63,14 @@ class Mouse(App[int]):
         """While a dialog is seen, nothing beside its box hears of the mouse."""
         if isinstance(event, events.MouseEvent) and not event.is_forwarded and self._is_beside(event.screen_offset):
             if isinstance(event, events.MouseDown):
-                self._leave()
+                self._leave_dialog()
             return
         await super().on_event(event)
 
     def _is_beside(self, at: Offset) -> bool:
         return self.asking is not None and not (self.overlay.visible and self.overlay.region.contains(*at))
 
-    def _leave(self) -> None:
+    def _leave_dialog(self) -> None:
         """The dialog is left; what lies below was not meant, until the button is pressed again."""
         self._pressed = None
         if self.asking is not None and self.asking.listens():
@@ -79,7 +79,7 @@ class Mouse(App[int]):
     def on_mouse_down(self, event: events.MouseDown) -> None:
         """Where a click may begin."""
         if self._is_beside(event.screen_offset):
-            self._leave()
+            self._leave_dialog()
         else:
             self._pressed = event.screen_offset
 

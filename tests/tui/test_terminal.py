@@ -1,0 +1,136 @@
+"""The interface on a terminal, as bytes: dialogs cost little and touch nothing around them; no colour, no letter beyond
+ASCII and no report of a moving mouse where the terminal has none; whatever is pasted, and at any size.
+"""
+
+import os
+import re
+import sys
+
+import pytest
+
+from tui_kit import make_project
+from tui_measure import Terminal
+
+SIZE = (80, 24)
+MOST_BYTES = 4000
+LEAVE = b"\x07"
+COLOUR = re.compile(r"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
+BOXES = {"help": b"?", "palette": b"\x10", "open": b"o", "menu": b"m", "a question": b"w"}
+
+
+class Watched(Terminal):
+    """`sent_text`: all that was sent."""
+
+    def read(self, seconds):
+        part = super().read(seconds)
+        self.sent_text = getattr(self, "sent_text", "") + part.decode("utf-8", "replace")
+        return part
+
+
+@pytest.fixture
+def start(tmp_path, monkeypatch):
+    project, begun = make_project(tmp_path / "project"), []
+    for measured in (project / "measured").iterdir():
+        measured.unlink()  # nothing is computed, and nothing comes by itself
+
+    def on(*arguments, size=SIZE, **environ):
+        for name in ("NO_COLOR", "COLORTERM", "LC_CTYPE"):
+            monkeypatch.delenv(name, raising=False)
+        for name, value in environ.items():
+            monkeypatch.setenv(name, value)
+        command = [sys.executable, "-m", "lidarcheck", "tui", str(project), *arguments]
+        begun.append(Watched(command, size))
+        return begun[-1]
+
+    yield on
+    for terminal in begun:
+        terminal.stop()
+
+
+def words(screen):
+    return ["".join(letter or "" for letter, _ in row) for row in screen.cells]
+
+
+def settled(terminal):
+    """The project was read, the screen is there, and all is quiet."""
+    waited = terminal.until(lambda screen: words(screen)[-2].startswith("3 scenarios, 2 gol"), 60.0)
+    assert waited == waited, words(terminal.screen)
+    terminal.quiet(1.5)
+
+
+def test_a_box_leaves_what_is_around_it_and_costs_little(start):
+    terminal = start("--screen", "blooming")
+    settled(terminal)
+    assert "\x1b[?1002h" in terminal.sent_text
+    assert "\x1b[?1003h" not in terminal.sent_text
+    for name, key in BOXES.items():
+        before = words(terminal.screen)
+        cost = terminal.cost(key, 0.7)
+        texts = words(terminal.screen)
+        top = next(y for y, text in enumerate(texts) if "+-" in text)
+        end = max(y for y, text in enumerate(texts) if "-+" in text)
+        left, right = texts[top].index("+-"), texts[top].rindex("-+") + 2
+        assert right - left >= 60, name
+        assert end - top <= 3 * SIZE[1] // 4
+        for y, row in enumerate(texts):
+            outside = range(SIZE[0]) if not top <= y <= end else [*range(left), *range(right, SIZE[0])]
+            assert [row[x] for x in outside] == [before[y][x] for x in outside], (name, y)
+        cost += terminal.cost(LEAVE, 0.7)
+        assert words(terminal.screen) == before, name
+        assert cost <= MOST_BYTES, (name, cost)
+    # The letters to jump by lie over titles and tabs, and nothing moves.
+    before = words(terminal.screen)
+    terminal.cost(b"g", 0.7)
+    after = words(terminal.screen)
+    assert after[1:] == before[1:]
+    assert re.sub(r" [A-Z](?= )", "F.", f" {after[0][1:]}").strip().count("F.") == 8
+    terminal.cost(LEAVE, 0.7)
+    assert words(terminal.screen) == before
+
+
+@pytest.mark.parametrize("theme", ["dark", "plain"])
+def test_without_colour_there_is_none(start, theme):
+    terminal = start("--screen", "blooming", "--theme", theme, NO_COLOR="1")
+    settled(terminal)
+    terminal.cost(b"o", 0.7)
+    assert not COLOUR.findall(terminal.sent_text)
+    assert "a_lut.ini" in "".join(words(terminal.screen))
+
+
+def test_ascii_alone_where_the_terminal_has_no_more(start):
+    terminal = start("--screen", "blooming", LANG="C", LC_ALL="C")
+    settled(terminal)
+    assert "[F5 Bloom]" in words(terminal.screen)[0]
+    terminal.cost("w\xb0m\xfcll".encode(), 0.7)
+    assert terminal.sent_text.isascii(), {letter for letter in terminal.sent_text if not letter.isascii()}
+
+
+@pytest.mark.parametrize("columns", [20, 40, 79])
+def test_small_sizes_cut_no_word(start, columns):
+    terminal = start("--screen", "overview", size=(columns, 12))
+    settled(terminal)
+    texts = words(terminal.screen)
+    assert texts[-1].rstrip().endswith("? Help  ^P Find  q Quit" if columns > 24 else "? Help  q Quit")
+    assert "F2" in texts[0]
+    assert re.fullmatch(r"(F\d( \w+)? ?)+", texts[0].strip())
+    for key in (b"?", b"o", b"m", b"w", b"g"):
+        terminal.cost(key, 0.4)
+        assert words(terminal.screen)[0]
+        terminal.cost(LEAVE, 0.4)
+
+
+def test_what_is_pasted_is_typed_and_does_nothing_else(start):
+    terminal = start("--screen", "blooming")
+    settled(terminal)
+    before = words(terminal.screen)
+    garbage = b"q\x1b[31mD\n+++\x00\xff\xfe\xe2\x80\xae" + bytes(range(1, 27)) + b"uuu\x7f" * 40
+    os.write(terminal.end, b"\x1b[200~" + garbage + b"\x1b[201~")
+    terminal.quiet(1.0)
+    assert words(terminal.screen)[3:22] == before[3:22]
+    terminal.cost(b"w", 0.7)
+    os.write(terminal.end, b"\x15\x1b[200~name of it\nsecond line\r\n\x1b[201~")
+    terminal.quiet(1.0)
+    assert "> name of it" in "\n".join(words(terminal.screen))
+    assert "second" not in "\n".join(words(terminal.screen))
+    terminal.cost(LEAVE, 0.7)
+    assert words(terminal.screen)[3:22] == before[3:22]
