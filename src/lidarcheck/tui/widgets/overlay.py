@@ -153,7 +153,7 @@ class Overlay(Lines):
             return
         columns, rows = self.app.size
         roomy = columns >= _ROOM_FROM[0] and rows >= _ROOM_FROM[1]
-        width, most = (columns - 4, 2 * rows // 3) if roomy else (columns, rows)
+        width, most = (columns - 4, 3 * rows // 5) if roomy else (columns, rows)
         if dialog.steady and roomy:
             width, most = min(width, max(columns - 2 * _MARGIN, _LEAST)), max(rows // 2, _LEAST_ROWS)
         width = max(min(width, dialog.widest), 1)
