@@ -326,6 +326,7 @@ def test_without_scans_it_says_what_they_are_called(tmp_path):
         await pilot.press("r")
         await says(app, pilot, "there is nothing to compute here")
         await pilot.press("f", "right_square_bracket", "left_square_bracket", "v", "e", "t", "n")
+        await done(app, "next model")
         await says(app, pilot, "there is no model in the project")
         await pilot.press("t", "g", "n", "f1")
         await until(pilot, lambda: isinstance(app.asking, Ask))

@@ -104,7 +104,7 @@ def test_without_a_proposal_it_says_how_to_make_one(bench):
         await sees(app, pilot, "nothing waits for review")
         await sees(app, pilot, "A run on Overview")
         await pilot.press("r")
-        await says(app, pilot, "nothing waits for review; e reviews every scenario")
+        await says(app, pilot, "nothing waits for review; R reviews every scenario")
         await pilot.press("a")
         await pilot.press("A", "D", "space", "x")
         await says(app, pilot, "nothing runs")

@@ -55,7 +55,7 @@ def test_all_features_of_one_distance_by_one_key(project):
         for unit in ("AREA", "PEAK", "WIDTH [ns]", "range [m]"):
             await sees(app, pilot, unit)
         assert len(view.tile_panes()) == 4
-        await misses(app, pilot, "a_lut.ini")
+        await misses(app, pilot, "a_lut.ini vertical")
         assert app.focused.id == "profile"
         await pilot.press("right_square_bracket")  # + zooms the plot that has the focus
         await says(app, pilot, "X = -160: scaled 449")

@@ -52,7 +52,7 @@ def test_every_edit_by_its_key(project):
         await pilot.press("left_square_bracket", "u")
         assert scaled(view, 0) == first + 21
         await says(app, pilot, "taken back: nudge -20")
-        await pilot.press("r")
+        await pilot.press("U")
         assert scaled(view, 0) == first + 1
         await pilot.press("space", "shift+down", "shift+down")
         assert view.marked == {0, 1, 2}
@@ -94,6 +94,7 @@ def test_tables_files_datasets_models(project):
         await until(pilot, lambda: "no measured profile" in text_of(app))
         await pilot.press("n")
         await says(app, pilot, "no measurement")
+        await done(app, "other table")
         await pilot.press("plus")
         await done(app, "next file")
         await says(app, pilot, "save the edits first")

@@ -100,17 +100,6 @@ def test_rows_of_a_killed_process_are_offered_with_their_undo(project):
     assert lut.read_bytes() == LUT.encode()
 
 
-def test_rows_of_settings_are_distances(project):
-    async def do(app, pilot):
-        await on_blooming(app, pilot)
-        await pilot.press("E", "i")
-        await says(app, pilot, "A adds a distance")
-        await pilot.press("D")
-        await says(app, pilot, "X takes out a distance")
-
-    drive(app_on(project), do)
-
-
 def test_what_is_kept_is_shown_as_a_difference_and_saved(project):
     lut = project / "a_lut.ini"
 
