@@ -63,7 +63,7 @@ def test_every_edit_by_its_key(project):
         assert first < scaled(view, 2) < 700
         await pilot.press("asterisk")
         assert len(view.marked) == 26
-        await pilot.press("a", *"0.02", "enter")
+        await pilot.press("asterisk", *"0.02", "enter")
         assert view.file.current.tables["vertical"].y[2] == 0.02
         await pilot.press(*"2e", "minus", "4", "enter")
         assert view.file.current.tables["vertical"].y[2] == 2e-4

@@ -205,9 +205,7 @@ def test_distances_are_added_by_the_name_of_what_is_shown(project):
         await pilot.press("enter")
         await until(pilot, lambda: view.settings.count() == 5)
         assert view.settings.file.current.entries[0].distance_m == 69.0
-        await pilot.press("s", "E", "D")
-        await says(app, pilot, "E shows them")
-        await pilot.press("q")
+        await pilot.press("s", "E", "q")
         await sees(app, pilot, "not saved")
 
     drive(app_on(project, screen="blooming"), do)
