@@ -51,13 +51,16 @@ class ModelTakeover:
     """A fitted model, as the new text of an open file. `rewritten`: why its comments and layout could not be kept."""
 
     file: EditedModel
+    before: bytes
     content: bytes
     rewritten: str
     what: str
     diff: tuple[LineChange, ...]
 
     def make(self) -> bool:
-        """Take it over, as one edit; whether that changes anything."""
+        """Take it over, as one edit; whether that changes anything. `UsageError` where the file is another by now."""
+        if self.file.content != self.before or self.file.changed_on_disk():
+            raise UsageError("has changed meanwhile", file=self.file.path, fix="look at the difference again")
         return self.file.take(self.content, self.what)
 
 
@@ -103,7 +106,7 @@ def model_takeover(file: EditedModel, source: Path, fitted: Path, what: str, bef
             raise UsageError("has changed since it was read for this", file=file.path, fix=fix)
         text, rewritten = rewritten_text(source, load_model(fitted), source)
     content = text.encode()
-    return ModelTakeover(file, content, rewritten, what, tuple(line_changes(file.current, ModelText(content))))
+    return ModelTakeover(file, was, content, rewritten, what, tuple(line_changes(file.current, ModelText(content))))
 
 
 def run_takeover(file: EditedModel, run: Run, root: Path) -> ModelTakeover:

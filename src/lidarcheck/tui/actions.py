@@ -108,6 +108,13 @@ ACTIONS: tuple[Action, ...] = (
     Action("help", "", ("question_mark", "f1"), "Help", "help for what has the focus", "help", "", "--help", _ALONE),
     Action("palette", "", ("ctrl+p", "f10", "colon"), "Find", "find any action by its name", "palette", reason=_PLACE),
     Action("quit", "", ("q", "ctrl+q"), "Quit", "leave; what is not saved is kept and offered again", "leave", reason=_ALONE),
+    Action("calibrate", "", (), "", "fit numbers of the model to measured frames, and take them over", "form('calibrate')", "calibrate", "fitted numbers"),
+    Action("simulate to a file", "", (), "", "run an ideal scan through the model, to a new file", "form('simulate')", "simulate", "Where the echoes go"),
+    Action("compare with a simulated scan", "", (), "", "the KPIs of a measured scan against a simulated one", "form('compare')", "compare", "simulated"),
+    Action("fit the ghosts", "", (), "", "fit the ghost effect to signs at several ranges, and take it over", "form('ghosts fit')", "ghosts fit", "the fitted effect"),
+    Action("explain this measurement", "", (), "", "make a case of the measurement that is chosen, and explain it", "form('explain')", "case make", "explain"),
+    Action("runs", "", (), "", "the commands that were started here: how each ended, what it printed, take it over", "runs", reason=_ALONE),
+    Action("stop the command", "", (), "", "stop the command that runs; once more: end it at once", "stop_command", reason=_STOP),
     # Overview
     Action("move", "overview", _UP_DOWN, "", "the line above, below; also Page Up, Page Down, Home, End", "", reason=_MOVE),
     Action("enter", "overview", ("enter",), "Go", "the screen that shows the measurement; of a scenario: run it", "go", reason=_PLACE),

@@ -38,6 +38,7 @@ from lidarcheck.tui.help import LogHandler
 from lidarcheck.tui.jobs.checks import Runs
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.plots.marks import level_of
+from lidarcheck.tui.runs.starting import Commands
 from lidarcheck.tui.screens import later_screens
 from lidarcheck.tui.screens.overview.screen import Overview
 from lidarcheck.tui.screens.shared.view import View, bindings
@@ -107,6 +108,7 @@ class LidarcheckApp(Everywhere):
         self.overlay = Overlay(self._anchor)
         self._awaited = ""
         self._warnings = LogHandler(self.soon, self.note)
+        self.commands = Commands(self, self._view_of)
         self._views: tuple[View, ...] = (Overview(Runs(root), check),)
         self._switcher = ContentSwitcher(initial=self._views[0].NAME)
 
@@ -213,6 +215,7 @@ class LidarcheckApp(Everywhere):
             self.show_screen(self._awaited)
         if self.numbers.engine.on:
             self.session.worker.start()  # it compiles, or loads, what the first number needs
+        self.commands.look_back()
         self.reads += 1
 
     def inside(self, text: str) -> str:
@@ -224,6 +227,10 @@ class LidarcheckApp(Everywhere):
     def views(self) -> tuple[View, ...]:
         """All screens."""
         return self._views
+
+    def _view_of(self, name: str) -> Any:
+        """A screen by its name, once the project was read."""
+        return next(view for view in self.views() if name == view.NAME)
 
     @property
     def view(self) -> View:
@@ -288,7 +295,7 @@ class LidarcheckApp(Everywhere):
 
     def action_leave(self) -> None:
         """Leave; edits are in the journal."""
-        unsaved = sum(view.unsaved() for view in self.views())
+        unsaved = sum(view.unsaved() for view in self.views()) + self.commands.models.unsaved()
         if not unsaved:
             self._leave("q")
             return
@@ -305,6 +312,7 @@ class LidarcheckApp(Everywhere):
         self.session.close()
         for view in self.views():
             view.closing()
+        self.commands.closing()
         save_state(self.state, self.project.root)
 
     def on_resize(self, _event: events.Resize) -> None:

@@ -26,6 +26,7 @@ from lidarcheck.tui.openings import openings
 from lidarcheck.tui.palette import Jump, Menu, Palette
 from lidarcheck.tui.plots.marks import MARKS, Level, level_of
 from lidarcheck.tui.plots.pane import PlotPane
+from lidarcheck.tui.runs.starting import Commands
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.lines import Line, Lines, line
@@ -50,6 +51,7 @@ class Everywhere(Mouse):
     marks: Level
     overlay: Overlay
     numbers: Numbers
+    commands: Commands
 
     @abstractmethod
     def views(self) -> Sequence[View]:
@@ -156,6 +158,18 @@ class Everywhere(Mouse):
         if action is not None:
             own = self.focused if action.pane else self.view if action.screen else self
             await self.run_action(action.method, own)
+
+    def action_form(self, name: str) -> None:
+        """The form of a command."""
+        self.commands.open(name, self.view.NAME)
+
+    def action_runs(self) -> None:
+        """The commands that were started."""
+        self.commands.list()
+
+    def action_stop_command(self) -> None:
+        """Stop the one that runs."""
+        self.commands.runs.stop()
 
     def action_jump(self) -> None:
         """By label: screens in capitals, panes in small letters."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.session.choice import Choice
@@ -12,6 +12,9 @@ from lidarcheck.session.session import Session
 from lidarcheck.session.state import State
 from lidarcheck.tui.numbers import Numbers
 from lidarcheck.tui.widgets.overlay import Dialog
+
+if TYPE_CHECKING:
+    from lidarcheck.tui.runs.starting import Commands
 
 __all__ = ["STOPS", "Host"]
 
@@ -24,7 +27,7 @@ T = TypeVar("T")
 class Host(Protocol):
     """The app, as screens know it. `project`: as it was read last; `state`: what is kept for the next start;
     `session`: what belongs to what; `choice`: what all screens look at; `numbers`: how far measurements and models are
-    apart.
+    apart; `commands`: those that are started here.
     """
 
     project: Project
@@ -32,6 +35,7 @@ class Host(Protocol):
     session: Session
     choice: Choice
     numbers: Numbers
+    commands: Commands
 
     def ask(self, dialog: Dialog[T], then: Callable[[T | None], object] | None = None) -> None:
         """Show a dialog over the screen; `then` gets its answer, None where it was left."""

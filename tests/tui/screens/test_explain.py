@@ -298,7 +298,7 @@ def test_seed_and_exclusions_go_to_the_run(made, project):
     drive(app_on(project), do)
 
 
-def test_the_model_is_accepted_and_taken_back(explained):
+def test_the_model_is_accepted_as_an_edit_and_taken_back(explained):
     model = explained / "fog/model.toml"
     before = model.read_bytes()
 
@@ -311,28 +311,47 @@ def test_the_model_is_accepted_and_taken_back(explained):
         await sees(app, pilot, '+name = "fog"')
         await pilot.press("escape")
         await says(app, pilot, "not accepted: nothing was written")
+        await pilot.press("a")
+        await asked(app, pilot, Ask)
+        await pilot.press("y")
+        await says(app, pilot, "fog/model.toml: taken over, not saved yet; u takes it back")
+        # The session shows the new model to all that computes, and the disk has the old one.
+        (shown,) = app.session.inputs().edited.values()
+        assert shown.startswith(before.rstrip()), "all else stays byte for byte"
+        assert b'name = "fog"' in shown
         assert model.read_bytes() == before
+        assert app.choice.of("model") == "fog/model.toml"
+        await sees(app, pilot, "saved model")
         await pilot.press("a")
-        await asked(app, pilot, Ask)
-        await pilot.press("enter")
-        await says(app, pilot, "fog/model.toml: written; u takes it back")
-        assert [effect.name for effect in load_model(model).effects] == ["fog"]
-        assert model.read_bytes().startswith(before.rstrip()), "all else stays byte for byte"
-        await until(pilot, lambda: "model.toml" in view.chosen.changed)
-        await pilot.press("a")
-        await says(app, pilot, "model.toml has changed since it was explained")
+        await says(app, pilot, "fog/model.toml: has changed since it was read for this")
         await pilot.press("u")
-        await asked(app, pilot, Ask)
-        await pilot.press("enter")
         await says(app, pilot, "fog/model.toml: as it was before")
-        assert model.read_bytes() == before
-        await until(pilot, lambda: not view.chosen.changed)
+        assert not app.session.inputs().edited
         await pilot.press("u")
-        await asked(app, pilot, Ask)
-        await pilot.press("enter")
         await says(app, pilot, "nothing was accepted here")
+        await pilot.press("a")
+        await asked(app, pilot, Ask)
+        await pilot.press("y", "S")
+        await sees(app, pilot, "Save ")
+        await pilot.press("enter")
+        await says(app, pilot, "model.toml: saved")
+        assert [effect.name for effect in load_model(model).effects] == ["fog"]
 
     drive(app_on(explained), do)
+
+    async def later(app, pilot):
+        """After a restart it is taken back as another edit."""
+        view = await on_explain(app, pilot)
+        await choose(view, pilot, "fog")
+        await pilot.press("u")
+        await says(app, pilot, "fog/model.toml: as it was before, not saved yet")
+        await pilot.press("S")
+        await sees(app, pilot, "Save ")
+        await pilot.press("enter")
+        await says(app, pilot, "model.toml: saved")
+        assert model.read_bytes() == before
+
+    drive(app_on(explained), later)
 
 
 def test_the_model_is_accepted_into_a_new_file(explained):
@@ -378,7 +397,7 @@ def test_what_changed_meanwhile_is_not_overwritten(explained):
         await asked(app, pilot, Ask)
         model.write_text(model.read_text() + "# mine\n")
         mine = model.read_bytes()
-        await pilot.press("enter")
+        await pilot.press("y")
         await says(app, pilot, "has changed meanwhile")
         assert model.read_bytes() == mine
 
@@ -393,13 +412,14 @@ def test_an_edit_after_accepting_is_not_taken_back(explained):
         await choose(view, pilot, "fog")
         await pilot.press("a")
         await asked(app, pilot, Ask)
-        await pilot.press("enter")
-        await says(app, pilot, "written")
+        await pilot.press("y", "S", "enter")
+        await says(app, pilot, "saved")
         model.write_text(model.read_text() + "# mine\n")
         await pilot.press("u")
-        await asked(app, pilot, Ask)
-        await pilot.press("enter")
         await says(app, pilot, "has changed since it was accepted")
+        await sees(app, pilot, "model.toml has changed on the disk")
+        await pilot.press("r")
+        await says(app, pilot, "read again")
         assert model.read_text().endswith("# mine\n")
 
     drive(app_on(explained), do)
@@ -501,8 +521,8 @@ def test_a_real_run_is_cancelled_and_goes_on_to_name_what_is_missing(offset):
         assert view.chosen.page is not None
         await pilot.press("a")
         await asked(app, pilot, Ask)
-        await pilot.press("enter")
-        await says(app, pilot, "offset/model.toml: written")
+        await pilot.press("y", "S", "enter")
+        await says(app, pilot, "model.toml: saved")
 
     drive(app_on(project), do)
     assert [effect.name for effect in load_model(project / "offset/model.toml").effects] == ["range_offset"]

@@ -19,20 +19,28 @@ from lidarcheck.explain.report.model_diff import model_diff, rewritten_text
 from lidarcheck.formats.atomic import write_text
 from lidarcheck.model.files.model_file import load_model
 from lidarcheck.session.digests import Digests
+from lidarcheck.session.edited_model import EditedModel
 from lidarcheck.session.own_files import content_hash, file_key, make_own_directory, own_directory
 from lidarcheck.session.project import Project
+from lidarcheck.session.takeover import ModelTakeover, model_takeover
 from lidarcheck.trust.places import own_place
 
 __all__ = [
     "Adoption",
     "CaseState",
+    "Taken",
+    "adopted",
     "adoption",
     "case_files",
+    "check_unchanged",
+    "forget_taken",
+    "last_taken",
     "look_at",
     "make_results_directory",
+    "note_taken",
+    "remove_taken",
     "results_directory",
-    "take_back",
-    "take_over",
+    "write_adopted",
 ]
 
 _TAKEN = "accepted.json"
@@ -122,73 +130,112 @@ def look_at(root: Path, case: Path, disk: Digests | None = None) -> CaseState:
 
 @dataclass(frozen=True)
 class Adoption:
-    """A model that is about to be taken over: the new text of a file, and what was there; None for a new file.
-
-    `diff`: how the file changes beside the case's model; `rewritten`: why comments and layout could not be kept.
+    """A model that is about to be written to a new file. `diff`: how it differs from the case's; `rewritten`: why
+    comments and layout could not be kept.
     """
 
     target: Path
     text: str
-    before: str | None
     diff: tuple[str, ...]
     rewritten: str
 
 
-def adoption(state: CaseState, target: Path) -> Adoption:
-    """What taking a case's explained model over into a file would change; `UsageError` where that is refused."""
+def check_adoptable(state: CaseState) -> None:
+    """Refuse what there is nothing to take over of, or of another model than the case has now."""
     if state.found is None or state.model is None:
         raise UsageError(f"{state.name} has not been explained", fix="r explains it")
     if state.found.verdict == "no_gap":
         raise UsageError("no gap was found, so that the model stays as it is", fix="there is nothing to accept")
-    source = _text_of(state.model)
     if state.model.relative_to(state.path.parent).as_posix() in state.changed:
         fix = "explain the case again, or take back what changed"
         raise UsageError(f"{state.model.name} has changed since it was explained", fix=fix)
-    same = target.exists() and target.samefile(state.model)
-    if target.exists() and not same:
+
+
+def adoption(state: CaseState, target: Path) -> Adoption:
+    """What taking a case's explained model over into a new file would write; `UsageError` where that is refused."""
+    check_adoptable(state)
+    assert state.found is not None
+    assert state.model is not None
+    if target.exists():
         raise UsageError(f"{target} is there already", fix="give another name")
     if not target.parent.is_dir():
         raise InputError("its directory does not exist", file=target, fix="make it first")
     text, rewritten = rewritten_text(state.model, state.found.model, target)
+    source = _text_of(state.model)
     difference = list(difflib.unified_diff(source.splitlines(), text.splitlines(), n=2, lineterm=""))[2:]
-    return Adoption(target, text, source if same else None, tuple(difference), rewritten)
+    return Adoption(target, text, tuple(difference), rewritten)
 
 
-def take_over(state: CaseState, change: Adoption) -> None:
-    """Write it, at once or not at all, and keep what was there; `UsageError` if the file has changed meanwhile."""
-    now = _text_of(change.target) if change.target.exists() else None
-    if now != change.before:
+def adopted(state: CaseState, file: EditedModel) -> ModelTakeover:
+    """What taking a case's explained model over into the file that it is of changes; `UsageError` where it is refused.
+
+    The file is the case's own model, or the one that the case's is a copy of.
+    """
+    check_adoptable(state)
+    assert state.model is not None
+    return model_takeover(file, state.model, state.out / MODEL, f"accept {state.name}")
+
+
+def write_adopted(state: CaseState, change: Adoption) -> None:
+    """Write the new file, at once or not at all; `UsageError` if there is one by now."""
+    if change.target.exists():
         raise UsageError(f"{change.target} has changed meanwhile", fix="look at the difference again")
-    record = {"target": str(change.target), "before": change.before, "after": content_hash(change.text.encode())}
-    write_text(state.out / _TAKEN, json.dumps(record) + "\n")
+    note_taken(state, change.target, None, change.text.encode())
     write_text(change.target, change.text)
 
 
-def take_back(state: CaseState, root: Path) -> Path:
-    """Undo the last `take_over` of a case of the project `root`.
+def note_taken(state: CaseState, target: Path, before: bytes | None, after: bytes) -> None:
+    """Keep what a file was before a model was taken over into it; None for a new file."""
+    text = None if before is None else before.decode("utf-8")
+    record = {"target": str(target), "before": text, "after": content_hash(after)}
+    write_text(state.out / _TAKEN, json.dumps(record) + "\n")
 
-    `UsageError` where there is none, where the file was changed since, or lies outside of the project: the record is a
-    file that anybody may have committed.
+
+@dataclass(frozen=True)
+class Taken:
+    """What was taken over last: into which file, what that was before (None for a new file), and its SHA-256 after."""
+
+    target: Path
+    before: bytes | None
+    after: str
+
+
+def last_taken(state: CaseState, root: Path) -> Taken:
+    """What was taken over last of a case of the project `root`.
+
+    `UsageError` where that is nothing, or the file lies outside of the project: the record is a file that anybody may
+    have committed.
     """
     try:
         record = json.loads((state.out / _TAKEN).read_text(encoding="utf-8"))
-        target, before, after = Path(record["target"]), record["before"], record["after"]
+        before = record["before"]
+        taken = Taken(Path(record["target"]), None if before is None else str(before).encode(), str(record["after"]))
     except (OSError, ValueError, KeyError, TypeError):
         raise UsageError("nothing was accepted here", fix="there is nothing to take back") from None
-    if not target.resolve().is_relative_to(root.resolve()):
-        raise UsageError(
-            f"{target} is not in {root}, where something was accepted", fix="there is nothing to take back"
-        )
-    if not target.is_file() or content_hash(target.read_bytes()) != after:
+    if not taken.target.resolve().is_relative_to(root.resolve()):
+        what = f"{taken.target} is not in {root}, where something was accepted"
+        raise UsageError(what, fix="there is nothing to take back")
+    return taken
+
+
+def check_unchanged(state: CaseState, taken: Taken, content: bytes | None) -> None:
+    """Refuse to take back what was changed since; `content`: what the file holds, None for no file."""
+    if content is None or content_hash(content) != taken.after:
         fix = "compare it with version control; what was there before is kept"
-        raise UsageError(f"{target} has changed since it was accepted", fix=f"{fix} in {state.out / _TAKEN}")
-    if before is None:
-        target.unlink()
-    else:
-        write_text(target, str(before))
+        raise UsageError(f"{taken.target} has changed since it was accepted", fix=f"{fix} in {state.out / _TAKEN}")
+
+
+def remove_taken(state: CaseState, taken: Taken) -> None:
+    """Take back a new file."""
+    check_unchanged(state, taken, taken.target.read_bytes() if taken.target.is_file() else None)
+    taken.target.unlink()
+    forget_taken(state)
+
+
+def forget_taken(state: CaseState) -> None:
+    """There is nothing to take back any more."""
     with contextlib.suppress(OSError):
         (state.out / _TAKEN).unlink()
-    return target
 
 
 def _text_of(path: Path) -> str:

@@ -123,6 +123,10 @@ class Ghosts(PageView):
         else:
             self.say(f"{name}: {', '.join(written)} written")
 
+    def action_fit(self) -> None:
+        """The form of the fit."""
+        self.host.commands.open("ghosts fit", self.NAME)
+
 
 def _least_of(text: str) -> float | None:
     """A number above 0; None for 0 or nothing, by the sensor."""

@@ -27,14 +27,15 @@ T = TypeVar("T")
 class Dialog(Generic[T]):
     """What stands in the box until it is dismissed with an answer, or with None.
 
-    `title`, `keys`: what its first and last line say. `typed`: the line to type in; None for none. `widest`: the
-    columns that it takes at most. `steady`: a smaller box for a list, which stays as it is while its lines change.
-    `top`: the first line of its body that is seen; `rows`: how many are, as they were drawn last. `at`: the column and
-    row where it belongs; None where it does not hide what it is about.
+    `title`, `keys`: what its first and last line say. `typed`: the line to type in; None for none. `widest`, `most`:
+    the columns and lines that it takes at most. `steady`: a smaller box for a list, which stays as it is while its
+    lines change. `top`: the first line of its body that is seen; `rows`: how many are, as they were drawn last. `at`:
+    the column and row where it belongs; None where it does not hide what it is about.
     """
 
     typed: Typed | None = None
     widest = 100
+    most = 1000
     steady = False
     boxed = True
     keys = "Esc or ^G back"
@@ -157,7 +158,7 @@ class Overlay(Lines):
         if dialog.steady and roomy:
             width, most = min(width, max(columns - 2 * _MARGIN, _LEAST)), max(rows // 2, _LEAST_ROWS)
         width = max(min(width, dialog.widest), 1)
-        lines = self._framed(dialog, width, max(most, 1))
+        lines = self._framed(dialog, width, max(min(most, dialog.most), 1))
         self._is_laid_out = (width, len(lines)) == self.size
         self.styles.width, self.styles.height = width, len(lines)
         self.styles.offset = self._place(dialog, width, len(lines), roomy)

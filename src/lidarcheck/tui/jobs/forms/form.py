@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lidarcheck.errors import LidarcheckError, UsageError
 from lidarcheck.session.project import Project
 from lidarcheck.session.runs import Plan, line_of
+from lidarcheck.tui.jobs.commands import permitted_options
 
 __all__ = ["CommandForm", "Field", "Values", "as_argument", "chosen", "option", "text_of"]
 
@@ -40,8 +41,9 @@ class CommandForm:
     reads: Callable[[Values], Sequence[Path]] = field(default=lambda _values: ())
 
     def plan(self, directory: str) -> Plan:
-        """What the values make; `UsageError` where they make nothing."""
-        return self.make(self.values, directory)
+        """What the values make, with what this process is permitted; `UsageError` where they make nothing."""
+        plan, more = self.make(self.values, directory), tuple(permitted_options())
+        return replace(plan, steps=tuple((*step, *more) for step in plan.steps))
 
     def line(self, directory: str) -> tuple[str, bool]:
         """(the command, or what is missing; whether it is a command)."""

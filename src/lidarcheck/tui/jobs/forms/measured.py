@@ -5,34 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from lidarcheck.cases.case import CASE_FILE, case_model
 from lidarcheck.errors import LidarcheckError, UsageError
+from lidarcheck.session.measurements import Measurement, measurements
 from lidarcheck.session.pairing import is_simulated
 from lidarcheck.session.project import Project
 from lidarcheck.session.runs import Plan
 from lidarcheck.tui.jobs.forms.form import CommandForm, Field, Values, as_argument, chosen, option, text_of
 
-__all__ = ["Looked", "Measured", "calibrate_form", "compare_form", "explain_form", "ghosts_form", "simulate_form"]
+__all__ = [
+    "Looked",
+    "calibrate_form",
+    "compare_form",
+    "explain_form",
+    "ghosts_form",
+    "measured_of",
+    "simulate_form",
+]
 
 _OWN = "this measurement: "
 
 
-class Measured(Protocol):
-    """A measurement: its name in the project, its frames, and the ideal scan of each, or one for all."""
-
-    @property
-    def name(self) -> str:
-        """Within the project."""
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The frames."""
-
-    @property
-    def ideal(self) -> tuple[Path, ...]:
-        """Empty where there is none."""
+def measured_of(project: Project) -> list[Measurement]:
+    """The scans and sets of frames of a project, which commands are given by their files."""
+    return [one for one in measurements(project) if one.kind not in ("profile", "case") and one.files]
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ class Looked:
     """What is looked at. `model`: its name in the project, empty for none; `at`: the measurement's, likewise."""
 
     project: Project
-    measured: Sequence[Measured]
+    measured: Sequence[Measurement]
     model: str = ""
     at: str = ""
 
@@ -55,7 +52,7 @@ class Looked:
             return (self.model,)
         return self.models if len(self.models) == 1 else ()
 
-    def one(self, name: str) -> Measured:
+    def one(self, name: str) -> Measurement:
         """A measurement by its name."""
         found = next((one for one in self.measured if one.name == name), None)
         if found is None:
@@ -165,7 +162,10 @@ def ghosts_form(looked: Looked) -> CommandForm:
         Field("bright", "least AREA", about="of a sign's echo; empty: by the sensor"),
         _seed_field(),
     )
-    signs = tuple(one.name for one in looked.measured if one.ideal and getattr(one, "kind", "sign") == "sign")
+    from lidarcheck.tui.jobs.ghosts import sign_scans
+
+    of_signs = {scan.path for scan in sign_scans(looked.project)}
+    signs = tuple(one.name for one in looked.measured if one.ideal and of_signs.issuperset(one.files))
     values = {"scans": signs, "model": looked.first_model(), "bright": ("",), "seed": ("",)}
 
     def make(given: Values, directory: str) -> Plan:

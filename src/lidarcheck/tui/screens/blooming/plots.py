@@ -164,8 +164,9 @@ class BloomingPlots:
         tables = {NOW: table}
         if editor.file.dirty and saved is not None:
             tables[SAVED] = saved
-        if self.wanted is not None:
-            tables[WANTED] = self.wanted
+        wanted = editor.wanted() if self.wanted is None else self.wanted
+        if wanted is not None:
+            tables[WANTED] = wanted
         draw_curve(pane, tables, editor.at, editor.axis)
 
     def _draw_tile(self, number: int) -> None:

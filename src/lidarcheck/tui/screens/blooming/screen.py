@@ -14,9 +14,11 @@ from lidarcheck.formats.lut import Axis
 from lidarcheck.formats.settings import Setting
 from lidarcheck.session.edited_lut import EditedLut
 from lidarcheck.session.node import Node
+from lidarcheck.session.runs import Run
 from lidarcheck.tui.chooser import Opening
 from lidarcheck.tui.plots.plot import PLOT_WORDS
 from lidarcheck.tui.screens.blooming.edit_actions import EditActions
+from lidarcheck.tui.screens.blooming.fitting import Fitting
 from lidarcheck.tui.screens.blooming.hand import connect
 from lidarcheck.tui.screens.blooming.panes import TILES
 from lidarcheck.tui.screens.blooming.plots import DEBOUNCE_S, BloomingPlots
@@ -71,6 +73,7 @@ class Blooming(EditActions):
         self.editor = self.table
         self.selection = Selection(self, self.table, self.settings)
         self.plots = BloomingPlots(self, self.selection, (self.table, self.settings), self._dataset_changed)
+        self.fitting = Fitting(self, self.selection, self.table, self.settings, self.edited)
         self._drawn_at = 0.0
         self._looked_back = False
 
@@ -207,6 +210,20 @@ class Blooming(EditActions):
         else:
             guess = self.plots.distance_in_words()
             self.host.ask(AskText("Settings for which distance [m]?", guess), self.settings.add)
+
+    # The fit
+
+    def action_fit(self) -> None:
+        """The form of the fit."""
+        self.fitting.form()
+
+    def offer(self, run: Run, taken: Callable[[], object]) -> None:
+        """A fit has ended: show what it wants."""
+        self.fitting.offer(run, taken)
+
+    def action_stop(self) -> None:
+        """Stop the command that runs."""
+        self.stop_command()
 
     # Other tables, files and datasets
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
+import os
 from typing import Any
 
 from lidarcheck.errors import LidarcheckError
 from lidarcheck.formats.lut import Axis, LutTable
 from lidarcheck.session.edited_file import journal_of
 from lidarcheck.session.edited_lut import EditedLut
+from lidarcheck.tui.runs.taking import lut_change_lines
 from lidarcheck.tui.screens.blooming.editor import Editing, Editor
 from lidarcheck.tui.widgets.lines import Line, line
 from lidarcheck.tui.widgets.themes import Role
@@ -29,12 +30,24 @@ class TableEditor(Editor[EditedLut]):
     def __init__(self, view: Editing) -> None:
         super().__init__(view)
         self.axis: Axis = "vertical"
+        self._wanted: dict[tuple[str, str], LutTable] = {}
 
     def table(self, *, saved: bool = False) -> LutTable | None:
         """The table as it is edited, or as it was saved; None without a file."""
         if self.file is None:
             return None
         return (self.file.saved if saved else self.file.current).tables.get(self.axis)
+
+    def wanted(self) -> LutTable | None:
+        """What a fit wants the table to be, until that is taken over; None without."""
+        return None if self.file is None else self._wanted.get((os.path.realpath(self.file.path), self.axis))
+
+    def want(self, table: LutTable | None) -> None:
+        """Show this table as the one that is wanted, or none."""
+        assert self.file is not None
+        self._wanted.pop((os.path.realpath(self.file.path), self.axis), None)
+        if table is not None:
+            self._wanted[os.path.realpath(self.file.path), self.axis] = table
 
     def names(self) -> list[str]:
         """The names of the project's sound LUT files."""
@@ -139,14 +152,7 @@ class TableEditor(Editor[EditedLut]):
     def diff_lines(self) -> list[Line]:
         """Row, X, scaled value and Y, before and after."""
         assert self.file is not None
-        head = f"{'table':11}{'row':>4}{'X':>9}{'scaled':>8}{'new':>6}{'Y':>13}{'new':>13}"
-        lines = [line(head, "title")]
-        for c in self.file.diff():
-            old, new = ("-" if value is None else f"{value}" for value in c.scaled)
-            before, after = ("-" if math.isnan(value) else f"{value:.7g}" for value in (c.before, c.after))
-            x = f"{c.x:g}" if c.x_before is None else f"{c.x_before:g}>{c.x:g}"
-            lines.append(line(f"{c.table:11}{c.row:>4}{x:>9}{old:>8}{new:>6}{before:>13}{after:>13}"))
-        return lines
+        return lut_change_lines(self.file.diff())
 
     def under_cursor(self) -> str:
         """The row under the cursor in words, for where the table itself is not seen."""

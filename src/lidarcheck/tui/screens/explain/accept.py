@@ -1,18 +1,36 @@
-"""What Explain does with an answer: shows what accepting changes, writes it, takes it back."""
+"""What Explain does with an answer: shows what accepting changes, takes it over as an edit, takes it back."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from pathlib import Path
+from typing import TypeVar
 
 from lidarcheck.errors import LidarcheckError
-from lidarcheck.tui.jobs.explain_cases import Adoption, CaseState, adoption, take_back, take_over
+from lidarcheck.formats.table import counted
+from lidarcheck.session.takeover import ModelTakeover
+from lidarcheck.tui.jobs.explain_cases import (
+    Adoption,
+    CaseState,
+    Taken,
+    adopted,
+    adoption,
+    check_unchanged,
+    forget_taken,
+    last_taken,
+    note_taken,
+    remove_taken,
+    write_adopted,
+)
+from lidarcheck.tui.runs.models import change_lines
 from lidarcheck.tui.screens.shared.view import View
 from lidarcheck.tui.widgets.dialogs import Ask, AskText
-from lidarcheck.tui.widgets.lines import diff_lines, line
+from lidarcheck.tui.widgets.lines import Line, diff_lines, line
 
 __all__ = ["Adopting"]
+
+T = TypeVar("T")
+_NOTHING = "not accepted: nothing was written"
 
 
 class Adopting(View):
@@ -24,85 +42,144 @@ class Adopting(View):
         raise NotImplementedError
 
     def action_accept(self) -> None:
-        """Into the case's own model, or into a new file."""
+        """Into the case's own model, or the one that it is a copy of; or into a new file."""
         state = self.chosen
         if state is None or state.model is None:
             self.say("there is no case to accept a model of")
             return
-        target = state.model
-        self._plan(state, target, lambda change: self._ask(state, change))
+        try:
+            file = self.host.commands.models.open(self.host.commands.model_of(state.path) or state.model)
+        except LidarcheckError as error:
+            self.say(error)
+            return
+        self._plan(lambda: adopted(state, file), lambda change: self._ask(state, change))
 
-    def _plan(self, state: CaseState, target: Path, then: Callable[[Adoption], object]) -> None:
-        """Make out what would be written, beside the interface."""
+    def _plan(self, make: Callable[[], T], then: Callable[[T], object]) -> None:
+        """Make out what would change, beside the interface."""
         host = self.host
 
-        def make() -> None:
+        def plan() -> None:
             try:
-                host.soon(then, adoption(state, target))
+                host.soon(then, make())
             except LidarcheckError as error:
                 host.soon(host.say, error)
             except (OSError, ValueError) as error:
                 host.soon(self._refused, f"cannot be accepted: {error}")
 
-        threading.Thread(target=make, name="adopt", daemon=True).start()
+        threading.Thread(target=plan, name="adopt", daemon=True).start()
 
     def _refused(self, words: str) -> None:
         self.say(words, bad=True)
 
-    def _ask(self, state: CaseState, change: Adoption) -> None:
+    def _ask(self, state: CaseState, change: ModelTakeover) -> None:
         """The difference, and what to do with it."""
-        name = self.host.inside(str(change.target))
+        name = self.host.inside(str(change.file.path))
+        answers = {"y": f"take it over, u takes it back, S saves {name}", "n": "a new file instead"}
+        words = [*self._warned(state, change.rewritten), *change_lines(change.diff)]
+        ask = Ask(f"Accept: how {name} changes, {counted(len(change.diff), 'line')}", words, answers, unasked=True)
+        self.host.ask(ask, lambda key: self._answered(state, change, key))
+
+    def _warned(self, state: CaseState, rewritten: str) -> list[Line]:
         words = []
         if state.found is not None and any(one.name == "unknown" for one in state.found.findings):
             words.append(line("These terms describe what is missing and do not explain it.", "bad"))
-        if change.rewritten:
-            words.append(line(f"Comments and layout are not kept: {change.rewritten}", "bad"))
-        answers = {"Enter": f"write {name}"}
-        if change.before is not None:
-            answers |= {"n": "a new file instead"}
-        title = f"Accept: how {name} changes" if change.before is not None else f"Accept: {name}, beside the case's"
-        ask = Ask(title, [*words, *diff_lines(change.diff)], answers, unasked=True)
-        self.host.ask(ask, lambda key: self._answered(state, change, key))
+        if rewritten:
+            words.append(line(f"Comments and layout are not kept: {rewritten}", "bad"))
+        return words
 
-    def _answered(self, state: CaseState, change: Adoption, key: str | None) -> None:
-        if key == "Enter":
-            self._write(state, change)
+    def _answered(self, state: CaseState, change: ModelTakeover, key: str | None) -> None:
+        if key == "y":
+            self._take(state, change)
         elif key == "n":
             where = state.name.replace("/", "_").removesuffix(".toml")
             ask = AskText("The new model file, in the project", f"{where}_explained.toml")
             self.host.ask(ask, lambda name: self._named(state, name))
         else:
-            self.say("not accepted: nothing was written")
+            self.say(_NOTHING)
+
+    def _take(self, state: CaseState, change: ModelTakeover) -> None:
+        """Take it over, as one edit of the model's file."""
+        file, name = change.file, self.host.inside(str(change.file.path))
+        try:
+            change.make()
+            note_taken(state, file.path, change.before, change.content)
+        except (LidarcheckError, OSError) as error:
+            self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be kept: {error}")
+            return
+        self.host.choice.choose("model", name)
+        self.say(f"{name}: taken over, not saved yet; u takes it back, S saves it")
+
+    # A new file
 
     def _named(self, state: CaseState, name: str | None) -> None:
         if name is None:
-            self.say("not accepted: nothing was written")
+            self.say(_NOTHING)
             return
-        self._plan(state, self.host.project.root / name, lambda change: self._ask(state, change))
+        target = self.host.project.root / name
+        self._plan(lambda: adoption(state, target), lambda change: self._ask_new(state, change))
+
+    def _ask_new(self, state: CaseState, change: Adoption) -> None:
+        name = self.host.inside(str(change.target))
+        words = [*self._warned(state, change.rewritten), *diff_lines(change.diff)]
+        ask = Ask(f"Accept: {name}, beside the case's", words, {"Enter": f"write {name}"}, unasked=True)
+        self.host.ask(ask, lambda key: self._write(state, change) if key == "Enter" else self.say(_NOTHING))
 
     def _write(self, state: CaseState, change: Adoption) -> None:
         try:
-            take_over(state, change)
+            write_adopted(state, change)
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot write: {error}")
             return
         self.say(f"{self.host.inside(str(change.target))}: written; u takes it back")
         self.host.files_changed()
 
+    # Back
+
     def action_take_back(self) -> None:
-        """What was accepted last, once asked."""
+        """What was accepted last: an edit is undone, also one of an earlier session; a new file goes once asked."""
         state = self.chosen
         if state is None:
             self.say("there is no case")
             return
-        ask = Ask(f"Take back what was accepted of {state.name}?", [], {"Enter": "take it back"})
-        self.host.ask(ask, lambda key: self._back(state) if key == "Enter" else None)
-
-    def _back(self, state: CaseState) -> None:
         try:
-            target = take_back(state, self.host.project.root)
+            taken = last_taken(state, self.host.project.root)
+            if taken.before is None:
+                ask = Ask(f"Remove {self.host.inside(str(taken.target))}?", [], {"Enter": "take it back"})
+                self.host.ask(ask, lambda key: self._remove(state, taken) if key == "Enter" else None)
+            else:
+                self._undo(state, taken)
+        except (LidarcheckError, OSError) as error:
+            self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be taken back: {error}")
+
+    def _undo(self, state: CaseState, taken: Taken) -> None:
+        """Undo the edit; of an earlier session it is another edit, back to what was there before."""
+        assert taken.before is not None
+        file = self.host.commands.models.open(taken.target)
+        check_unchanged(state, taken, None if file.changed_on_disk() else file.content)
+        last = file.history.last("undo")
+        if last is not None and last.what == f"accept {state.name}":
+            file.undo()
+        else:
+            file.take(taken.before, f"take back {state.name}")
+        forget_taken(state)
+        more = ", not saved yet; S saves it" if file.dirty else ""
+        self.say(f"{self.host.inside(str(file.path))}: as it was before{more}")
+
+    def _remove(self, state: CaseState, taken: Taken) -> None:
+        try:
+            remove_taken(state, taken)
         except (LidarcheckError, OSError) as error:
             self._refused(error.lines()[0] if isinstance(error, LidarcheckError) else f"cannot be taken back: {error}")
             return
-        self.say(f"{self.host.inside(str(target))}: as it was before")
+        self.say(f"{self.host.inside(str(taken.target))}: as it was before")
         self.host.files_changed()
+
+    # The models
+
+    def action_save(self) -> None:
+        """Show what changes in the models that were taken over, then save."""
+        self.host.commands.models.save()
+
+    def action_diff(self) -> None:
+        """What saving would change."""
+        self.host.commands.models.diff()

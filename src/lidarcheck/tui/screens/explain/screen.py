@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -66,6 +67,7 @@ class Explain(Adopting):
         self.of: CaseState | None = None
         self.looks = 0
         self._waits = False
+        self._awaited = ""
         self._faults: dict[Path, str] = {}
 
     def compose(self) -> ComposeResult:
@@ -77,6 +79,11 @@ class Explain(Adopting):
     def on_mount(self) -> None:
         """The answer is laid out for its width."""
         self.query_one("#answer", Lines).when_resized = self.draw
+        self.set_interval(2.0, self._look_at_models)
+
+    def _look_at_models(self) -> None:
+        if self.is_on_screen:
+            self.host.commands.models.look_at_disk()
 
     # What is there
 
@@ -99,10 +106,23 @@ class Explain(Adopting):
         self._faults.clear()
         self.project_changed()
 
+    def explain_when_there(self, case: Path) -> None:
+        """Explain a case of the project as soon as it was read."""
+        self._awaited = os.path.realpath(self.host.project.root / case)
+        self.host.show_screen(self.NAME)
+
+    def _explain_awaited(self) -> None:
+        names = [os.path.realpath(case.path) for case in self.cases]
+        if self._awaited in names:
+            self.at, self._awaited = names.index(self._awaited), ""
+            self.host.state.selected[self.NAME] = self.cases[self.at].name
+            self.action_explain()
+
     def _looked(self, found: Sequence[CaseState]) -> None:
         self.cases = [self._with_fault(case) for case in found]
         self.at = self.cursor_again([case.name for case in self.cases], self.at)
         self.looks += 1
+        self._explain_awaited()
         self.draw()
 
     def _with_fault(self, case: CaseState) -> CaseState:
@@ -280,7 +300,7 @@ class Explain(Adopting):
     def action_stop(self) -> None:
         """Stop the run, or end it at once."""
         if self.run is None:
-            self.say("nothing runs")
+            self.stop_command()
         elif self.run.stop():
             self.say("ended at once; what was kept stays")
         else:

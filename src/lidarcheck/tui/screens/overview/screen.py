@@ -107,6 +107,11 @@ class Overview(Scenarios):
         if self.is_mounted:
             self._draw_numbers()
 
+    def runs_changed(self) -> None:
+        """A command has begun, told how far it is, or ended."""
+        if self.is_chosen:
+            self._draw_numbers()
+
     def measured(self) -> list[Measurement]:
         """The measurements, those without a number last."""
         numbers = self.host.numbers
@@ -124,6 +129,9 @@ class Overview(Scenarios):
             return
         edits = self.query_one("#edits", Lines)
         title, lines = edit_lines(numbers, edits.size.width, several=self.has_class("wide"))
+        runs = self.host.commands.runs
+        if runs.book.runs:
+            lines = [*lines, line(" commands that were started here", "title"), *runs.lines()]
         edits.show(lines, title=title)
         if not order or self.seen is None:
             pane.show([line(f"  {_NOTHING}", "dim")], title="Measured: nothing")

@@ -138,7 +138,9 @@ class PageWork(View):
     def action_stop(self) -> None:
         """Stop what is computed."""
         self._stop.set()
-        if self.running is None:
+        if self.running is None and self.host.commands.runs.running:
+            self.stop_command()
+        elif self.running is None:
             self.say("nothing is computed")
         else:
             self.progress("")  # what begins anew is seen at once

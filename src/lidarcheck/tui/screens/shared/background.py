@@ -64,9 +64,12 @@ class StoppableRun:
         self._on_end(how)
 
     def stop(self) -> None:
-        """Stop it, and say so."""
+        """Stop it, and say so; where none goes on, a command that was started here."""
+        if not self.running:
+            self._view.stop_command()
+            return
         self.close()
-        self._view.say("stopping after the seeds that run now" if self.running else "nothing runs")
+        self._view.say("stopping after the seeds that run now")
 
     def close(self) -> None:
         """Stop it: the interface ends."""

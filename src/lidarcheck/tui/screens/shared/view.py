@@ -117,6 +117,14 @@ class View(Vertical):
         """The next distance of what is looked at."""
         self.host.numbers.go(by)
 
+    def stop_command(self) -> None:
+        """Stop the command that was started from the interface, where one runs."""
+        runs = self.host.commands.runs
+        if runs.running:
+            runs.stop()
+        else:
+            self.say("nothing runs")
+
     def say(self, text: str | LidarcheckError, *, bad: bool = False) -> None:
         """Something for the status line and the log."""
         self.host.say(text, bad=bad)
