@@ -203,8 +203,8 @@ def test_simulate_and_calibrate_start_from_the_palette(project):
         line = "lidarcheck simulate measured/car_25m_ideal.txt --model models/SLIM.toml --out car_25m_real_sim.parquet"
         assert app.asking.form.line(app.asking.directory) == (line, True)
         await pilot.press("up", "enter", "ctrl+u", *"car.txt", "enter", "end", "enter")
-        await says(app, pilot, "car.txt: written")
-        await until(pilot, lambda: any(entry.name == "car.txt" for entry in app.project.entries) or app.reads > 1)
+        await until(pilot, lambda: (project / "car.txt").exists() and not app.commands.runs.running and app.reads > 1)
+        assert any("car.txt: written" in said for said, _ in app.bars.said)
         await find(app, pilot, "simulate to a file")
         await pilot.press("up", "enter", "ctrl+u", *"car.txt", "enter", "end", "enter")
         await sees(app, pilot, "not yet: car.txt is there already")
