@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import IO, Generic, Protocol, TypeVar
 
 from lidarcheck.errors import InputError
 from lidarcheck.permissions import given
@@ -103,6 +103,7 @@ class CommandProcess(Generic[H]):
         self.progress = progress
         self._on_progress, self._on_line, self._on_end = on_progress, on_line, on_end
         self._stopping = False
+        self._process: subprocess.Popen[str]
         try:
             with _interruptible(), _writable(output) as out:
                 self._process = subprocess.Popen(
@@ -153,7 +154,7 @@ class CommandProcess(Generic[H]):
 
 
 @contextlib.contextmanager
-def _writable(path: Path | None) -> Iterator[object]:
+def _writable(path: Path | None) -> Iterator[int | IO[bytes]]:
     """A file to write to; without one what nobody reads."""
     if path is None:
         yield subprocess.DEVNULL

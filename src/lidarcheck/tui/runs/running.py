@@ -127,11 +127,11 @@ class CommandRuns:
         self._finish(code, progress.fault if code else "")
 
     def _finish(self, code: int, fault: str) -> None:
-        assert self.run is not None
+        run, self.run = self.run, None
+        assert run is not None
         try:
-            run, self.run = self.book.end(self.run, code, fault), None
+            run = self.book.end(run, code, fault)
         except (LidarcheckError, OSError) as error:
-            run, self.run = self.run, None
             self.host.note(f"the run is not noted: {error}", True)
         self.host.progress("", self._screen)
         words = {"done": "done"}.get(run.state, run.state)
