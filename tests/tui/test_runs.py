@@ -250,3 +250,21 @@ def test_simulate_and_calibrate_start_from_the_palette(project):
         assert file.content == before
 
     drive(app_on(project), again)
+
+
+@pytest.mark.long
+def test_a_real_fit_is_taken_over(project):
+    async def do(app, pilot):
+        view = await on_blooming(app, pilot)
+        await pilot.press("F", "enter")
+        await until(pilot, lambda: isinstance(app.asking, Ask), lambda: text_of(app), 300.0)
+        assert app.commands.runs.book.runs[0].state == "done"
+        wanted = view.table.wanted()
+        await pilot.press("y")
+        await says(app, pilot, "a_lut.ini: taken over, not saved yet")
+        assert view.file.current.tables["vertical"].y.tolist() == wanted.y.tolist()
+        assert view.file.dirty
+        await pilot.press("u")
+        assert view.file.content == LUT.encode()
+
+    drive(app_on(project), do)
