@@ -103,10 +103,16 @@ class LidarcheckApp(Everywhere):
         self.state.marks = marks or self.state.marks
         self.marks = level_of(self.state.marks, os.environ)
         self.animation_level = "none"
-        self._wanted = (screen or self.state.screen, theme or self.state.theme)
+        self._wanted = screen or self.state.screen
+        for known in textual_themes():
+            self.register_theme(known)
+        wanted = theme or self.state.theme
+        # Before the first paint, which would be sent again in the theme's colours.
+        self.set_reactive(LidarcheckApp.theme, wanted if wanted in THEMES else THEMES[0])
         self.bars = Bars()
         self.overlay = Overlay(self._anchor)
         self._awaited = ""
+        self._unseen = contextlib.ExitStack()
         self._warnings = LogHandler(self.soon, self.note)
         self.commands = Commands(self, self._view_of)
         self._views: tuple[View, ...] = (Overview(Runs(root), check),)
@@ -119,12 +125,14 @@ class LidarcheckApp(Everywhere):
             yield from self._views
         yield from (self.bars.log, self.bars.below, self.bars.keys, self.overlay)
 
+    def on_load(self) -> None:
+        """Nothing is sent before the first screen is whole: its parts would be sent several times."""
+        self._unseen.enter_context(self.batch_update())
+
     def on_mount(self) -> None:
-        """Theme, screen and log as they were; then read the project beside the interface."""
-        for theme in textual_themes():
-            self.register_theme(theme)
-        screen, theme_name = self._wanted
-        self.theme = theme_name if theme_name in THEMES else THEMES[0]
+        """Screen and log as they were; then read the project beside the interface."""
+        self.call_after_refresh(self._unseen.close)
+        screen = self._wanted
         logging.getLogger("lidarcheck").addHandler(self._warnings)
         self.bars.log.set_class(self.state.log, "shown")
         self.show_screen(next(iter(SCREENS)))
@@ -199,11 +207,12 @@ class LidarcheckApp(Everywhere):
 
     async def _project_read(self, project: Project, sensor: str, *later: type[View]) -> None:
         self.project, self.bars.sensor = project, sensor
-        for kind in later:
-            if not any(isinstance(view, kind) for view in self._views):
-                view = kind()
-                self._views = (*self._views, view)
-                await self._switcher.add_content(view, id=view.NAME)
+        with self.batch_update():  # each would have the screen that is seen sent again
+            for kind in later:
+                if not any(isinstance(view, kind) for view in self._views):
+                    view = kind()
+                    self._views = (*self._views, view)
+                    await self._switcher.add_content(view, id=view.NAME)
         for entry in project.faults:
             self.note(entry.fault, True)
         cut = "; there are more, which are not looked at" if project.cut else ""
