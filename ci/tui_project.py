@@ -80,7 +80,7 @@ def make_bench(root: Path) -> None:
     for distance in ("69m", "156m", "199m"):
         ideal = root / "signs" / f"ideal_sign_{distance}.parquet"
         cast(f"sign_vertical_{distance}", (170, 380), (440, 520), ideal)
-        measure(ideal, {"blooming_vertical": ""}, root / "signs" / f"simulated_sign_{distance}.csv")
+        measure(ideal, {"blooming_vertical": ""}, root / "signs" / f"sign_{distance}.csv")
 
 
 def make_drive(root: Path) -> None:

@@ -173,6 +173,12 @@ def number_of(screen):
     return (found[2], bool(found[1])) if found else ("", False)
 
 
+def has_number(screen):
+    """Whether line 2 has a number that was simulated, of what is set now."""
+    number, expected = number_of(screen)
+    return bool(number) and not expected and not re.search(r"computing|\bOLD\b", screen.lines()[1])
+
+
 def settled(screen):
     """Whether nothing on the screen says that it is being computed."""
     return not re.search(r"computing|expected \.\.\.|\bOLD\b", screen.text)
@@ -217,21 +223,15 @@ def edits(terminal, figures, times=12):
     figures["idle on blooming, 10 s [bytes]"] = terminal.cost(b"", 10.0, 10.0)
     waits = {name: [] for name in ("answered", "expected", "simulated", "settled")}
     costs = []
-    for at in range(times):
-        terminal.quiet(0.5)
-        before, sent, start = number_of(terminal.screen)[0], terminal.sent, time.monotonic()
-        waits["answered"].append(terminal.echo(b"]" if at % 4 < 2 else b"["))
-
-        def other(screen, before=before):
-            return number_of(screen)[0] not in ("", before)
-
-        def done(screen, before=before):
-            return number_of(screen)[0] and not number_of(screen)[1] and settled(screen)
-
-        if before:
-            terminal.until(other, 3.0)
+    for _ in range(times):
+        terminal.press(b"\x1b[A")
+        terminal.quiet(1.0)
+        sent, start = terminal.sent, time.monotonic()
+        waits["answered"].append(terminal.echo(b"+"))
+        if number_of(terminal.screen)[0]:
+            terminal.until(lambda screen: number_of(screen)[1], 3.0)
             waits["expected"].append(1e3 * (time.monotonic() - start))
-            terminal.until(done, 10.0)
+            terminal.until(has_number, 10.0)
             waits["simulated"].append(1e3 * (time.monotonic() - start))
         terminal.until(settled, 20.0)
         waits["settled"].append(1e3 * (time.monotonic() - start))

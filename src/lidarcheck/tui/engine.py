@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from lidarcheck.session.inputs import Inputs
 from lidarcheck.session.node import Derived, Node
 from lidarcheck.session.open_files import Step as Edit
-from lidarcheck.session.session import CURRENT, FAILED, FIRST_S, RENEWED_S, Session
+from lidarcheck.session.session import CURRENT, FAILED, RENEWED_S, Session
 
 if TYPE_CHECKING:
     from lidarcheck.calibration.number.number import Number, Step
@@ -232,9 +232,11 @@ class Engine:
             self._submit(asked, inputs, "sample", priority, compared=True)
 
     def _is_cheap(self, asked: Asked) -> bool:
-        """By the quickest so far; the first reads and prepares what the later ones use again."""
-        seconds = self._seconds.get(asked.identity, [0.0])
-        return min(seconds) <= (FIRST_S if len(seconds) < 2 else RENEWED_S)
+        """By the quickest so far; the first alone says nothing: it prepares what the later ones use again, and may wait
+        for kernels to be compiled.
+        """
+        seconds = self._seconds.get(asked.identity, [])
+        return len(seconds) < 2 or min(seconds) <= RENEWED_S
 
     def renew(self, asked: Asked) -> bool:
         """Compute a number again, however long it takes; whether there is anything to do."""
