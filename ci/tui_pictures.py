@@ -143,7 +143,6 @@ async def goldens(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def cloud(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """The car in the middle of the list, as the model of the other measurements shows it."""
     view = cast(Cloud, app.view)
-    await pilot.press("m")
     while view.clouds is None or view.clouds.at is None or "25m" not in view.measured:
         await pilot.press("n")
         await until(pilot, lambda: view.running is None)
@@ -152,7 +151,6 @@ async def cloud(app: LidarcheckApp, pilot: Pilot[int]) -> None:
 async def cloud_maps(app: LidarcheckApp, pilot: Pilot[int]) -> None:
     """The street, compared."""
     view = cast(Cloud, app.view)
-    await pilot.press("m")
     view.show_maps(True)
     await computed(app, pilot)
 
