@@ -378,11 +378,13 @@ def test_events_that_strike_beams_have_numbers_of_their_own() -> None:
     class Drawing:
         def uniforms(self, layer, point, draws=1):
             assert len(layer) == len(point)
-            return np.array([np.append(0.37 * p % 1.0, 1e-3 * p + np.arange(30))[:draws] for p in point])
+            return np.array(
+                [np.append((0.37 * p + 0.1) % 1.0, 1e-3 * p + np.arange(30))[:draws] for p in point]
+            ).reshape(-1, draws)
 
     point = np.arange(50, dtype=np.int32)
     beam, numbers = strikes(Drawing(), point, point, 1.5)
-    counts = stats.poisson.ppf(0.37 * point % 1.0, 1.5).astype(int)
+    counts = stats.poisson.ppf((0.37 * point + 0.1) % 1.0, 1.5).astype(int)
     assert counts.max() > 2
     assert np.array_equal(beam, np.repeat(point, counts))
     expected = [[1e-3 * p + 2 * k, 1e-3 * p + 2 * k + 1] for p in point for k in range(counts[p])]

@@ -72,7 +72,8 @@ def haze_rates_of(light: Light, form: PulseForm, sensor: SpadArray, numbers: Num
     lit = np.flatnonzero(density)
     if len(lit) == 0:
         return _without_haze(numbers)
-    whole, cut, stride, ramps = _profiles(numbers.bins, form, step, density.tobytes(), before, behind)
+    stride = seen * (before + behind + 4) // _ROOM + 1
+    whole, cut, ramps = _profiles(numbers.bins, form, step, density.tobytes(), before, behind, stride)
     begin = min(max(math.floor(lit[0] * step) - before, 0), numbers.bins)
     last = min(math.floor((lit[-1] + 1) * step) + behind + 1, numbers.bins)
     usual = float(np.partition(factors, len(factors) // 2)[len(factors) // 2])
@@ -95,17 +96,15 @@ def _sums(first: IndexArray, share: FloatArray) -> FloatArray:
 
 @functools.lru_cache(maxsize=2)
 def _profiles(
-    bins: int, form: PulseForm, step: float, cells: bytes, before: int, behind: int
-) -> tuple[FloatArray, FloatArray, int, FloatArray]:
-    """`whole`, `cut`, `stride` and `ramps` of a profile, whose `density` has these bytes; kept, since the same air
+    bins: int, form: PulseForm, step: float, cells: bytes, before: int, behind: int, stride: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`whole`, `cut` and `ramps` of a profile, whose `density` has these bytes; kept, since the same air
     stands in many frames."""
     density = np.frombuffer(cells)
     ramps = form.ramps(before, behind)
-    columns = before + behind + 4
-    stride = len(density) * columns // _ROOM + 1
-    cut, whole = np.zeros((len(density) // stride + 1, columns)), np.zeros(bins)
+    cut, whole = np.zeros((len(density) // stride + 1, before + behind + 4)), np.zeros(bins)
     _tabulate(step, density.copy(), ramps, before, stride, cut, whole)
-    return whole, cut, stride, ramps
+    return whole, cut, ramps
 
 
 def _without_haze(numbers: Numbers) -> HazeRates:
