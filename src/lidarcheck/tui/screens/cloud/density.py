@@ -112,7 +112,7 @@ def classes(*sides: IndexArray) -> tuple[int, int]:
 
 
 def _round(value: float) -> int:
-    size = 10.0 ** np.floor(np.log10(max(value, 1.0)))
+    size = float(10.0 ** np.floor(np.log10(max(value, 1.0))))
     return round(max(step for step in (1, 2, 5) if step * size <= value) * size)
 
 

@@ -123,7 +123,7 @@ def difference_lines(points: Points, sd_words: str, width: int, most: int) -> li
     """Slices whose counts differ most; `sd_words`: what stands instead where there is nothing to compare with."""
     if points.simulated_m is None:
         return wrapped(sd_words, width, "bad")
-    found = slices_of(*points.sides)[: max(most, 0)]
+    found = slices_of(points.real_m, points.simulated_m)[: max(most, 0)]
     return [line(f" {one.words():<25} {one.real:>9} {one.simulated:>11} {one.off_sd:>7.1f} sd") for one in found]
 
 
