@@ -16,7 +16,7 @@ __all__ = ["Tick", "own_ticks", "spread_ticks", "ticks_across", "ticks_up"]
 
 Tick = tuple[float, str]
 """Where it stands, transformed, and its text."""
-_DECADES = 12
+_DECADES, _SEVERAL = 12, 2.0
 
 
 def own_ticks(axis: Axis, values: npt.ArrayLike) -> list[Tick]:
@@ -31,10 +31,11 @@ def ticks_across(axis: Axis) -> list[Tick]:
 
 
 def ticks_up(axis: Axis) -> list[Tick]:
-    """Round numbers for an axis upward, with a row between them; of decades the first and the last one in any case."""
-    if axis.transform.scale == "lin":
-        return _with_room(axis, _round(axis, max(axis.cells // 2, 2)), _LINES)
-    return _with_room(axis, _round(axis, max(axis.cells, 2)), _LINES)
+    """Round numbers for an axis upward, with a row between them; of several decades whole ones, both ends first."""
+    found = _round(axis, max(axis.cells // 2 if axis.transform.scale == "lin" else axis.cells, 2))
+    if axis.transform.scale == "log" and axis.span[1] - axis.span[0] >= _SEVERAL:
+        found = [tick for tick in found if abs(tick[0] - round(tick[0])) < 1e-9]
+    return _with_room(axis, found, _LINES)
 
 
 def _round(axis: Axis, most: int) -> list[Tick]:
