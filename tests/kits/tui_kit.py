@@ -161,7 +161,7 @@ async def as_stored(app, pilot, name):
     """
     stored = SNAPSHOTS / f"{name}.txt"
     if os.environ.get("LIDARCHECK_SNAPSHOTS") == "write":
-        await pilot.pause(1.0)
+        await pilot.pause(4.0)
         SNAPSHOTS.mkdir(exist_ok=True)
         stored.write_text(undated(app))
     await until(pilot, lambda: undated(app) == stored.read_text(), lambda: difference(stored, app))

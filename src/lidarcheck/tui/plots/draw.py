@@ -84,7 +84,7 @@ def legend(chart: Chart, look: Look, level: Level, room: int) -> tuple[Line, Lin
     """The marks with the names of what they stand for, hidden ones in brackets: what has room, and the rest."""
     parts: list[tuple[str, Role]] = []
     fits = 0
-    for trace in chart.traces:
+    for trace in {trace.name: trace for trace in chart.traces}.values():
         hidden = trace.name in look.hidden
         sample = sample_of(trace, level)
         words = f" ({trace.name})" if hidden else f" {trace.name}"

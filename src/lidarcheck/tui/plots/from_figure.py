@@ -101,12 +101,13 @@ def _histogram(figure: Distribution, columns: int) -> Chart:
         for number, (name, sample) in enumerate(list(samples.items())[:MOST_TRACES])
         if sample.size
     ]
+    names = [name for name, sample in samples.items() if sample.size]
     label = f"{figure.quantity} [{figure.unit}]" if figure.unit not in ("", "1") else figure.quantity
     title = re.sub(r"^.* at (?=[\d.]+ m, )", "", figure.title)
     return Chart(
         (figure.title, "histogram"), title, label, "share", tuple(traces),
         "log" if figure.log_x else "lin", "log" if figure.log_count else "lin",
-        compared="ratio", strip=_ratio(traces) if len(traces) == 2 else None,
+        compared="ratio", strip=_ratio(traces) if list(samples) == ["real", "simulated"] == names else None,
     )  # fmt: skip
 
 
