@@ -162,7 +162,8 @@ def test_a_dataset_is_seen_step_by_step(project):
             await pilot.press("right_square_bracket")
             await sees(app, pilot, f"1_25m: step {number} of 7, {title}: from above")
         rows = page.sections[-1].tables[0].rows
-        await sees(app, pilot, f"sign: {rows[-2][3]} o ghost: {rows[-1][3]}")
+        await sees(app, pilot, f"⠶ sign: {rows[-2][3]}")
+        await sees(app, pilot, f"o ghost: {rows[-1][3]}")
         await pilot.press("left_square_bracket")
         await sees(app, pilot, "step 6 of 7")
         await pilot.press("right_square_bracket", "right_square_bracket")

@@ -313,7 +313,7 @@ def test_snapshots(bench, beside, size):
     async def do(app, pilot, view):
         await computed(pilot, view)
         await pilot.press("n", *("b" if beside else ""))
-        await says(app, pilot, "car SMART")
+        await says(app, pilot, "2 of " if not beside else "suggested")
         await as_stored(app, pilot, f"histograms{'_beside' if beside else ''}_{size[0]}x{size[1]}")
 
     histograms(bench, do, size)
