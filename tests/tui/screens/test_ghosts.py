@@ -201,8 +201,7 @@ def test_all_datasets_show_the_course_and_who_is_left_out(project):
         await sees(app, pilot, "Beams of the sign with a ghost")
         await sees(app, pilot, "Left out: signs/3_65m.txt: no sign")
         await as_stored(app, pilot, "ghosts_160x50")
-        await pilot.press("f")
-        await sees(app, pilot, "Ghost over sign: range and size")
+        await sees(app, pilot, "range and size ⠤⠤ real")
 
     drive(app_on(project), do, size=(160, 50))
 
