@@ -73,12 +73,11 @@ def _features(app: Everywhere) -> Iterator[Opening]:
 
 
 def _files(app: Everywhere) -> Iterator[Opening]:
-    for entry in app.project.entries:
-        fault = "has a fault" if entry.fault else ""
-        if entry.kind in _LISTED:
-            yield Opening(entry.kind, entry.name, fault, _listing(app, entry), entry.fault or _about(entry))
-        elif entry.kind in _LOOKED_AT:
-            yield Opening(entry.kind, entry.name, fault, _looking(app, entry), entry.fault or _about(entry))
+    for kind in (*_LISTED, *_LOOKED_AT):
+        opens = _listing if kind in _LISTED else _looking
+        for entry in app.project.of(kind, sound=False):
+            fault = "has a fault" if entry.fault else ""
+            yield Opening(kind, entry.name, fault, opens(app, entry), entry.fault or _about(entry))
 
 
 def _listing(app: Everywhere, entry: Entry) -> Callable[[], object]:
