@@ -59,11 +59,12 @@ class PlotMouse(PlotPane):
         if self.drawn is None:
             return
         event.stop()
-        (column, row), (x, y) = self._cell(event), self.drawn.axes
+        axes = self.axes()
+        (column, row), (x, y) = self._cell(event), axes
         across = x.transformed(float(np.clip(column, 0, x.cells - 1)))
         up = y.transformed(float(np.clip(y.cells - 1 - row, 0, y.cells - 1)))
         # Over the ticks of an axis that axis alone.
-        self.look.zoom(self.drawn.axes, by, (across if column >= 0 else None, up if row < y.cells else None))
+        self.look.zoom(axes, by, (across if column >= 0 else None, up if row < y.cells else None))
         self.draw_soon()
 
     # Dragging

@@ -12,8 +12,9 @@ from textual import events
 from lidarcheck.figures.words import squeezed
 from lidarcheck.tui.plots.chart import Chart
 from lidarcheck.tui.plots.draw import Drawn, drawn, legend
-from lidarcheck.tui.plots.look import Look
+from lidarcheck.tui.plots.look import Look, axes_of
 from lidarcheck.tui.plots.marks import Level
+from lidarcheck.tui.plots.transform import Axis
 from lidarcheck.tui.widgets.lines import Line, Lines, line, printable
 
 __all__ = ["PlotPane"]
@@ -60,6 +61,13 @@ class PlotPane(Lines):
         """Show lines in the place of a chart."""
         self.chart = self.drawn = None
         super().show(lines, title=title, cursor=cursor, state=state)
+
+    def axes(self) -> tuple[Axis, Axis]:
+        """What is looked at now, which may not be drawn yet: keys come faster than drawings."""
+        assert self.chart is not None
+        assert self.drawn is not None
+        x, y = self.drawn.axes
+        return axes_of(self.chart, self.look, (x.cells, y.cells))
 
     def draw_soon(self) -> None:
         """Draw what is looked at now, soon after the last time at the earliest."""

@@ -63,7 +63,7 @@ class Plot(PlotMouse):
         """The readout's cursor, to another data point; what is seen follows it."""
         if self.chart is None or self.drawn is None:
             return
-        axis, look = self.drawn.axes[0], self.look
+        axis, look = self.axes()[0], self.look
         look.cursor = moved_cursor(self.chart, look, axis, by)
         if look.cursor is not None and look.x is not None:
             at = float(axis.transform.to(look.cursor))
@@ -103,7 +103,8 @@ class Plot(PlotMouse):
     def _zoom(self, by: float, both: bool) -> None:
         if self.drawn is None:
             return
-        axes, about = self.drawn.axes, [0.5 * sum(axis.span) for axis in self.drawn.axes]
+        axes = self.axes()
+        about = [0.5 * sum(axis.span) for axis in axes]
         here = self.here()
         if here is not None:
             for number, value in enumerate((here.x, here.y)):
@@ -116,7 +117,7 @@ class Plot(PlotMouse):
     def action_pan(self, across: int, up: int) -> None:
         """Move what is seen by a quarter."""
         if self.drawn is not None:
-            self.look.pan(self.drawn.axes, _PAN * across, _PAN * up)
+            self.look.pan(self.axes(), _PAN * across, _PAN * up)
             self.draw_soon()
 
     def action_fit(self) -> None:
