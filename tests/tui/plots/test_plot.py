@@ -171,6 +171,7 @@ def test_a_box_is_zoomed_to_the_right_button_moves_and_a_click_reads():
         moved = plot.drawn.axes[0]
         assert abs(moved.place(x.value(10)) - moved.place(moved.value(15))) < 1.0
         await pilot.press("0")
+        await seen(pilot, plot, lambda: plot.drawn.axes == whole)
         await drag(pilot, plot, [(20, 5), (20, 5)])
         assert abs(plot.look.cursor - whole[0].value(20)) <= 0.5
         assert not plot.look.zoomed
