@@ -86,7 +86,9 @@ def drive(app, do, size=(80, 24)):
     asyncio.run(session())
 
 
-async def until(pilot, true, shown=lambda: "it did not come about", seconds=60.0):
+async def until(
+    pilot, true, shown=lambda: "it did not come about", seconds=float(os.environ.get("LIDARCHECK_TEST_WAIT_S", "60"))
+):
     """Wait until something is so; `shown` says what is there instead."""
     end = time.monotonic() + seconds
     while not true():

@@ -176,7 +176,7 @@ def test_an_x_out_of_order_is_refused_with_both_neighbours(file, value):
         file.set_x("vertical", 3, value)
     assert file.content == before
     if value in ("-80.5", "-32"):
-        assert "-80 before it and -33 after it" in str(refused.value)
+        assert "is not between its neighbours, -80 and -33" in str(refused.value)
         assert "from -80 to -33" in str(refused.value)
 
 

@@ -165,7 +165,7 @@ def test_a_result_says_what_it_was_computed_from(session, table):
         "edit     1, vertical X -120: set 400",
         "sample   7 200 beams x 8",
     ]
-    assert lines[4].startswith("took     0.")
+    assert lines[4].startswith("took     ")
     assert lines[5:] == [
         f"key      {made.key[:24]}",
         "command  lidarcheck gap a.ini --at 69",

@@ -40,6 +40,8 @@ def test_what_is_everywhere(project, monkeypatch):
     monkeypatch.setattr(LidarcheckApp, "copy_to_clipboard", lambda _app, text: copied.append(text))
 
     async def do(app, pilot):
+        await pilot.press("g", "c")
+        await until(pilot, lambda: app.view.on_scenarios)
         await pilot.press("f1")
         await sees(app, pilot, "Every scenario with the verdict")
         await pilot.press("pagedown")
@@ -59,7 +61,7 @@ def test_what_is_everywhere(project, monkeypatch):
         await pilot.press("enter")
         await says(app, pilot, "is there already; give another name")
         await pilot.press("L")
-        await sees(app, pilot, "bad_lut.ini:2")
+        await sees(app, pilot, "broken.toml:1")
         await pilot.press("g", "B")
         await until(pilot, lambda: app.view is blooming(app))
         for key, part in (("u", "curve"), ("l", "log")):
@@ -158,11 +160,17 @@ def test_what_is_wider_than_the_screen_can_be_read(project):
         app.say("; ".join(f"part {number} of a long line" for number in range(8)) + "; and its end")
         await pilot.press("L")
         await sees(app, pilot, "and its end")
-        await pilot.press("L", "end")
+        await pilot.press("L", "g", "c")
+        await until(pilot, lambda: app.view.on_scenarios)
+        await pilot.press("end")
         names = [entry.name for entry in app.view.entries()]
         assert app.view.at == len(names) - 1
         await sees(app, pilot, "was it written completely?")
         await pilot.press("f9", "f1")
+        await until(pilot, lambda: app.asking is not None)
+        for _page in range(9):
+            if "diff, then write" not in text_of(app):
+                await pilot.press("pagedown")
         # The end of the longest help there is.
         await sees(app, pilot, "diff, then write")
 
@@ -176,7 +184,7 @@ def test_an_empty_project_says_so(tmp_path):
             await until(pilot, lambda: app.reads)
             await sees(app, pilot, "no scenario here")
             await pilot.press(
-                "r", "R", "f5", "plus", "5", "enter", "u", "s", "d", "n", "U", "f", "b", "ctrl+s", "ctrl+r"
+                "r", "R", "f5", "plus", "5", "enter", "u", "s", "d", "n", "U", "f", "b", "b", "ctrl+s", "ctrl+r"
             )
             await pilot.pause(0.3)
             await sees(app, pilot, "no LUT file in this project")
@@ -193,6 +201,8 @@ def test_snapshots(tmp_path, screen, size):
         await until(pilot, lambda: screen == app.view.NAME)
         view = app.view
         if screen == "overview":
+            while not view.on_scenarios:
+                await pilot.press("tab")
             await pilot.press("r")
             await until(pilot, lambda: view.runs.last and not view.running)
             await pilot.press("f1", "escape")

@@ -95,6 +95,7 @@ class LidarcheckApp(Everywhere):
         self.reads = 0
         self.session = Session(Store(disk=DiskStore(root)), worker)
         self._told = False
+        self._columns = 0
         self.state = load_state(root)
         self.choice = Choice(self.state.selected)
         self.numbers = Numbers(
@@ -172,7 +173,7 @@ class LidarcheckApp(Everywhere):
 
     def show_context(self) -> None:
         """The second line, as it is now."""
-        width = self.size.width
+        width = self._columns or self.size.width
         self.bars.context.show([self.view.context_line(width) or context_line(self.numbers.context(), width)])
 
     def _listen(self) -> None:
@@ -261,13 +262,13 @@ class LidarcheckApp(Everywhere):
         self._bars()
 
     def _bars(self) -> None:
-        self.bars.show(self.view.NAME, self.project, self.size.width)
+        self.bars.show(self.view.NAME, self.project, self._columns or self.size.width)
         self.show_context()
         self._show_keys()
 
     def _show_keys(self) -> None:
         """The last line is that of the pane that has the focus."""
-        self.bars.show_keys(self.able(), self.size.width)
+        self.bars.show_keys(self.able(), self._columns or self.size.width)
 
     def progress(self, text: str, screen: str) -> None:
         """What a run of a screen says while it runs; empty when it has ended."""
@@ -324,9 +325,10 @@ class LidarcheckApp(Everywhere):
         self.commands.closing()
         save_state(self.state, self.project.root)
 
-    def on_resize(self, _event: events.Resize) -> None:
-        """Bars are cut to the width by themselves."""
+    def on_resize(self, event: events.Resize) -> None:
+        """Bars are cut to the new width."""
         if self.bars.top.is_mounted:
+            self._columns = event.size.width
             self._bars()
             self.overlay.draw()
 

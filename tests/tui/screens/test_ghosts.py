@@ -201,7 +201,7 @@ def test_all_datasets_show_the_course_and_who_is_left_out(project):
         await sees(app, pilot, "Beams of the sign with a ghost")
         await sees(app, pilot, "Left out: signs/3_65m.txt: no sign")
         await as_stored(app, pilot, "ghosts_160x50")
-        await sees(app, pilot, "range and size ⠤⠤ real")
+        await sees(app, pilot, "AREA of the ghosts ⠤⠤ real")
 
     drive(app_on(project), do, size=(160, 50))
 
@@ -328,7 +328,7 @@ def test_without_scans_it_says_what_they_are_called(tmp_path):
         await pilot.press("f", "right_square_bracket", "left_square_bracket", "v", "e", "t", "n")
         await done(app, "next model")
         await says(app, pilot, "there is no model in the project")
-        await pilot.press("t", "g", "n", "f1")
+        await pilot.press("f6", "f1")
         await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Datasets: scans called as 1_25m.txt")
 

@@ -125,12 +125,12 @@ def test_features_side_by_side_where_there_is_room(bench):
         # A distance is chosen for all screens, and one that is chosen elsewhere is gone to.
         assert app.choice.of("measurement") == "car_22m_SMART_real.pcd"
         app.choice.choose("measurement", "car_16m_SMART_real.pcd")
-        await sees(app, pilot, "10 m, PEAK")
+        await sees(app, pilot, "16 m, PEAK")
         # At 80 columns one plot, and the numbers of all three.
         await pilot.resize_terminal(80, 24)
         view.turned = 0
         view.draw()
-        await sees(app, pilot, "10 m, PEAK")
+        await sees(app, pilot, "16 m, PEAK")
         await misses(app, pilot, "10 m, AREA")
         await sees(app, pilot, "KS  by chance")
         numbers = view.query_one("#numbers").text.splitlines()
@@ -228,7 +228,7 @@ def test_both_beside_each_other_are_nudged_and_written(inside, capsys):
         await pilot.press("ctrl+u", *"car.doc", "enter")
         await says(app, pilot, "car.doc")
         await pilot.press("b")
-        await sees(app, pilot, "10 m, PEAK")
+        await sees(app, pilot, "16 m, PEAK")
         await pilot.press("ctrl+r")
         await until(pilot, lambda: app.reads == 2)
         assert [job.name for job in view.listed] == ["car SMART", "van SLIM", "truck SMART"]
@@ -302,7 +302,7 @@ def test_any_size_down_to_one_by_one(bench):
             await pilot.resize_terminal(*size)
             await pilot.press("n", "b", "plus", "n", "t")
             await pilot.pause()
-        await sees(app, pilot, "F1 Help")
+        await sees(app, pilot, "? Help")
 
     histograms(bench, do)
 

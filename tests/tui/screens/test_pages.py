@@ -55,7 +55,7 @@ def test_a_page_is_computed_once_and_kept(project):
         await says(app, pilot, "one: All is well with one.")
         await until(pilot, lambda: "1/4 one" in text_of(app) and "one, PEAK" in text_of(app))
         assert "current" in shown(view, "jobs")
-        await until(pilot, lambda: "current" in text_of(app).splitlines()[6], lambda: text_of(app))
+        await until(pilot, lambda: "current" in text_of(app).splitlines()[7], lambda: text_of(app))
         await pilot.press("down")
         await sees(app, pilot, "what two is")
         await until(pilot, lambda: "two_b.txt: left out" in shown(view, "figures"))
@@ -82,7 +82,7 @@ def test_what_is_dear_stays_old_and_says_so_until_it_is_asked_for(project, monke
         await sees(app, pilot, "OLD, one.txt changed")
         assert view.page is not None  # it is shown, and says what it is
         await pilot.press("e")
-        await sees(app, pilot, "which are OLD, one.txt changed")
+        await sees(app, pilot, "which are OLD, one.txt")
         await pilot.press("escape")
         await computed(pilot, view)
         assert view.runs == {"one": 2}
@@ -327,7 +327,7 @@ def test_any_size_down_to_one_by_one(project):
             await pilot.resize_terminal(*size)
             await pilot.press("t", "f", "v", "down", "up", "tab")
             await pilot.pause()
-        await sees(app, pilot, "F1 Help")
+        await sees(app, pilot, "? Help")
 
     fakes(project, do)
 

@@ -252,7 +252,7 @@ def test_any_size_down_to_one_by_one(bench):
             await pilot.resize_terminal(*size)
             await pilot.press("right", "t", "E", "down", "space", "escape")
             await pilot.pause()
-        await sees(app, pilot, "F1 Help")
+        await sees(app, pilot, "? Help")
         await until(pilot, lambda: "F7 Cloud" in text_of(app))
 
     scenes(bench, do)
