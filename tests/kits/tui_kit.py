@@ -86,9 +86,10 @@ def drive(app, do, size=(80, 24)):
     asyncio.run(session())
 
 
-async def until(
-    pilot, true, shown=lambda: "it did not come about", seconds=float(os.environ.get("LIDARCHECK_TEST_WAIT_S", "60"))
-):
+WAIT_S = float(os.environ.get("LIDARCHECK_TEST_WAIT_S", "60"))
+
+
+async def until(pilot, true, shown=lambda: "it did not come about", seconds=WAIT_S):
     """Wait until something is so; `shown` says what is there instead."""
     end = time.monotonic() + seconds
     while not true():
