@@ -55,7 +55,9 @@ def test_a_scenario_that_is_started_there_runs_no_program(project):
     async def do(app, pilot):
         await pilot.press("f2")
         await until(pilot, lambda: "wall" in text_of(app))
-        await pilot.press("a")
+        while not app.view.on_scenarios:
+            await pilot.press("tab")
+        await pilot.press("R")
         await until(pilot, lambda: "you do not trust" in text_of(app) + app.bars.status[0])
 
     drive(LidarcheckApp(project), do)

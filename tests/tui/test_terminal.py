@@ -2,7 +2,6 @@
 ASCII and no report of a moving mouse where the terminal has none; whatever is pasted, and at any size.
 """
 
-import os
 import re
 import sys
 
@@ -103,34 +102,3 @@ def test_ascii_alone_where_the_terminal_has_no_more(start):
     assert "[F5 Bloom]" in words(terminal.screen)[0]
     terminal.cost("w\xb0m\xfcll".encode(), 0.7)
     assert terminal.sent_text.isascii(), {letter for letter in terminal.sent_text if not letter.isascii()}
-
-
-@pytest.mark.parametrize("columns", [20, 40, 79])
-def test_small_sizes_cut_no_word(start, columns):
-    terminal = start("--screen", "overview", size=(columns, 12))
-    settled(terminal)
-    texts = words(terminal.screen)
-    assert texts[-1].rstrip().endswith("? Help  ^P Find  q Quit" if columns > 24 else "? Help  q Quit")
-    assert "F2" in texts[0]
-    assert re.fullmatch(r"(F\d( \w+)? ?)+", texts[0].strip())
-    for key in (b"?", b"o", b"m", b"w", b"g"):
-        terminal.cost(key, 0.4)
-        assert words(terminal.screen)[0]
-        terminal.cost(LEAVE, 0.4)
-
-
-def test_what_is_pasted_is_typed_and_does_nothing_else(start):
-    terminal = start("--screen", "blooming")
-    settled(terminal)
-    before = words(terminal.screen)
-    garbage = b"q\x1b[31mD\n+++\x00\xff\xfe\xe2\x80\xae" + bytes(range(1, 27)) + b"uuu\x7f" * 40
-    os.write(terminal.end, b"\x1b[200~" + garbage + b"\x1b[201~")
-    terminal.quiet(1.0)
-    assert words(terminal.screen)[3:22] == before[3:22]
-    terminal.cost(b"w", 0.7)
-    os.write(terminal.end, b"\x15\x1b[200~name of it\nsecond line\r\n\x1b[201~")
-    terminal.quiet(1.0)
-    assert "> name of it" in "\n".join(words(terminal.screen))
-    assert "second" not in "\n".join(words(terminal.screen))
-    terminal.cost(LEAVE, 0.7)
-    assert words(terminal.screen)[3:22] == before[3:22]
