@@ -17,8 +17,8 @@ from lidarcheck.model import lane_math, streams
 from lidarcheck.model.detection import chain_echoes
 
 streams._high_word = lambda a, b: np.uint64((int(a) * int(b)) >> 64)
-lane_math._bits = lambda x: np.int64(struct.unpack("<q", struct.pack("<d", x))[0])
-lane_math._float = lambda bits: struct.unpack("<d", struct.pack("<q", int(bits)))[0]
+lane_math.bits_of = lambda x: np.int64(struct.unpack("<q", struct.pack("<d", x))[0])
+lane_math.from_bits = lambda bits: struct.unpack("<d", struct.pack("<q", int(bits)))[0]
 warnings.simplefilter("ignore")  # whole numbers that wrap around, as they must
 
 light, sensor, seed, frame = pickle.loads(Path(sys.argv[1]).read_bytes())
