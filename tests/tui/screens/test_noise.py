@@ -280,7 +280,7 @@ def test_without_frames_it_says_what_it_needs(tmp_path):
         await pilot.press("n", "b", "v", "t", "n")
         await done(app, "next model")
         await says(app, pilot, "there is no model in the project")
-        await pilot.press("t", "g", "m", "f1")
+        await pilot.press("f4", "f1")
         await until(pilot, lambda: isinstance(app.asking, Ask))
         await sees(app, pilot, "Frames of one hall with panels")
 

@@ -239,13 +239,17 @@ def test_the_export_is_what_the_command_writes(project, tmp_path, capsys):
         await pilot.press("enter")
         await sees(app, pilot, "result.json is there already")
         (project / "one_out/result.json").write_text("mine")
-        await pilot.press("escape")
+        while app.asking is not None:  # a question that comes by itself takes no key at first
+            await pilot.press("escape")
+            await pilot.pause(0.1)
         await pilot.press("e")
         await sees(app, pilot, "to which directory")
         await pilot.press("enter")
         await sees(app, pilot, "y replace it")
         assert (project / "one_out/result.json").read_text() == "mine"
-        await pilot.press("y")
+        while app.asking is not None:
+            await pilot.press("y")
+            await pilot.pause(0.1)
         await until(pilot, lambda: (project / "one_out/result.json").read_text() != "mine")
         await until(pilot, lambda: not view.exports.writing)
 
