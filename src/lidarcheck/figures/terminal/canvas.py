@@ -131,7 +131,21 @@ def open_frame(
             text = str(plotext.uncolorize(plotext.build()))
         finally:
             plotext.clear_figure()
-    return tuple(line.rstrip() for line in text.rstrip("\n").split("\n")[: size[1]])
+    lines = text.rstrip("\n").split("\n")[: size[1]]
+    # plotext puts the texts down in any order, and moves one that meets another.
+    columns = [k for k, mark in enumerate(lines[-2]) if mark == "┬"] if len(lines) > 1 else []
+    if len(columns) == len(ticks[0]):
+        lines[-1] = _below(columns, [text for _, text in sorted(ticks[0])], size[0])
+    return tuple(line.rstrip() for line in lines)
+
+
+def _below(columns: Sequence[int], texts: Sequence[str], width: int) -> str:
+    """A line with each text in the middle of its column, within the width."""
+    found = ""
+    for column, text in zip(columns, texts, strict=True):
+        start = max(min(column - len(text) // 2, width - len(text)), 0)
+        found = f"{found:{start}}{text}"
+    return found
 
 
 def _pieces(line: FloatArray) -> list[FloatArray]:

@@ -20,6 +20,7 @@ from lidarcheck.tui.widgets.choose import Choose
 
 if TYPE_CHECKING:
     from lidarcheck.figures.data import Figure, Page
+    from lidarcheck.model import Model
 
 __all__ = ["Scenes"]
 
@@ -112,17 +113,10 @@ class Scenes(PageView):
 
     def action_effects(self) -> None:
         """Switch effects on and off in a list."""
-        from lidarcheck.model import load_model
-
-        entry = self._model(self._scan())
-        if entry is None:
-            self.say(which_model(self._models()))
+        found = self._read_model()
+        if found is None:
             return
-        try:
-            model = load_model(entry.path)
-        except LidarcheckError as error:
-            self.say(error)
-            return
+        entry, model = found
         offers = offers_of(model, self._effects(entry))
         own = [effect.name for effect in model.effects]
 
@@ -133,6 +127,20 @@ class Scenes(PageView):
 
         self.host.ask(Choose(f"Effects of {entry.name}", offers), taken)
 
+    def _read_model(self) -> tuple[Entry, Model] | None:
+        """The model that is chosen, and what its file says; None, and the reason is said, where there is none."""
+        from lidarcheck.model import load_model
+
+        entry = self._model(self._scan())
+        if entry is None:
+            self.say(which_model(self._models()))
+            return None
+        try:
+            return entry, load_model(entry.path)
+        except LidarcheckError as error:
+            self.say(error)
+            return None
+
     def openings(self) -> list[Opening]:
         """The catalogue's effects, each to be switched."""
         from lidarcheck.effects import catalogue
@@ -141,17 +149,10 @@ class Scenes(PageView):
 
     def _switch(self, name: str) -> None:
         """An effect of the model that is chosen, on or off."""
-        from lidarcheck.model import load_model
-
-        entry = self._model(self._scan())
-        if entry is None:
-            self.say(which_model(self._models()))
+        found = self._read_model()
+        if found is None:
             return
-        try:
-            model = load_model(entry.path)
-        except LidarcheckError as error:
-            self.say(error)
-            return
+        entry, model = found
         effects, own = self._effects(entry), {effect.name for effect in model.effects}
         offer = next(offer for offer in offers_of(model, effects) if offer.name == name)
         self.host.show_screen(self.NAME)
