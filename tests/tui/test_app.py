@@ -12,7 +12,7 @@ from lidarcheck.tui import bars
 from lidarcheck.tui.app import LidarcheckApp
 from lidarcheck.tui.host import STOPS
 from lidarcheck.tui.palette import Palette
-from lidarcheck.tui.widgets.dialogs import AskText
+from lidarcheck.tui.widgets.dialogs import Ask, AskText
 from lidarcheck.tui.widgets.themes import THEMES
 from tui_kit import (
     app_on,
@@ -34,6 +34,22 @@ from tui_kit import (
 @pytest.fixture
 def project(tmp_path):
     return make_project(tmp_path / "project")
+
+
+def test_of_two_dialogs_as_wide_each_is_seen(project):
+    """One after the other, as fast as they come: what was drawn of the first is kept for none that is as wide."""
+
+    async def do(app, pilot):
+        for k in range(10):
+            app.ask(Ask(f"long {k}", [(("one", "text"),), (("two", "text"),)], {"y": "takes it"}))
+            await sees(app, pilot, f"long {k}")
+            app.asking.dismiss(None)
+            await pilot.pause(0)
+            app.ask(AskText(f"short {k}"))
+            await sees(app, pilot, f"short {k}")
+            app.asking.dismiss(None)
+
+    drive(app_on(project), do)
 
 
 def test_what_is_everywhere(project, monkeypatch):

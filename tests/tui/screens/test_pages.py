@@ -250,8 +250,8 @@ def test_the_export_is_what_the_command_writes(project, tmp_path, capsys):
         while app.asking is not None:
             await pilot.press("y")
             await pilot.pause(0.1)
-        await until(pilot, lambda: (project / "one_out/result.json").read_text() != "mine")
         await until(pilot, lambda: not view.exports.writing)
+        assert (project / "one_out/result.json").read_text() != "mine"
 
     fakes(project, do)
     token = ARGUMENTS.set(("vehicles", "compare"))

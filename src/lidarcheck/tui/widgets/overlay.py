@@ -168,6 +168,8 @@ class Overlay(Lines):
     def refresh(self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False) -> Self:
         """While another size is laid out, which draws all of it, nothing is drawn besides."""
         repaint = repaint and (bool(regions) or self._is_laid_out)
+        if not repaint:  # textual keeps what it drew of a widget until its width is another one
+            self._styles_cache.clear()
         return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
 
     def _framed(self, dialog: Dialog[Any], width: int, most: int) -> list[Line]:
